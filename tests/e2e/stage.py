@@ -20,8 +20,13 @@ from tests.e2e import forms
 from tests.e2e.browser import DESKTOP, Watched
 from tests.e2e.forms import ROUNDED, Values, differences
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service, running_service
 from tests.e2e.sharing import give_up_control, sign_in_at
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
+OPERATE = load_texts("pages/operate")
 
 STATES = ("fresh", "bank in force", "after an experiment", "after a restart")
 DRY_RUN_TIMEOUT_MS = 120_000
@@ -197,7 +202,9 @@ class Stage:
         self.operator.press("Run")
 
         def learned() -> bool:
-            self.page.get_by_role("button", name="Learn here").click()  # refused until the joint has been at rest
+            self.page.get_by_role(
+                "button", name=OPERATE["calibrate"], exact=True
+            ).click()  # refused until the joint has been at rest
             return bool(self.get("/api/state")["touch"]["learned"])
 
         self.operator.wait(learned)
@@ -206,12 +213,14 @@ class Stage:
         page = self.page
         self.operator.go("Banks")
         with page.expect_file_chooser() as chooser:
-            page.get_by_role("button", name="Import bank").click()
+            page.get_by_role("button", name=load_texts("pages/banks")["importBank"]).click()
         file = {"name": "forms.json", "mimeType": "application/json", "buffer": json.dumps(BANK).encode()}
         with page.expect_request("**/api/banks/file") as sent:
             chooser.value.set_files(file)  # type: ignore[arg-type]  # a dict of these keys, which it is
         assert sent.value.post_data_json == BANK
-        activate = page.get_by_role("button", name="Activate forms v1")
+        activate = page.get_by_role(
+            "button", name=load_texts("pages/banks")["activateBank"].replace("{bank}", "forms v1")
+        )
         forms.pressed(page, activate, "/activate")
         self.operator.take_control()
         page.get_by_role("button", name="Control: you").click()
@@ -245,10 +254,10 @@ def form_of(stage: Stage, kind: str, changes: Values) -> Locator:
     stage.operator.go("Identify" if kind in IDENTIFICATIONS else "Experiments")
     title = declared(stage, kind)["title"]
     if kind in IDENTIFICATIONS:
-        page.get_by_role("radiogroup", name="What to identify").get_by_text(title, exact=True).click()
-        form = page.get_by_role("form", name="New identification")
+        page.get_by_role("radiogroup", name=IDENTIFY_TEXTS["kind"]).get_by_text(title, exact=True).click()
+        form = page.get_by_role("form", name=IDENTIFY_TEXTS["newIdentification"])
     else:
-        page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option(kind)
+        page.get_by_role("combobox", name=EXPERIMENT_TEXTS["kindOfExperiment"], exact=True).select_option(kind)
         form = page.get_by_role("form", name=title, exact=True)
     expect(form).to_be_visible()
     forms.fill(form, changes)

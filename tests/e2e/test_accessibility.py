@@ -10,6 +10,7 @@ from playwright.sync_api import Browser, Page, ViewportSize, expect
 from tests.e2e.browser import TABLET
 from tests.e2e.layout import document_scrolls_by
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 from tests.e2e.test_viewer import SEEN
 
@@ -62,8 +63,10 @@ def test_no_page_violates_wcag_a_or_aa(same_operator: Operator, scheme: Scheme) 
         expect(page.get_by_role("main")).to_contain_text(re.compile(SEEN[name.lower()]))
         found[name] = violations(page)
     operator.go("Runs")
-    page.get_by_role("table", name="Runs", exact=True).get_by_role("link").first.click()
-    expect(page.get_by_role("region", name="Lineage", exact=True)).to_contain_text("Software")
+    page.get_by_role("table", name=load_texts("pages/runs")["table"], exact=True).get_by_role("link").first.click()
+    expect(page.get_by_role("region", name=load_texts("pages/runs")["lineage"], exact=True)).to_contain_text(
+        load_texts("pages/runs")["software"]
+    )
     found["one run"] = violations(page)
     page.keyboard.press("c")
     expect(page.get_by_role("list", name="Steps of the set-up")).to_be_visible()

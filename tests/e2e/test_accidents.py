@@ -7,7 +7,10 @@ from playwright.sync_api import Browser, Locator, Page, expect
 
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
+
+OPERATE = load_texts("pages/operate")
 
 BOX = "q_ref value [°]"
 
@@ -51,7 +54,7 @@ def test_the_wheel_over_a_chart_scrolls_the_page_after_a_click_too(same_operator
     same_operator.be_in_run()
     chart = page.get_by_role("figure", name="Joint position", exact=True)
     seen = page.get_by_role("status", name="View", exact=True)
-    expect(seen).to_contain_text("following, 20.0 s")
+    expect(seen).to_contain_text(OPERATE["following"].format(span="20.0"))
     page.mouse.click(*middle(chart))
     page.mouse.wheel(0, -400)
     same_operator.wait_for_samples(300)
@@ -85,7 +88,7 @@ def test_who_lacks_control_sees_why_and_takes_it_where_it_is_needed(
     expect(page.get_by_text(re.compile("holds control\\.")).first).to_be_visible()
     expect(box(page)).to_be_disabled()
     expect(page.get_by_role("textbox", name="λ_q value [s]", exact=True)).to_be_disabled()
-    expect(page.get_by_role("switch", name="Reject pushes")).to_be_disabled()
+    expect(page.get_by_role("switch", name=OPERATE["rejection"])).to_be_disabled()
     before = same_operator.state()["tuning"]["lam_q"]
 
     page.get_by_role("button", name="Take control", exact=True).first.click()

@@ -8,12 +8,15 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service, running_service
 from tests.e2e.test_viewer import signed_in_as_viewer
 
+TEXTS = load_texts("pages/bringUp")
+
 STEP_TIMEOUT_MS = 120_000
 """Longer than a step waits by itself, as for a pretension: then it fails, and says so."""
-DRIVES = {"wiring_test": "Drives off.", "zero": "Drives off.", "direction": "Drives on."}
+DRIVES = {"wiring_test": TEXTS["drivesOff"], "zero": TEXTS["drivesOff"], "direction": TEXTS["drivesOn"]}
 """What the page says of the drives after some of the steps."""
 
 QUESTIONS_MAX = 12
@@ -31,13 +34,13 @@ def test_a_person_brings_the_rig_up(operator: Operator, browser: Browser, servic
     operator.sign_in()
     expect(page.get_by_role("img", name="Virtual card", exact=True)).to_have_text("VIRTUAL CARD")
     operator.go("Bring-up")
-    expect(page.get_by_role("main")).to_contain_text("0 of 7 steps are done.")
+    expect(page.get_by_role("main")).to_contain_text(TEXTS["someDone"].format(done=0, count=7))
     for number, step in enumerate(told(page, service)["steps"], start=1):
         play(operator, number, step["title"])
         if step["id"] in DRIVES:
-            expect(page.get_by_role("region", name="Drives")).to_contain_text(DRIVES[step["id"]])
+            expect(page.get_by_role("region", name=TEXTS["drives"])).to_contain_text(DRIVES[step["id"]])
         expect(page.get_by_role("button", name="STOP", exact=True)).to_be_in_viewport(ratio=1)
-    expect(page.get_by_role("main")).to_contain_text("All of 7 steps are done.")
+    expect(page.get_by_role("main")).to_contain_text(TEXTS["allDone"].format(count=7))
     steps = {step["id"]: step for step in told(page, service)["steps"]}
     assert {(step["state"], step["result"]["passed"], step["result"]["who"]) for step in steps.values()} == {
         ("current", True, "operator")
@@ -49,7 +52,7 @@ def test_a_person_brings_the_rig_up(operator: Operator, browser: Browser, servic
     assert max(travels) < 0.1
     viewer, refused = signed_in_as_viewer(browser, service)
     viewer.goto(f"{service.url}/#/bring-up")
-    expect(viewer.get_by_role("region", name="Result")).to_have_count(7)
+    expect(viewer.get_by_role("region", name=TEXTS["result"])).to_have_count(7)
     expect(viewer.get_by_role("main").get_by_role("button")).to_have_count(0)
     assert refused == []
     viewer.context.close()
@@ -57,10 +60,10 @@ def test_a_person_brings_the_rig_up(operator: Operator, browser: Browser, servic
 
 def play(operator: Operator, number: int, title: str) -> None:
     """Do one step: start it, and confirm each time that something is asked."""
-    card = operator.page.get_by_role("region", name=f"{number}. {title}", exact=True)
-    confirm = card.locator("button:not([aria-disabled=true])").filter(has_text=re.compile("^Confirm$"))
-    ended = card.get_by_text(re.compile("^(done|failed)$"))
-    operator.press(f"Start {title.lower()}")
+    card = operator.page.get_by_role("region", name=TEXTS["stepTitle"].format(number=number, title=title), exact=True)
+    confirm = card.locator("button:not([aria-disabled=true])").filter(has_text=re.compile(f"^{TEXTS['confirm']}$"))
+    ended = card.get_by_text(re.compile(f"^({TEXTS['current']}|{TEXTS['failed']})$"))
+    operator.press(TEXTS["startStep"].format(action=TEXTS["start"], step=title.lower()))
     for _ in range(QUESTIONS_MAX):
         expect(confirm.or_(ended)).to_be_visible(timeout=STEP_TIMEOUT_MS)
         if not confirm.is_visible():
@@ -69,8 +72,8 @@ def play(operator: Operator, number: int, title: str) -> None:
         assert asked != ""
         confirm.click()
         operator.wait(lambda before=asked: asked_in(card) != before)  # type: ignore[misc]  # bound in each round
-    expect(card.get_by_role("region", name="Result")).to_be_visible()
-    assert ended.inner_text() == "done", card.inner_text()
+    expect(card.get_by_role("region", name=TEXTS["result"])).to_be_visible()
+    assert ended.inner_text() == TEXTS["current"], card.inner_text()
 
 
 def figures(step: Any) -> list[tuple[str, float]]:
@@ -79,7 +82,7 @@ def figures(step: Any) -> list[tuple[str, float]]:
 
 def asked_in(card: Locator) -> str:
     """What a person is asked to do now; empty for nothing."""
-    return " ".join(card.get_by_role("status", name="What to do now").all_inner_texts())
+    return " ".join(card.get_by_role("status", name=TEXTS["whatToDo"]).all_inner_texts())
 
 
 def told(page: Page, service: Service) -> Any:

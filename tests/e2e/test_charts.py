@@ -9,6 +9,10 @@ from PIL import Image
 from playwright.sync_api import Page, expect
 
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
+from tests.e2e.page_texts import load_texts
+
+OPERATE = load_texts("pages/operate")
+HELD, FOLLOWING = (OPERATE[name].partition(",")[0] for name in ("held", "following"))
 
 
 @pytest.fixture
@@ -18,8 +22,8 @@ def watching(same_operator: Operator) -> Operator:
     page.mouse.move(5, 5)
     same_operator.be_in_run()
     in_sight = page.get_by_role("status", name="View", exact=True)
-    expect(in_sight).to_have_text(re.compile("held|following"))
-    if "held" in in_sight.inner_text():
+    expect(in_sight).to_have_text(re.compile(f"{HELD}|{FOLLOWING}"))
+    if HELD in in_sight.inner_text():
         same_operator.press("Live")
     return same_operator
 
@@ -38,9 +42,9 @@ def test_zoom_and_hold_survive_streaming_and_live_returns(moving: Operator) -> N
     page.get_by_role("button", name="Hold", exact=True).click()
     wheel(page, -400)
     in_sight = page.get_by_role("status", name="View", exact=True)
-    expect(in_sight).to_have_text(re.compile(r"held, (?!20\.0 s)"))  # the wheel has been heard
+    expect(in_sight).to_have_text(re.compile(HELD + r", (?!20\.0 s)"))  # the wheel has been heard
     zoomed = in_sight.inner_text()
-    zoomed = zoomed[zoomed.index("held") :]  # before it the page says how it lags behind, on a busy machine
+    zoomed = zoomed[zoomed.index(HELD) :]  # before it the page says how it lags behind, on a busy machine
     before = fresh_picture(moving)
     ticks = moving.wait_for_samples(500)
     assert ticks >= 500
@@ -48,7 +52,7 @@ def test_zoom_and_hold_survive_streaming_and_live_returns(moving: Operator) -> N
     assert in_sight.inner_text().endswith(zoomed)
 
     page.get_by_role("button", name="Live", exact=True).click()
-    expect(in_sight).to_contain_text("following")
+    expect(in_sight).to_contain_text(FOLLOWING)
     moving.wait(lambda: moving.picture("Joint position") != before)
     page.mouse.dblclick(*middle_of_a_chart(page))
     expect(in_sight).to_contain_text("20.0 s")

@@ -26,9 +26,12 @@ from backend.storage import events, recordings, runs
 from backend.storage.database import Database, open_database
 from plant.parameters import load_parameters
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service, running_service
 from tests.e2e.sharing import SharedPage, shared_page
 from tests.e2e.test_accessibility import violations
+
+RUNS = load_texts("pages/runs")
 
 STEPS: tuple[tuple[float, float], ...] = ((1.0, 0.2), (1.6, 0.2), (1.3, 0.3))
 """Of three runs: when q_ref steps in the program [s], and to what [rad]. A fourth has no step."""
@@ -104,8 +107,13 @@ def first_step(samples: Columns) -> int:
 
 def show(operator: Operator, address: str) -> Page:
     operator.page.goto(f"{operator.service.url}/#{address}")
-    expect(operator.page.get_by_role("heading", level=1)).to_contain_text("Run 1")
+    expect(operator.page.get_by_role("heading", level=1)).to_contain_text(RUNS["severalRuns"].replace("{runs}", "1"))
     return operator.page
+
+
+def offset_of(run: int, offset_s: str) -> str:
+    """Return the text that says by how many seconds a run is shifted."""
+    return RUNS["offset"].strip("; ").replace("{run}", str(run)).replace("{offset}", offset_s.replace("-", "\u2212"))
 
 
 def number(text: str) -> float:
@@ -127,29 +135,29 @@ def ask(page: Page, path: str) -> Any:
 
 def test_metrics_are_told_with_their_differences_to_the_chosen_run(operator: Operator) -> None:
     page = show(operator, "/runs/1/2,3,4")
-    expect(page.get_by_role("table", name="Comparison", exact=True)).to_be_visible()
+    expect(page.get_by_role("table", name=RUNS["comparison"], exact=True)).to_be_visible()
     check_metrics(page, 1)
-    page.get_by_role("combobox", name="Reference", exact=True).select_option("3")
-    expect(page.get_by_text("the difference to run 3")).to_be_visible()
-    page.locator('[aria-busy="false"]').get_by_role("table", name="Comparison", exact=True).wait_for()
+    page.get_by_role("combobox", name=RUNS["reference"], exact=True).select_option("3")
+    expect(page.get_by_text(RUNS["differenceBelow"].replace("{run}", "3"))).to_be_visible()
+    page.locator('[aria-busy="false"]').get_by_role("table", name=RUNS["comparison"], exact=True).wait_for()
     check_metrics(page, 3)
     assert page.url.endswith("/runs/1/2,3,4/reference=3")
     page.reload()  # what is compared with stands in the address
-    expect(page.get_by_role("combobox", name="Reference", exact=True)).to_have_value("3")
-    expect(page.get_by_text("the difference to run 3")).to_be_visible()
+    expect(page.get_by_role("combobox", name=RUNS["reference"], exact=True)).to_have_value("3")
+    expect(page.get_by_text(RUNS["differenceBelow"].replace("{run}", "3"))).to_be_visible()
     check_metrics(page, 3)
 
-    lam_q = next(row for row in rows_of(page, "Settings that differ") if "λ_q" in row[0])
+    lam_q = next(row for row in rows_of(page, RUNS["differentSettings"]) if "λ_q" in row[0])
     shown = [ask(page, f"./api/runs/{run}")["settings"] for run in range(1, 5)]
     told = [next(one["value"] for one in settings if one["name"] == "lam_q") for settings in shown]
     assert [number(cell) for cell in lam_q[1:5]] == told == [0.5, 0.6, 0.5, 0.5]
-    assert not any("λ_S" in row[0] for row in rows_of(page, "Settings that differ"))
+    assert not any("λ_S" in row[0] for row in rows_of(page, RUNS["differentSettings"]))
 
 
 def check_metrics(page: Page, reference: int) -> None:
     """Each figure is that of the run's own result, each difference theirs."""
     results = [{one["label"]: one for one in ask(page, f"./api/experiments/{run}")["metrics"]} for run in range(1, 5)]
-    shown = rows_of(page, "Comparison")
+    shown = rows_of(page, RUNS["comparison"])
     assert {row[0] for row in shown} == set().union(*results)
     looked_at = 0
     for row in shown:
@@ -178,22 +186,24 @@ def test_runs_are_aligned_by_a_step_and_one_without_is_left_out(
     operator: Operator, recorded: dict[int, Columns]
 ) -> None:
     page = show(operator, "/runs/1/2,3,4")
-    expect(page.get_by_text("run 2 not shifted")).to_be_visible()
-    page.get_by_role("combobox", name="Align by", exact=True).select_option("step")
+    expect(page.get_by_text(offset_of(2, "0"))).to_be_visible()
+    page.get_by_role("combobox", name=RUNS["alignment"], exact=True).select_option("step")
     steps = {run: first_step(recorded[run]) for run in (1, 2, 3)}
     for run in (2, 3):
         shift_s = (steps[1] - steps[run]) / 1e3
-        expect(page.get_by_text(f"run {run} shifted by {shift_s:.3f} s".replace("-", "\u2212"))).to_be_visible()
-    expect(page.get_by_role("alert").filter(has_text="left out")).to_contain_text("run 4 has no step of q_ref, not 1")
+        expect(page.get_by_text(offset_of(run, f"{shift_s:.3f}"))).to_be_visible()
+    expect(page.get_by_role("alert").filter(has_text=RUNS["notAligned"].split("{")[0].strip("; "))).to_contain_text(
+        "run 4 has no step of q_ref, not 1"
+    )
     expect(operator.legend("Joint position", "q′′")).to_be_visible()
     expect(operator.legend("Joint position", "q′′′")).to_have_count(0)
 
     # once they are aligned, runs 1 and 2 are told the same at each moment
-    page.get_by_role("combobox", name="Signal", exact=True).select_option("q_ref")
-    second = page.get_by_role("table", name="Deviations").get_by_role("row").filter(has_text="Run 2")
+    page.get_by_role("combobox", name=RUNS["signal"], exact=True).select_option("q_ref")
+    second = page.get_by_role("table", name=RUNS["deviations"]).get_by_role("row").filter(has_text="Run 2")
     expect(second.get_by_role("cell").nth(4)).to_have_text("0")
 
-    box = page.get_by_role("textbox", name="Number of the step")
+    box = page.get_by_role("textbox", name=RUNS["stepNumber"])
     box.fill("2")
     expect(page.get_by_role("alert").filter(has_text="run 2 has 1 step of q_ref, not 2")).to_be_visible()
     box.fill("x")
@@ -205,13 +215,13 @@ def test_where_a_run_leaves_the_band_is_told_as_the_samples_have_it(
     operator: Operator, recorded: dict[int, Columns]
 ) -> None:
     page = show(operator, "/runs/1/2,3,4/by=step")
-    table = page.get_by_role("table", name="Deviations", exact=True)
-    expect(table.get_by_role("img", name="no tolerance is given")).to_have_count(6)
-    page.get_by_role("textbox", name="Tolerance [°]").fill("1.5")
-    expect(table.get_by_role("img", name="no tolerance is given")).to_have_count(0)
-    expect(page.get_by_text("the band is ± 1.5°")).to_be_visible()
-    shown = {row[0]: row[1:] for row in rows_of(page, "Deviations")}
-    assert shown["Run 4"] == ["not measured: run 4 has no step of q_ref, not 1"]
+    table = page.get_by_role("table", name=RUNS["deviations"], exact=True)
+    expect(table.get_by_role("img", name=RUNS["noTolerance"])).to_have_count(6)
+    page.get_by_role("textbox", name=f"{RUNS['tolerance']} [°]").fill("1.5")
+    expect(table.get_by_role("img", name=RUNS["noTolerance"])).to_have_count(0)
+    expect(page.get_by_text(RUNS["toleranceNote"].replace("{tolerance}", "1.5°"))).to_be_visible()
+    shown = {row[0]: row[1:] for row in rows_of(page, RUNS["deviations"])}
+    assert shown["Run 4"] == [RUNS["notMeasured"].replace("{reason}", "run 4 has no step of q_ref, not 1")]
     for run in (2, 3):
         told = plain_look(recorded[1], recorded[run], 1.5 / DEG)
         left, outside, longest, largest, at, compared = shown[f"Run {run}"]
@@ -225,8 +235,8 @@ def test_where_a_run_leaves_the_band_is_told_as_the_samples_have_it(
         assert abs(told["apart"][round(1e3 * number(at))]) == pytest.approx(abs(told["largest"]), rel=1e-6)
         assert number(compared.split(" of ")[0]) == pytest.approx(told["compared"] / 1e3, abs=6e-4)
     assert plain_look(recorded[1], recorded[3], 1.5 / DEG)["left_at"] is not None
-    expect(operator.legend("Difference of q", "Δq′′")).to_be_visible()
-    assert page.get_by_role("region", name="Differences to run 1").locator("canvas").count() == 1
+    expect(operator.legend(RUNS["differenceIn"].replace("{signal}", "q"), "Δq′′")).to_be_visible()
+    assert page.get_by_role("region", name=RUNS["differences"].replace("{run}", "1")).locator("canvas").count() == 1
 
 
 def plain_look(own: Columns, other: Columns, band: float) -> dict[str, Any]:
@@ -251,17 +261,17 @@ def plain_look(own: Columns, other: Columns, band: float) -> dict[str, Any]:
 
 def test_runs_are_aligned_by_an_event_of_the_log(operator: Operator) -> None:
     page = show(operator, "/runs/1/2")
-    page.get_by_role("combobox", name="Align by", exact=True).select_option("event")
+    page.get_by_role("combobox", name=RUNS["alignment"], exact=True).select_option("event")
     shift_s = FAULT_AT_S[1] - FAULT_AT_S[2]
-    expect(page.get_by_text(f"run 2 shifted by {shift_s:.3f} s".replace("-", "\u2212"))).to_be_visible()
-    page.get_by_role("combobox", name="Kind of event", exact=True).select_option("tuning")
+    expect(page.get_by_text(offset_of(2, f"{shift_s:.3f}"))).to_be_visible()
+    page.get_by_role("combobox", name=RUNS["eventKind"], exact=True).select_option("tuning")
     expect(page.get_by_role("alert").filter(has_text="run 2 has no event of the kind tuning")).to_be_visible()
 
 
 def test_files_hold_what_is_compared(operator: Operator, recorded: dict[int, Columns]) -> None:
     page = show(operator, "/runs/1/2,3/reference=2;by=step")
-    expect(page.get_by_role("table", name="Deviations", exact=True)).to_be_visible()
-    text = operator.download("Curves of q (CSV)").read_text(encoding="utf-8")
+    expect(page.get_by_role("table", name=RUNS["deviations"], exact=True)).to_be_visible()
+    text = operator.download(RUNS["curvesFile"].replace("{signal}", "q")).read_text(encoding="utf-8")
     assert "aligned by step 1 of q_ref" in text.splitlines()[0]
     rows = list(csv.DictReader(io.StringIO("\n".join(line for line in text.splitlines() if line[0] != "#"))))
     assert len(rows) == len(recorded[2]["t"])
@@ -279,7 +289,7 @@ def test_files_hold_what_is_compared(operator: Operator, recorded: dict[int, Col
             else:
                 assert math.isnan(found)
                 assert math.isnan(apart)
-    table = operator.download("Table (CSV)").read_text(encoding="utf-8")
+    table = operator.download(RUNS["tableFile"]).read_text(encoding="utf-8")
     lines = list(csv.DictReader(io.StringIO("\n".join(line for line in table.splitlines() if line[0] != "#"))))
     peak = [line for line in lines if line["name"] == "peak_voltage_V"]
     told = ask(page, "./api/run-comparison?run=1&run=2&run=3&reference=2")["metrics"]
@@ -292,9 +302,9 @@ def test_files_hold_what_is_compared(operator: Operator, recorded: dict[int, Col
 def test_a_comparison_is_read_and_steered_by_everybody(operator: Operator) -> None:
     page = show(operator, "/runs/1/2,3,4/by=step;band=0.02;odd")
     expect(page.get_by_role("alert").filter(has_text="odd")).to_contain_text(
-        "he address has odd, which says nothing here"
+        RUNS["invalidSettings"].replace("{parts}", "odd")
     )
-    expect(page.get_by_role("table", name="Deviations", exact=True)).to_be_visible()
+    expect(page.get_by_role("table", name=RUNS["deviations"], exact=True)).to_be_visible()
     for size in ({"width": 390, "height": 844}, {"width": 1440, "height": 900}):
         page.set_viewport_size(size)  # type: ignore[arg-type]
         wide = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")

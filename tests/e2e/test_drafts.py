@@ -6,6 +6,12 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
+STUDY_TEXTS = load_texts("pages/studies")
+OPERATE = load_texts("pages/operate")
 
 Box = Callable[[Page], Locator]
 
@@ -15,9 +21,9 @@ def in_region(name: str, label: str) -> Box:
 
 
 def begun_with_the_sample(page: Page) -> None:
-    own = page.get_by_role("region", name="Own experiments", exact=True)
-    if own.get_by_role("textbox", name="Name", exact=True).count() == 0:
-        own.get_by_role("combobox", name="Begin with").select_option("sample sequence")
+    own = page.get_by_role("region", name=EXPERIMENT_TEXTS["ownExperiments"], exact=True)
+    if own.get_by_role("textbox", name=EXPERIMENT_TEXTS["name"], exact=True).count() == 0:
+        own.get_by_role("combobox", name=EXPERIMENT_TEXTS["startFrom"]).select_option("sample sequence")
 
 
 def nothing(_page: Page) -> None:
@@ -25,19 +31,40 @@ def nothing(_page: Page) -> None:
 
 
 FORMS: list[tuple[str, str, Callable[[Page], None], Box, str, str | None]] = [
-    ("Experiments", "e", begun_with_the_sample, in_region("Own experiments", "Name"), "typed", "experiment"),
+    (
+        "Experiments",
+        "e",
+        begun_with_the_sample,
+        in_region(EXPERIMENT_TEXTS["ownExperiments"], EXPERIMENT_TEXTS["name"]),
+        "typed",
+        EXPERIMENT_TEXTS["draftOf"],
+    ),
     (
         "Experiments",
         "e",
         nothing,
-        in_region("New experiment", "Time each position reference is held [s]"),
+        in_region(EXPERIMENT_TEXTS["newExperiment"], "Time each position reference is held [s]"),
         "7.5",
-        "settings of",
+        EXPERIMENT_TEXTS["settingsOf"].split(" {")[0],
     ),
-    ("Studies", "t", nothing, in_region("New study", "Text of the study"), "format: 1\nname: typed\n", "study"),
-    ("Identify", "i", nothing, in_region("New identification", "Periods"), "5", "identification"),
+    (
+        "Studies",
+        "t",
+        nothing,
+        in_region(STUDY_TEXTS["newStudy"], STUDY_TEXTS["text"]),
+        "format: 1\nname: typed\n",
+        STUDY_TEXTS["draftOf"],
+    ),
+    (
+        "Identify",
+        "i",
+        nothing,
+        in_region(IDENTIFY_TEXTS["newIdentification"], IDENTIFY_TEXTS["periods"]),
+        "5",
+        IDENTIFY_TEXTS["draftOf"],
+    ),
     ("Operate", "o", nothing, in_region("Push", "Push [N]"), "7.5", None),
-    ("Operate", "o", nothing, in_region("Wall", "Stiffness of the wall [N/m]"), "7000", None),
+    ("Operate", "o", nothing, in_region("Wall", OPERATE["wallStiffness"]), "7000", None),
 ]
 
 

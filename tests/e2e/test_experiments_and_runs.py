@@ -9,8 +9,12 @@ from playwright.sync_api import Browser, expect
 from tests.api.conftest import client_with
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 from tests.e2e.sharing import SharedPage, bring_to_run, shared_page, sign_in_at
+
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
+RUNS = load_texts("pages/runs")
 
 DRY_RUN_TIMEOUT_MS = 120_000
 """The simulator's process starts with the first dry run and gives way to everything else."""
@@ -66,26 +70,28 @@ def test_an_own_experiment_is_tried_dry_then_queued_and_run(operator: Operator) 
     page = operator.page
     operator.go("Experiments")
     bring_to_run(operator.service)  # nobody has control: a page too busy to speak while it is tried dry stops nothing
-    page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option("short@1")
+    page.get_by_role("combobox", name=EXPERIMENT_TEXTS["kindOfExperiment"], exact=True).select_option("short@1")
 
-    page.get_by_role("button", name="Dry run", exact=True).click()
-    dry = page.get_by_role("region", name="Dry run", exact=True)
+    page.get_by_role("button", name=EXPERIMENT_TEXTS["dryRun"], exact=True).click()
+    dry = page.get_by_role("region", name=EXPERIMENT_TEXTS["dryRun"], exact=True)
     expect(dry).to_contain_text("Completed", timeout=DRY_RUN_TIMEOUT_MS)
-    expect(dry.get_by_role("table", name="Metrics of the dry run")).to_contain_text("Peak voltage")
+    expect(
+        dry.get_by_role("table", name=EXPERIMENT_TEXTS["metricsOf"].format(source=EXPERIMENT_TEXTS["dryRunSource"]))
+    ).to_contain_text("Peak voltage")
     expect(dry.get_by_role("figure", name="Joint position")).to_be_visible()
     operator.expect_mode("run")
-    page.get_by_role("button", name="Close dry run", exact=True).click()
+    page.get_by_role("button", name=EXPERIMENT_TEXTS["closeDryRun"], exact=True).click()
 
     for _ in range(2):
-        page.get_by_role("button", name="Add to queue", exact=True).click()
-    waiting = page.get_by_role("list", name="Queue", exact=True).get_by_role("listitem")
+        page.get_by_role("button", name=EXPERIMENT_TEXTS["addToQueue"], exact=True).click()
+    waiting = page.get_by_role("list", name=EXPERIMENT_TEXTS["queue"], exact=True).get_by_role("listitem")
     expect(waiting).to_have_count(2)
-    operator.press("Start queue")
+    operator.press(EXPERIMENT_TEXTS["startQueue"])
     operator.go("Studies")  # whoever draws what comes in may be silent for too long, on a slow machine, to keep control
     operator.wait(lambda: len(ended(operator)) == 2 and "running" not in ended(operator))
     operator.go("Experiments")
-    expect(page.get_by_text("Nothing waits.")).to_be_visible()
-    table = page.get_by_role("table", name="Earlier experiments", exact=True)
+    expect(page.get_by_text(EXPERIMENT_TEXTS["queueEmpty"])).to_be_visible()
+    table = page.get_by_role("table", name=EXPERIMENT_TEXTS["earlierExperiments"], exact=True)
     expect(table.get_by_text("completed")).to_have_count(2, timeout=MOTION_TIMEOUT_MS)
 
 
@@ -98,40 +104,44 @@ def ended(operator: Operator) -> list[str]:
 def test_a_run_is_replayed_traced_back_and_compared(operator: Operator) -> None:
     page = operator.page
     operator.go("Runs")
-    page.get_by_role("combobox", name="Kind", exact=True).select_option("experiment")
-    table = page.get_by_role("table", name="Runs", exact=True)
+    page.get_by_role("combobox", name=RUNS["kind"], exact=True).select_option("experiment")
+    table = page.get_by_role("table", name=RUNS["table"], exact=True)
     expect(table.get_by_role("row").filter(has_text="session")).to_have_count(0)  # those of before stay until then
     table.get_by_role("link").first.click()
-    expect(page.get_by_role("region", name="Lineage", exact=True)).to_contain_text("lab, as now")
+    expect(page.get_by_role("region", name=RUNS["lineage"], exact=True)).to_contain_text(
+        RUNS["unchanged"].replace("{parameters}", "lab")
+    )
 
-    replay = page.get_by_role("region", name="Replay", exact=True)
-    expect(replay).to_contain_text("REPLAY")
-    expect(replay).to_contain_text("not live")
-    replay.get_by_role("button", name="Play", exact=True).click()
-    expect(replay.get_by_role("button", name="Play", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    replay = page.get_by_role("region", name=RUNS["replay"], exact=True)
+    expect(replay).to_contain_text(RUNS["replayBadge"])
+    expect(replay).to_contain_text(RUNS["notLive"].split("}")[1])
+    replay.get_by_role("button", name=RUNS["play"], exact=True).click()
+    expect(replay.get_by_role("button", name=RUNS["play"], exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     run = int(page.url.split("/runs/")[1])
     lasted_s = page.evaluate(f"fetch('./api/runs/{run}').then(answer => answer.json())")["duration_s"]
     assert 3.0 <= lasted_s < 3.2  # a busy machine skips ticks, at its end too
-    shown = replay.get_by_role("status", name="Replay time", exact=True).inner_text()
+    shown = replay.get_by_role("status", name=RUNS["replayTime"], exact=True).inner_text()
     assert float(shown.removeprefix("0:")) == pytest.approx(lasted_s, abs=0.0051)
     operator.wait(lambda: abs(operator.reading("Joint position", "q_ref")) > 1.0)  # the charts' cursor went along
 
-    page.get_by_role("slider", name="Replay position", exact=True).press("Home")
-    expect(replay.get_by_role("status", name="Replay time", exact=True)).to_have_text("0:00.00")
+    page.get_by_role("slider", name=RUNS["replayPosition"], exact=True).press("Home")
+    expect(replay.get_by_role("status", name=RUNS["replayTime"], exact=True)).to_have_text("0:00.00")
 
-    compare = page.get_by_role("combobox", name="Compare with", exact=True)
+    compare = page.get_by_role("combobox", name=RUNS["compareWith"], exact=True)
     compare.select_option(index=1)
     expect(operator.legend("Joint position", "q′")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     page.get_by_role("figure", name="Joint position", exact=True).hover(
         force=True
     )  # at the end one of both may be over
     operator.wait(lambda: not math.isnan(operator.reading("Joint position", "q′")))
-    comparison = page.get_by_role("region", name="Comparison", exact=True)
-    expect(comparison.get_by_role("table", name="Comparison", exact=True).get_by_role("row").nth(1)).to_be_visible()
-    picture = page.get_by_role("group", name="Lineage as a picture", exact=True)
+    comparison = page.get_by_role("region", name=RUNS["comparison"], exact=True)
+    expect(
+        comparison.get_by_role("table", name=RUNS["comparison"], exact=True).get_by_role("row").nth(1)
+    ).to_be_visible()
+    picture = page.get_by_role("group", name=RUNS["lineageDiagram"], exact=True)
     expect(picture).to_contain_text(f"Run {run}")
-    digests = page.get_by_role("table", name="Digests", exact=True)
-    expect(digests.get_by_role("row", name=f"Run {run}")).to_contain_text("no")
+    digests = page.get_by_role("table", name=RUNS["digests"], exact=True)
+    expect(digests.get_by_role("row", name=f"Run {run}")).to_contain_text(RUNS["upToDate"])
     for label, name in (
         ("Data (MCAP)", f"sinew-run-{run}.mcap"),
         ("Bundle", f"sinew-run-{run}.zip"),
@@ -146,25 +156,24 @@ def test_a_run_is_replayed_traced_back_and_compared(operator: Operator) -> None:
 def test_runs_are_found_tagged_and_saved_as_a_search(operator: Operator) -> None:
     page = operator.page
     operator.go("Runs")
-    table = page.get_by_role("table", name="Runs", exact=True)
+    table = page.get_by_role("table", name=RUNS["table"], exact=True)
     table.get_by_role("link").first.click()
-    page.get_by_role("textbox", name="New tag", exact=True).or_(page.get_by_role("combobox", name="New tag")).fill(
-        "Paper"
-    )
-    page.get_by_role("button", name="Add tag", exact=True).click()
-    expect(page.get_by_role("list", name="Tags", exact=True)).to_contain_text("paper")
+    box = page.get_by_role("textbox", name=RUNS["newTag"], exact=True)
+    box.or_(page.get_by_role("combobox", name=RUNS["newTag"])).fill("Paper")
+    page.get_by_role("button", name=RUNS["addTag"], exact=True).click()
+    expect(page.get_by_role("list", name=RUNS["tags"], exact=True)).to_contain_text("paper")
     operator.go("Runs")
-    page.get_by_role("searchbox", name="Search runs", exact=True).fill("tag = paper")
+    page.get_by_role("searchbox", name=RUNS["searchRuns"], exact=True).fill("tag = paper")
     expect(table.get_by_role("row")).to_have_count(2)  # the head, and the run
-    page.get_by_role("textbox", name="Name of the search", exact=True).fill("tagged")
-    page.get_by_role("button", name="Save search", exact=True).click()
-    saved = page.get_by_role("combobox", name="Saved searches", exact=True)
+    page.get_by_role("textbox", name=RUNS["searchName"], exact=True).fill("tagged")
+    page.get_by_role("button", name=RUNS["saveSearch"], exact=True).click()
+    saved = page.get_by_role("combobox", name=RUNS["savedSearches"], exact=True)
     expect(saved).to_have_value("tagged")
-    page.get_by_role("button", name="Clear", exact=True).click()
+    page.get_by_role("button", name=RUNS["clear"], exact=True).click()
     saved.select_option("tagged")
-    expect(page.get_by_role("searchbox", name="Search runs", exact=True)).to_have_value("tag = paper")
-    page.get_by_role("link", name="Metrics over time", exact=True).click()
-    expect(page.get_by_role("heading", level=1)).to_contain_text("Metrics over time")
+    expect(page.get_by_role("searchbox", name=RUNS["searchRuns"], exact=True)).to_have_value("tag = paper")
+    page.get_by_role("link", name=RUNS["metricsOverTime"], exact=True).click()
+    expect(page.get_by_role("heading", level=1)).to_contain_text(RUNS["metricsOverTime"])
 
 
 def test_the_set_up_list_tells_what_is_done_and_leads_on(operator: Operator) -> None:

@@ -19,10 +19,13 @@ from playwright.sync_api import expect
 from tests.e2e.forms import REPORT_TIMEOUT_MS
 from tests.e2e.keyboard import Keys
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 
+IDENTIFY_TEXTS = load_texts("pages/identify")
+OPERATE = load_texts("pages/operate")
+
 RUN_TIMEOUT_MS = 240_000
-FORM = "New identification"
 CLI_S = 120.0
 
 
@@ -107,17 +110,17 @@ def identified(operator: Operator, keys: Keys, place: int, settings: Mapping[str
     keys.shortcut("i", "Identify")
     before = {one["id"] for one in get(operator, "/api/identifications")["identifications"]}
     told = get(operator, "/api/identification-kinds")["kinds"]
-    radios = page.get_by_role("radiogroup", name="What to identify").get_by_role("radio")
+    radios = page.get_by_role("radiogroup", name=IDENTIFY_TEXTS["kind"]).get_by_role("radio")
     expect(radios).to_have_count(3)
     keys.to(re.compile(f"^({'|'.join(one['title'] for one in told)})$"))
     for _ in range(len(told)):
         if not radios.nth(place).is_checked():
             keys.press("ArrowRight")
     expect(radios.nth(place)).to_be_checked()
-    keys.fill(dict(settings), FORM)
-    start = page.get_by_role("button", name="Start identification")
+    keys.fill(dict(settings), IDENTIFY_TEXTS["newIdentification"])
+    start = page.get_by_role("button", name=IDENTIFY_TEXTS["start"])
     expect(start).not_to_have_attribute("aria-disabled", "true")
-    keys.use("Start identification")
+    keys.use(IDENTIFY_TEXTS["start"])
 
     def over() -> bool:
         found = [one for one in get(operator, "/api/identifications")["identifications"] if one["id"] not in before]
@@ -127,23 +130,26 @@ def identified(operator: Operator, keys: Keys, place: int, settings: Mapping[str
     (one,) = [one for one in get(operator, "/api/identifications")["identifications"] if one["id"] not in before]
     assert (one["kind"], one["status"]) == (told[place]["kind"], "completed"), one["message"]
     assert one["usable"], one["message"]
-    row = page.get_by_role("table", name="Identification runs").get_by_role("row").filter(has_text=f"Run {one['id']}")
+    link = IDENTIFY_TEXTS["runLink"].format(run=one["id"])
+    row = page.get_by_role("table", name=IDENTIFY_TEXTS["runs"]).get_by_role("row").filter(has_text=link)
     expect(row).to_contain_text("Completed")
-    expect(page.get_by_role("region", name="Result", exact=True)).to_contain_text(f"Run {one['id']}")
+    expect(page.get_by_role("region", name=IDENTIFY_TEXTS["result"], exact=True)).to_contain_text(link)
     return int(one["id"])
 
 
 def build_a_bank(operator: Operator, keys: Keys, run: int) -> None:
-    keys.use(f"Use run {run}", key="Space")
-    keys.fill({"name": "first"}, "Bank from runs")
-    keys.use("Build bank")
+    keys.use(IDENTIFY_TEXTS["useRun"].format(run=run), key="Space")
+    keys.fill({"name": "first"}, IDENTIFY_TEXTS["bankFromRuns"])
+    keys.use(IDENTIFY_TEXTS["buildBank"])
     operator.wait(lambda: len(get(operator, "/api/banks")["banks"]) == 1)
     (bank,) = get(operator, "/api/banks")["banks"]
     assert (bank["name"], [entry["identification"] for entry in bank["entries"]]) == ("first", [run])
-    keys.use("Activate first v1")
+    keys.use(IDENTIFY_TEXTS["activateBank"].format(bank="first v1"))
     operator.wait(lambda: (operator.state()["tuning"]["bank"] or {}).get("id") == bank["id"])
     keys.shortcut("b", "Banks")
-    expect(operator.page.get_by_role("status", name="In force")).to_contain_text("bank first v1")
+    expect(operator.page.get_by_role("status", name=load_texts("pages/banks")["activeTuning"])).to_contain_text(
+        "bank first v1"
+    )
 
 
 def tune(operator: Operator, keys: Keys) -> None:
@@ -157,11 +163,13 @@ def tune(operator: Operator, keys: Keys) -> None:
         keys.to(slider)
         keys.press("ArrowRight", times=5)
         operator.wait(partial(is_raised, operator, f"{slider} value [s]", name, before))
-        expect(page.get_by_role("group", name=f"Preview of {slider}")).to_contain_text("maximum of the sensitivity")
+        expect(page.get_by_role("group", name=OPERATE["preview"].format(symbol=slider))).to_contain_text(
+            OPERATE["sensitivityPeak"]
+        )
     keys.use("Push", region="Push")
     operator.wait(lambda: any(one["text"].startswith("push of 10.0 N") for one in log(operator)))
     try_and_keep(operator, keys)
-    keys.use("Save", region="Changes of the tuning")
+    keys.use("Save", region=OPERATE["tuningChanges"])
     operator.wait(lambda: get(operator, "/api/tuning/saved")["who"] is not None)
     saved, tuning = get(operator, "/api/tuning/saved"), operator.state()["tuning"]
     assert all(saved[name] == tuning[name] for name in ("lam_q", "lam_S", "lam_motor", "b", "motion", "u_plan"))
@@ -234,7 +242,9 @@ def take_a_report_home(operator: Operator, keys: Keys, file: Path) -> None:
     assert verified.returncode == 0, verified.stdout + verified.stderr
     keys.shortcut("r", "Runs")
     runs = get(operator, "/api/runs?limit=50&offset=0")["runs"]
-    expect(operator.page.get_by_role("table", name="Runs").get_by_role("row")).to_have_count(len(runs) + 1)
+    expect(operator.page.get_by_role("table", name=load_texts("pages/runs")["table"]).get_by_role("row")).to_have_count(
+        len(runs) + 1
+    )
 
 
 def set_up_is_done(operator: Operator, keys: Keys) -> None:

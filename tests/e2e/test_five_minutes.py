@@ -11,7 +11,10 @@ from playwright.sync_api import expect
 
 from tests.api.conftest import client_with
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
+
+OPERATE = load_texts("pages/operate")
 
 REACHED = 0.9
 STEP_DEG = 30.0
@@ -88,9 +91,9 @@ def value_of(operator: Operator) -> float:
 
 def previewed_t90(operator: Operator) -> float:
     """The time to 90 % that the card of λ_q shows [s]."""
-    preview = operator.page.get_by_role("group", name="Preview of λ_q")
+    preview = operator.page.get_by_role("group", name=OPERATE["preview"].format(symbol="λ_q"))
     expect(preview).to_have_attribute("aria-busy", "false")
-    term = preview.locator("div", has_text="time to 90 % of a step").last
+    term = preview.locator("div", has_text=OPERATE["timeTo90"]).last
     figure = re.search(r"(\d+\.\d+)\s*s", term.inner_text())
     assert figure is not None, term.inner_text()
     return float(figure[1])

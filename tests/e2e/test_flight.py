@@ -9,7 +9,10 @@ from playwright.sync_api import expect
 
 from tests.api.conftest import client_with
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.sharing import bring_to_run, sign_in_at
+
+RUNS = load_texts("pages/runs")
 
 DEG = 180.0 / math.pi
 
@@ -22,13 +25,13 @@ def test_the_banner_of_a_trip_leads_to_its_tick_in_charts_and_3d(operator: Opera
     page.get_by_role("button", name=re.compile("^STOP")).click()
     operator.expect_mode("tripped")
     page.get_by_role("link", name="Flight record", exact=True).click()  # there once its seconds are over
-    expect(page.get_by_role("heading", level=1)).to_contain_text("Flight record")
+    expect(page.get_by_role("heading", level=1)).to_contain_text(RUNS["flightRecord"].split(" {")[0])
 
     state = page.evaluate("fetch('./api/state').then(answer => answer.json())")
     flights = page.evaluate("fetch('./api/flights').then(answer => answer.json())")["flights"]
     [flight] = [one for one in flights if one["tick"] == state["fault"]["tick"]]
     assert page.url.endswith(f"/#/flights/{flight['id']}")
-    facts = page.get_by_role("region", name="Trip", exact=True)
+    facts = page.get_by_role("region", name=RUNS["trip"], exact=True)
     expect(facts).to_contain_text(f"tick {flight['tick']}")
     expect(facts).to_contain_text(f"{flight['before_s']:.3f} s before to {flight['after_s']:.3f} s after")
 
@@ -40,12 +43,12 @@ def test_the_banner_of_a_trip_leads_to_its_tick_in_charts_and_3d(operator: Opera
     assert float(at_trip["q"]) * DEG > 10.0  # where it was moved to, and nowhere else in these seconds
     assert len(samples) == round((flight["before_s"] + flight["after_s"]) * 1e3)
 
-    replay = page.get_by_role("region", name="Replay", exact=True)
-    expect(replay.get_by_role("status", name="Replay time", exact=True)).to_have_text("0:00.00")
+    replay = page.get_by_role("region", name=RUNS["replay"], exact=True)
+    expect(replay.get_by_role("status", name=RUNS["replayTime"], exact=True)).to_have_text("0:00.00")
     operator.wait(lambda: not math.isnan(operator.reading("Joint position", "q")))
     assert operator.reading("Joint position", "q") == pytest.approx(float(at_trip["q"]) * DEG, abs=0.006)
     assert operator.reading("Tendon force", "F_A") == pytest.approx(float(at_trip["F_A"]), abs=0.006)
-    position = replay.get_by_role("slider", name="Replay position", exact=True)
+    position = replay.get_by_role("slider", name=RUNS["replayPosition"], exact=True)
     position.press("Home")
     first = samples[0]
     operator.wait(lambda: abs(operator.reading("Tendon force", "F_A") - float(first["F_A"])) < 0.006)
@@ -60,11 +63,11 @@ def test_the_banner_of_a_trip_leads_to_its_tick_in_charts_and_3d(operator: Opera
 
     assert shown()
     with page.expect_response(re.compile(rf"/api/flights/{flight['id']}/replay$")) as answered:
-        replay.get_by_role("button", name="Show in 3D", exact=True).click()
+        replay.get_by_role("button", name=RUNS["showIn3D"], exact=True).click()
     assert answered.value.status == 204
     assert answered.value.request.post_data_json == {"t": pytest.approx(float(first["t"]))}
-    replay.get_by_role("button", name="Show flat", exact=True).click()
+    replay.get_by_role("button", name=RUNS["showFlat"], exact=True).click()
 
     page.goto(f"{service.url}/#/log")
-    page.get_by_role("link", name="charts of the trip").first.click()
-    expect(page.get_by_role("region", name="Trip", exact=True)).to_contain_text(f"tick {flight['tick']}")
+    page.get_by_role("link", name=load_texts("pages/log")["chartsOfTrip"]).first.click()
+    expect(page.get_by_role("region", name=RUNS["trip"], exact=True)).to_contain_text(f"tick {flight['tick']}")

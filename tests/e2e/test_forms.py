@@ -13,6 +13,7 @@ from tests.e2e import forms
 from tests.e2e.browser import DESKTOP
 from tests.e2e.forms import ROUNDED, TO_SI, differences
 from tests.e2e.operator import MOTION_TIMEOUT_MS
+from tests.e2e.page_texts import load_texts
 from tests.e2e.stage import (
     EXPERIMENTS,
     IDENTIFICATIONS,
@@ -26,6 +27,10 @@ from tests.e2e.stage import (
     start,
 )
 from tests.e2e.told import not_kept, not_queued, undeclared, words_of
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
+OPERATE = load_texts("pages/operate")
 
 DRY_RUN_TIMEOUT_MS = 120_000
 
@@ -119,18 +124,20 @@ def a_trial(stage: Stage) -> None:
     stage.operator.go("Operate")
     page.get_by_role("switch", name="Stage changes").check()
     stage.operator.enter("λ_q value [s]", 0.83)
-    page.get_by_role("textbox", name="Length of the trial [s]", exact=True).fill("60")
+    page.get_by_role("textbox", name=OPERATE["trialDuration"], exact=True).fill("60")
     assert stage.in_force() == before
     sent, told = forms.pressed(page, page.get_by_role("button", name="Try for", exact=True), "/api/tuning/trial")
     assert sent == {"lam_q": 0.83, "duration_s": 60.0}
     assert 59.0 < told["trial"]["remaining_s"] <= 60.0
     expect(page.get_by_role("status", name="Trial", exact=True)).to_contain_text(
-        f"back to {before['lam_q']:.3f}, {before['lam_S']:.3f} s"
+        OPERATE["trialReverts"]
+        .partition("{others}")[0]
+        .format(lam_q=f"{before['lam_q']:.3f}", lam_S=f"{before['lam_S']:.3f}")
     )
     assert differences(stage.in_force(), {**before, "lam_q": 0.83}) == []
     page.get_by_role("button", name="Revert now").click()
     stage.operator.wait(lambda: stage.in_force() == before)
-    page.get_by_role("region", name="Changes of the tuning").get_by_role("button", name="Discard", exact=True).click()
+    page.get_by_role("region", name=OPERATE["tuningChanges"]).get_by_role("button", name="Discard", exact=True).click()
     page.get_by_role("switch", name="Stage changes").uncheck()
 
 
@@ -142,11 +149,11 @@ def a_push(stage: Stage) -> None:
     stage.operator.wait(lambda: stage.get("/api/state")["recording_run"] is not None)
     run = int(stage.get("/api/state")["recording_run"])
     stage.operator.enter("Push [N]", -4.5)
-    stage.operator.enter("Push for [s]", 6.0)
+    stage.operator.enter(OPERATE["pushDuration"], 6.0)
     group = page.get_by_role("group", name="Push", exact=True)
     sent, _ = forms.pressed(page, group.get_by_role("button", name="Push", exact=True), "/api/push")
     assert sent == {"F_push": -4.5, "duration_s": 6.0}
-    felt = page.get_by_text("Pushed with \u22124.5 N.")
+    felt = page.get_by_text(OPERATE["pushing"].format(force="\u22124.5"))
     expect(felt).to_be_visible()
     expect(felt).to_be_hidden(timeout=MOTION_TIMEOUT_MS)
     stage.operator.press("Pretension")
@@ -162,17 +169,17 @@ def a_wall(stage: Stage) -> None:
     """It stands where its boxes say."""
     page = stage.page
     stage.operator.go("Operate")
-    stage.operator.enter("Wall at [°]", -40.0)
-    stage.operator.enter("Stiffness of the wall [N/m]", 8000.0)
-    stage.operator.enter("Damping of the wall [s/m]", 2.25)
+    stage.operator.enter(OPERATE["wallAngle"].format(unit="°"), -40.0)
+    stage.operator.enter(OPERATE["wallStiffness"], 8000.0)
+    stage.operator.enter(OPERATE["wallDamping"], 2.25)
     group = page.get_by_role("group", name="Wall", exact=True)
-    group.get_by_role("combobox", name="Side of the wall").select_option("below")
-    sent, _ = forms.pressed(page, group.get_by_role("button", name="Put up", exact=True), "/api/wall")
+    group.get_by_role("combobox", name=OPERATE["wallSide"]).select_option("below")
+    sent, _ = forms.pressed(page, group.get_by_role("button", name=OPERATE["addWall"], exact=True), "/api/wall")
     wanted = {"side": "below", "k_wall": 8000.0, "c_wall": 2.25, "q_wall": pytest.approx(-40.0 * TO_SI["°"][1])}
     assert sent["wall"] == wanted
-    expect(page.get_by_text("A wall stands below \u221240.0")).to_be_visible()
+    expect(page.get_by_text(OPERATE["wallBelow"].format(angle="\u221240.0°"))).to_be_visible()
     assert stage.get("/api/state")["wall"] == wanted
-    forms.pressed(page, group.get_by_role("button", name="Take away", exact=True), "/api/wall")
+    forms.pressed(page, group.get_by_role("button", name=OPERATE["removeWall"], exact=True), "/api/wall")
     stage.operator.wait(lambda: stage.get("/api/state")["wall"] is None)
 
 
@@ -214,20 +221,20 @@ def test_a_viewers_forms_show_what_is_in_force_and_send_nothing_but_a_dry_run(st
     page.get_by_role("link", name="Experiments", exact=True).click()
     for kind in EXPERIMENTS:
         about = declared(stage, kind)
-        page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option(kind)
+        page.get_by_role("combobox", name=EXPERIMENT_TEXTS["kindOfExperiment"], exact=True).select_option(kind)
         form = page.get_by_role("form", name=about["title"], exact=True)
         assert undeclared(stage, form, about["settings"], own) == []
         deciding = [one.inner_text() for one in form.get_by_role("button").all() if one.inner_text()]
-        assert set(deciding) <= {"Dry run"}
+        assert set(deciding) <= {EXPERIMENT_TEXTS["dryRun"]}
     forms.fill(form, {"count": 2.0, "hold_s": 1.0})
     shown = forms.shown(form)
     page.set_default_timeout(DRY_RUN_TIMEOUT_MS)
-    sent, played = forms.pressed(page, form.get_by_role("button", name="Dry run"), "/dry-run")
+    sent, played = forms.pressed(page, form.get_by_role("button", name=EXPERIMENT_TEXTS["dryRun"]), "/dry-run")
     assert differences(forms.as_sent(shown, sent["settings"]), sent["settings"], ROUNDED) == []
     assert differences(played["settings"], sent["settings"]) == []
-    expect(page.get_by_role("region", name="Dry run", exact=True)).to_contain_text(words_of(own))
+    expect(page.get_by_role("region", name=EXPERIMENT_TEXTS["dryRun"], exact=True)).to_contain_text(words_of(own))
     page.get_by_role("link", name="Identify", exact=True).click()
-    expect(page.get_by_text("You are signed in as a viewer")).to_be_visible()
+    expect(page.get_by_text(IDENTIFY_TEXTS["forOperators"])).to_be_visible()
     assert page.get_by_role("main").get_by_role("form").count() == 0
     page.context.close()
 

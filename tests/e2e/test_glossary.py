@@ -15,10 +15,14 @@ from tests.api.conftest import client_with
 from tests.e2e.browser import DESKTOP
 from tests.e2e.layout import covered
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 from tests.e2e.sharing import SharedPage, bring_to_run, shared_page
 from tests.e2e.test_accessibility import PHONE, violations
 from tests.e2e.test_experiments_and_runs import SHORT
+
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
+OPERATE = load_texts("pages/operate")
 
 STOP = "button[aria-label=STOP]"
 ENTRIES = build_glossary()
@@ -120,7 +124,7 @@ def test_figures_and_verdicts_of_a_result_explain_themselves(operator: Operator)
         script.post("/api/experiments/own", json={"text": SHORT}).raise_for_status()
     bring_to_run(operator.service)
     operator.go("Experiments")
-    page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option("short@1")
+    page.get_by_role("combobox", name=EXPERIMENT_TEXTS["kindOfExperiment"], exact=True).select_option("short@1")
     page.locator("main form").first.get_by_role("button", name=re.compile("^Start ")).click()
     done = page.get_by_role("region", name="Result", exact=True)
     expect(done.get_by_role("table", name="Metrics")).to_be_visible(timeout=3 * MOTION_TIMEOUT_MS)
@@ -157,8 +161,8 @@ def test_boxes_of_forms_say_what_the_service_says_of_them_and_accepts(operator: 
     expect(page.get_by_role("textbox", name="S_ref value [N·m/rad]", exact=True)).to_be_enabled()
     for label, name, ends in (
         ("Push [N]", "push.F_push", f"−{limits['F_push_max']:g} to {limits['F_push_max']:g} N"),
-        ("Gives way from [N]", "touch.contact_N", f"{limits['F_contact_min']:g} to {limits['F_contact_max']:g} N"),
-        ("Damping of the wall [s/m]", "wall.c_wall", f"0 to {math.floor(1e2 * limits['c_wall_max']) / 1e2:g} s/m"),
+        (OPERATE["threshold"], "touch.contact_N", f"{limits['F_contact_min']:g} to {limits['F_contact_max']:g} N"),
+        (OPERATE["wallDamping"], "wall.c_wall", f"0 to {math.floor(1e2 * limits['c_wall_max']) / 1e2:g} s/m"),
         ("S_ref value [N·m/rad]", "references.S_ref", "N·m/rad"),
         ("λ_q value [s]", "tuning.lam_q", " s"),
     ):

@@ -15,8 +15,11 @@ from backend.storage.database import open_database
 from plant.calibration import CellCalibration
 from plant.wiring import load_wiring
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service, running_service
 from tests.e2e.test_bring_up import figures, play, told
+
+TEXTS = load_texts("pages/bringUp")
 
 POSITION_RAD = 0.12
 """Near: the joint goes there at 0.15 rad/s."""
@@ -45,7 +48,7 @@ def test_the_motors_find_the_zero_at_the_end_switch(operator: Operator, service:
     page = operator.page
     operator.sign_in()
     operator.go("Bring-up")
-    expect(page.get_by_role("main")).to_contain_text("4 of 8 steps are done.")
+    expect(page.get_by_role("main")).to_contain_text(TEXTS["someDone"].format(done=4, count=8))
     play(operator, 6, "Homing")
     steps = {step["id"]: step for step in told(page, service)["steps"]}
     assert steps["home"]["result"]["passed"], steps["home"]
@@ -56,4 +59,4 @@ def test_the_motors_find_the_zero_at_the_end_switch(operator: Operator, service:
     # It does for the zero by hand, on the page too.
     zero = page.get_by_role("region", name="4. Zero", exact=True)
     expect(zero).to_contain_text("Homing has set it")
-    expect(page.get_by_role("main")).to_contain_text("6 of 8 steps are done.")
+    expect(page.get_by_role("main")).to_contain_text(TEXTS["someDone"].format(done=6, count=8))

@@ -19,7 +19,10 @@ from backend.experiments.library import IDENTIFICATIONS
 from plant.parameters import load_parameters
 from tests.e2e.forms import REPORT_TIMEOUT_MS, fill, pressed
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service, running_service
+
+TEXTS = load_texts("pages/identify")
 
 LAB = Path(__file__).parents[2] / "plant" / "parameters" / "lab.toml"
 RUN_TIMEOUT_MS = 240_000
@@ -59,8 +62,8 @@ def test_identify_judge_apply_and_undo(operator: Operator) -> None:
 def report_of_the_session(operator: Operator, runs: list[int]) -> None:
     """One report of all three, with the estimates that /api tells."""
     page = operator.page
-    section = page.get_by_role("region", name="Report of the session", exact=True)
-    expect(section).to_contain_text("The 3 identifications of this day")
+    section = page.get_by_role("region", name=TEXTS["sessionReport"], exact=True)
+    expect(section).to_contain_text(TEXTS["sessionRuns"].format(count=3))
     address = section.get_by_role("link", name="Report (HTML)").get_attribute("href")
     assert address == "./api/run-comparison/report.html?" + "&".join(f"run={run}" for run in runs)
     answer = page.request.get(f"{operator.service.url}/{address.removeprefix('./')}", timeout=REPORT_TIMEOUT_MS)
@@ -78,15 +81,15 @@ def identified(operator: Operator, name: str, settings: Mapping[str, float]) -> 
     """Order an identification and wait for its result; return its run."""
     page = operator.page
     operator.go("Identify")
-    page.get_by_role("radiogroup", name="What to identify").get_by_text(IDENTIFICATIONS[name].title).click()
-    form = page.get_by_role("form", name="New identification", exact=True)
+    page.get_by_role("radiogroup", name=TEXTS["kind"]).get_by_text(IDENTIFICATIONS[name].title).click()
+    form = page.get_by_role("form", name=TEXTS["newIdentification"], exact=True)
     expect(form.locator(f"[name={next(iter(settings))}]")).to_be_visible()
     fill(form, settings)
-    start = page.get_by_role("button", name="Start identification", exact=True)
+    start = page.get_by_role("button", name=TEXTS["start"], exact=True)
     expect(start).not_to_have_attribute("aria-disabled", "true")
     run = int(pressed(page, start, "/api/identifications")[1]["id"])
-    result = page.get_by_role("region", name="Result", exact=True)
-    expect(result).to_contain_text(f"Run {run}", timeout=RUN_TIMEOUT_MS)
+    result = page.get_by_role("region", name=TEXTS["result"], exact=True)
+    expect(result).to_contain_text(TEXTS["runLink"].format(run=run), timeout=RUN_TIMEOUT_MS)
     expect(result.get_by_role("table").first).to_be_visible(timeout=RUN_TIMEOUT_MS)
     return run
 
@@ -95,24 +98,28 @@ def choose(operator: Operator, run: int) -> None:
     """Look at an identification run by its link in the list."""
     page = operator.page
     operator.go("Identify")
-    page.get_by_role("table", name="Identification runs").get_by_role("link", name=f"Run {run}", exact=True).click()
-    expect(page.get_by_role("region", name="Result", exact=True)).to_contain_text(f"Run {run}")
+    link = TEXTS["runLink"].format(run=run)
+    page.get_by_role("table", name=TEXTS["runs"]).get_by_role("link", name=link, exact=True).click()
+    expect(page.get_by_role("region", name=TEXTS["result"], exact=True)).to_contain_text(
+        TEXTS["runLink"].format(run=run)
+    )
 
 
 def beside_unseen_data(operator: Operator, first: int, second: int) -> None:
     """Both motor identifications beside the record of the second: table, /api, recording and SciPy say the same."""
     page = operator.page
     choose(operator, first)
-    card = page.get_by_role("region", name="Measured beside model", exact=True)
-    expect(card).to_contain_text(f"Each step of run {first}, by a model fitted to its other steps.")
-    card.get_by_role("combobox", name="Record to predict").select_option(f"run {second}")
-    card.get_by_role("checkbox", name=f"Compare run {second}", exact=True).check()
-    expect(card).to_contain_text(f"Each step of run {second}, by a model that has not seen that run.")
-    expect(card).to_contain_text(f"Each step of run {second}, by a model fitted to its other steps.")
+    card = page.get_by_role("region", name=TEXTS["validation"], exact=True)
+    expect(card).to_contain_text(TEXTS["ownSteps"].format(run=first))
+    card.get_by_role("combobox", name=TEXTS["validationData"]).select_option(TEXTS["runItem"].format(run=second))
+    card.get_by_role("checkbox", name=TEXTS["compareRun"].format(run=second), exact=True).check()
+    expect(card).to_contain_text(TEXTS["otherSteps"].format(run=second))
+    expect(card).to_contain_text(TEXTS["ownSteps"].format(run=second))
     recorded = recording(operator, second)
     known = {run: get(operator, f"/api/identifications/{run}") for run in (first, second)}
     for side in "AB":
-        table = card.get_by_role("table", name=f"Candidates of Motor {side}", exact=True)
+        title = TEXTS["comparedModels"].format(title=TEXTS["motor"].format(side=side))
+        table = card.get_by_role("table", name=title, exact=True)
         told = {run: get_unverified_defaults(operator, run, second, side) for run in (first, second)}
         expect(table.get_by_role("row")).to_have_count(3)
         for run, row in zip((first, second), cells(table), strict=True):
@@ -169,9 +176,9 @@ def against_geometry(operator: Operator, run: int) -> None:
     assert row["G_q"]["K"]["predicted"] == pytest.approx(g.r_m / (2.0 * g.r_j), rel=1e-4)
     assert row["G_q"]["T"]["predicted"] == pytest.approx(4.0 * lam_motor + g.B_j / row["S"], rel=1e-3)
     for channel in ("G_q", "G_S"):
-        table = page.get_by_role("table", name=f"{channel} against geometry", exact=True)
+        table = page.get_by_role("table", name=TEXTS["againstGeometry"].format(channel=channel), exact=True)
         (shown,) = cells(table)
-        assert shown[0] == f"Run {run}"
+        assert shown[0] == TEXTS["runLink"].format(run=run)
         assert number(shown[1]) == pytest.approx(row["S"], abs=0.006)
         for place, figure in ((2, "K"), (5, "T")):
             told = row[channel][figure]
@@ -191,8 +198,8 @@ def apply_and_undo(operator: Operator, run: int) -> None:
     before = get(operator, "/api/parameters")
     foreseen = forecast(operator)
     choose(operator, run)
-    section = page.get_by_role("region", name="Apply to the parameters", exact=True)
-    table = section.get_by_role("table", name="Parameters that would change", exact=True)
+    section = page.get_by_role("region", name=TEXTS["applySection"], exact=True)
+    table = section.get_by_role("table", name=TEXTS["proposedChanges"], exact=True)
     expect(table.get_by_role("row")).to_have_count(5)
     proposed = get(operator, f"/api/parameters?estimate={found['estimate']}")["proposal"]
     for row, change in zip(cells(table), proposed["changes"], strict=True):
@@ -202,10 +209,10 @@ def apply_and_undo(operator: Operator, run: int) -> None:
         assert number(row[2]) == pytest.approx(change["after"], rel=1e-4)
         assert number(row[4]) == pytest.approx(100.0 * (change["after"] / change["before"] - 1.0), abs=0.006)
 
-    button = section.get_by_role("button", name="Apply to the parameters", exact=True)
+    button = section.get_by_role("button", name=TEXTS["applyParameters"], exact=True)
     expect(button).to_have_attribute("aria-disabled", "true")
     refusal = section.get_by_role("status", name="Refusal")
-    expect(refusal).to_contain_text("in off only; the mode is pretension: switch it off first")
+    expect(refusal).to_contain_text(TEXTS["changeOff"].format(mode="pretension"))
 
     operator.go("Operate")
     operator.press("Off")
@@ -214,23 +221,23 @@ def apply_and_undo(operator: Operator, run: int) -> None:
     expect(button).to_have_attribute("aria-disabled", "false")
     sent, _ = pressed(page, button, "/api/parameters")
     assert sent == {"estimate": found["estimate"]}
-    card = page.get_by_role("region", name="Parameters in force", exact=True)
-    expect(card).to_contain_text("version 1")
+    card = page.get_by_role("region", name=TEXTS["activeParameters"], exact=True)
+    expect(card).to_contain_text(TEXTS["version"].format(version=1))
     after = get(operator, "/api/parameters")
     newest = after["versions"][0]
     assert (newest["number"], newest["run"], newest["undone"]) == (1, run, False)
     assert newest["digest"] == proposed["digest"] != before["versions"][0]["digest"]
     assert newest["changes"] == proposed["changes"]
     expect(section).to_contain_text("nothing would change")
-    version = cells(card.get_by_role("table", name="Versions of the parameters", exact=True))[0]
+    version = cells(card.get_by_role("table", name=TEXTS["versions"], exact=True))[0]
     assert version[0] == "1"
     assert version[2] == newest["who"]
-    assert version[3] == f"Run {run}"
+    assert version[3] == TEXTS["runLink"].format(run=run)
     now = forecast(operator)
     assert abs(now - fastest) < 0.25 * abs(foreseen - fastest)
 
-    pressed(page, card.get_by_role("button", name="Undo version 1", exact=True), "/api/parameters/undo")
-    expect(card).to_contain_text("version 2")
+    pressed(page, card.get_by_role("button", name=TEXTS["undo"].format(version=1), exact=True), "/api/parameters/undo")
+    expect(card).to_contain_text(TEXTS["version"].format(version=2))
     undone = get(operator, "/api/parameters")["versions"]
     assert [one["number"] for one in undone] == [2, 1, 0]
     assert undone[0]["digest"] == before["versions"][0]["digest"]

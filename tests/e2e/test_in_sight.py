@@ -6,6 +6,11 @@ from playwright.sync_api import Locator, Page, expect
 
 from tests.e2e.layout import covered
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.page_texts import load_texts
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
+OPERATE = load_texts("pages/operate")
 
 FIELDS = "main form input:not([type=hidden], [type=file]), main form select, main form summary"
 IN_SIGHT = """
@@ -21,12 +26,12 @@ TO_THE_TOP = "document.querySelectorAll('main, main *').forEach(one => one.scrol
 def test_start_and_queue_are_in_sight_on_each_experiment_form(same_operator: Operator) -> None:
     operator, page = same_operator, same_operator.page
     operator.go("Experiments")
-    kinds = page.get_by_role("combobox", name="Kind of experiment")
+    kinds = page.get_by_role("combobox", name=EXPERIMENT_TEXTS["kindOfExperiment"])
     for kind in ("tracking", "compliance"):
         kinds.select_option(kind)
         form = page.locator("main form").first
         form.locator("summary").click()
-        names = (re.compile("^Start "), "Add to queue", "Dry run")
+        names = (re.compile("^Start "), EXPERIMENT_TEXTS["addToQueue"], EXPERIMENT_TEXTS["dryRun"])
         _in_sight(page, *(form.get_by_role("button", name=name) for name in names))
 
 
@@ -34,8 +39,8 @@ def test_start_is_in_sight_on_each_identification_form(same_operator: Operator) 
     operator, page = same_operator, same_operator.page
     operator.go("Identify")
     for kind in ("Actuator", "Motors", "Springs"):
-        page.get_by_role("radiogroup", name="What to identify").get_by_text(kind, exact=True).click()
-        _in_sight(page, page.get_by_role("button", name="Start identification"))
+        page.get_by_role("radiogroup", name=IDENTIFY_TEXTS["kind"]).get_by_text(kind, exact=True).click()
+        _in_sight(page, page.get_by_role("button", name=IDENTIFY_TEXTS["start"]))
 
 
 def test_what_changes_the_tuning_or_the_banks_is_in_sight(same_operator: Operator) -> None:
@@ -43,13 +48,13 @@ def test_what_changes_the_tuning_or_the_banks_is_in_sight(same_operator: Operato
     operator.go("Operate")
     expect(page.get_by_role("slider", name="λ_q", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     page.get_by_role("switch", name="Stage changes").check()
-    changes = page.get_by_role("region", name="Changes of the tuning")
+    changes = page.get_by_role("region", name=OPERATE["tuningChanges"])
     names = ("Apply", "Try for", "Discard", "Revert to saved", "Save")
     _in_sight(page, *(changes.get_by_role("button", name=name, exact=True) for name in names))
     assert covered(page, "main section[aria-label=Tuning] :is(button, input:not([type=hidden]), [role=slider])") == []
     page.get_by_role("switch", name="Stage changes").uncheck()
     operator.go("Banks")
-    _in_sight(page, page.get_by_role("button", name="Import bank"))
+    _in_sight(page, page.get_by_role("button", name=load_texts("pages/banks")["importBank"]))
 
 
 def _in_sight(page: Page, *buttons: Locator) -> None:
@@ -67,7 +72,7 @@ def test_the_whole_forecast_of_a_step_is_above_what_decides(same_operator: Opera
     skip = page.get_by_role("button", name="Skip tour", exact=True)
     if skip.is_visible():
         skip.click()
-    forecast = page.get_by_role("status", name="Forecast of a 60° step", exact=True)
+    forecast = page.get_by_role("status", name=OPERATE["forecastOfQ"], exact=True)
     expect(forecast).to_have_text(re.compile(r"90 % after \d"))
     told = forecast.bounding_box()
     decides = page.get_by_role("button", name="Revert to saved", exact=True).bounding_box()

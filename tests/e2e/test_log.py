@@ -10,7 +10,10 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
+
+TEXTS = load_texts("pages/log")
 
 
 @pytest.fixture(scope="module")
@@ -55,13 +58,13 @@ def test_what_happened_is_read_searched_noted_and_followed_into_the_recording(op
     for line, entry in zip(lines(page), told, strict=True):
         assert line[0].endswith(f".{datetime.fromisoformat(entry['at']).microsecond // 1000:03d}")
         assert line[2] == shown(entry["text"])
-        assert line[3] == (entry["who"] or "by itself")
+        assert line[3] == (entry["who"] or TEXTS["bySystem"])
         place = "" if entry["run"] is None else f"Run {entry['run']}"
         at = "" if entry["t"] is None else f" at {entry['t']:.3f} s"
         assert line[4].startswith(place + at), entry
     assert {"run", "mode", "references", "trip", "access"} <= {entry["kind"] for entry in told}
 
-    box = page.get_by_role("searchbox", name="Search the log")
+    box = page.get_by_role("searchbox", name=TEXTS["searchLog"])
     box.fill("q_ref")
     expect(row_of(page, "q_ref 15°")).to_be_visible()
     operator.wait(lambda: len(lines(page)) == len(kept(page, "&words=q_ref")))
@@ -70,22 +73,24 @@ def test_what_happened_is_read_searched_noted_and_followed_into_the_recording(op
     operator.wait(lambda: len(lines(page)) == len(kept(page, "&kind=fault&kind=trip&kind=recording")))
     trip = next(entry for entry in kept(page, "&kind=trip") if entry["run"] is not None)
     row = row_of(page, trip["text"])
-    row.get_by_role("button", name=re.compile("^Say something")).click()
-    page.get_by_role("textbox", name="Note of the event").fill("on purpose")
-    page.get_by_role("textbox", name="Tags of the event").fill("drill two words")
-    page.get_by_role("button", name="Keep", exact=True).click()
+    row.get_by_role("button", name=re.compile("^" + re.escape(TEXTS["edit"].split("{")[0]))).click()
+    page.get_by_role("textbox", name=TEXTS["noteOfEvent"]).fill("on purpose")
+    page.get_by_role("textbox", name=TEXTS["tagsOfEvent"]).fill("drill two words")
+    page.get_by_role("button", name=TEXTS["save"], exact=True).click()
     expect(row).to_contain_text("on purpose")
     said = kept(page, "&words=on+purpose")
     assert [(entry["note"], entry["tags"]) for entry in said] == [("on purpose", ["drill", "two", "words"])]
     data = httpx.get(
-        row.get_by_role("link", name="flight record").evaluate("a => a.href"), headers=bearer(operator), timeout=60.0
+        row.get_by_role("link", name=TEXTS["flightRecord"]).evaluate("a => a.href"),
+        headers=bearer(operator),
+        timeout=60.0,
     )
     assert data.status_code == 200
     assert data.text.startswith("#")
 
     row.get_by_role("link", name=re.compile("^Run")).click()
     expect(page.get_by_role("heading", level=1)).to_contain_text(f"Run {trip['run']}")
-    replay = page.get_by_role("status", name="Replay time")
+    replay = page.get_by_role("status", name=load_texts("pages/runs")["replayTime"])
     expect(replay).to_be_visible()
     minutes, seconds = replay.inner_text().split(":")
     assert 60 * int(minutes) + float(seconds) == pytest.approx(trip["t"], abs=0.01)
@@ -93,7 +98,7 @@ def test_what_happened_is_read_searched_noted_and_followed_into_the_recording(op
 
 def shown(text: str) -> str:
     """An order of references in degrees; other texts hold no angle here."""
-    found = re.fullmatch(r"q_ref ([-\d.]+) rad(.*)", text)
+    found = re.fullmatch(r"q_ref ([-\d.]+)\srad(.*)", text)
     return text if found is None else f"q_ref {math.degrees(float(found[1])):.4g}°{found[2]}"
 
 
@@ -107,9 +112,9 @@ def test_what_did_not_happen_is_not_shown(operator: Operator) -> None:
     operator.sign_in()
     operator.go("Log")
     expect(page.get_by_role("table", name="Log")).to_be_visible()
-    expect(page.get_by_role("button", name="Older")).to_be_disabled()  # all there is fits one page
+    expect(page.get_by_role("button", name=TEXTS["older"])).to_be_disabled()  # all there is fits one page
     page.get_by_label("From", exact=True).fill("2001-01-01")
     page.get_by_label("To", exact=True).fill("2001-01-02")
-    expect(page.get_by_text("Nothing like that happened.")).to_be_visible()
-    page.get_by_role("button", name="Clear").click()
+    expect(page.get_by_text(TEXTS["noMatch"])).to_be_visible()
+    page.get_by_role("button", name=TEXTS["clear"]).click()
     expect(page.get_by_role("table", name="Log")).to_be_visible()

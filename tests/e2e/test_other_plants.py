@@ -9,9 +9,12 @@ from playwright.sync_api import expect
 
 from plant.replay import UNITS
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service, running_service
 from tests.exports.written import to_csv
 from tests.plant import example
+
+OPERATE = load_texts("pages/operate")
 
 SAMPLES = 2001
 DURATION_S = 2.0
@@ -48,14 +51,14 @@ def test_a_recording_has_a_player_and_its_end_is_no_alarm(operator: Operator) ->
     page = operator.page
     operator.sign_in()
     expect(page.get_by_role("img", name="Replay", exact=True)).to_have_text("REPLAY")
-    status, position = (page.get_by_role("status", name=name) for name in ("Status", "Position in the recording"))
+    status, position = (page.get_by_role("status", name=name) for name in ("Status", OPERATE["playbackPosition"]))
     expect(status).to_have_text("Replay of samples, 0:02 of 0:02, ended.", timeout=MOTION_TIMEOUT_MS)
     operator.expect_mode("off")
     expect(page.get_by_role("alert", name="Fault")).to_have_count(0)
     expect(page.get_by_role("group", name="Change mode")).to_have_count(0)
 
     player = page.get_by_role("region", name="Player")
-    player.get_by_role("combobox", name="Speed of the player").select_option("0.25")
+    player.get_by_role("combobox", name=OPERATE["playbackSpeed"]).select_option("0.25")
     operator.wait(lambda: operator.state()["player"]["speed"] == 0.25)
     operator.press("Play")
     expect(status).to_contain_text("playing at 0.25×")

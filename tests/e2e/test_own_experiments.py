@@ -17,9 +17,12 @@ from backend.storage.database import open_database
 from plant.parameters import load_parameters
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 from tests.e2e.sharing import bring_to_run, sign_in_at
 from tests.e2e.test_experiments_and_runs import DRY_RUN_TIMEOUT_MS
+
+TEXTS = load_texts("pages/experiments")
 
 OWN = """format: 1
 name: nudges
@@ -49,41 +52,43 @@ def test_it_is_written_refused_kept_tried_and_run(browser: Browser, service: Ser
     operator = Operator(page, service)
     bring_to_run(service)
     sign_in_at(page, service, "experiments")
-    own = page.get_by_role("region", name="Own experiments", exact=True)
+    own = page.get_by_role("region", name=TEXTS["ownExperiments"], exact=True)
     text, said = own.get_by_role("textbox"), own.get_by_role("status", name="Refusal")
-    own.get_by_text("Text", exact=True).click()
-    own.get_by_role("combobox", name="Begin with").select_option("step_battery")
+    own.get_by_text(TEXTS["asText"], exact=True).click()
+    own.get_by_role("combobox", name=TEXTS["startFrom"]).select_option("step_battery")
     expect(text).to_have_value(load_ready_text("step_battery"))
-    own.get_by_role("button", name="Check", exact=True).click()
+    own.get_by_role("button", name=TEXTS["check"], exact=True).click()
     expect(said).to_contain_text("'step_battery' is the name of a ready-made experiment")
 
     text.fill(OWN.replace("lam_q: 0.8", "lam_q: 0.1"))
-    own.get_by_role("button", name="Check", exact=True).click()
+    own.get_by_role("button", name=TEXTS["check"], exact=True).click()
     expect(said).to_contain_text("line 12: phases 2, parts 1: λ_q: 0.1 s is outside")
     marked = text.evaluate("box => box.value.slice(box.selectionStart, box.selectionEnd)")
     assert marked == "      - {do: tuning, lam_q: 0.1}"
 
     text.fill(OWN)
-    own.get_by_role("button", name="Check", exact=True).click()
-    looked_over = (
-        "Nudges under two λ can be run: 4.0 s, 2 parts, 1 change of the tuning, 1 criterion. On the simulator: "
-    )
+    own.get_by_role("button", name=TEXTS["check"], exact=True).click()
+    contents = f"4.0 s, 2 parts, 1 {TEXTS['tuningChangeCount']}, 1 {TEXTS['criterionCount']}"
+    peaks = TEXTS["peaks"].split("{")[0]
+    looked_over = TEXTS["valid"].format(experiment="Nudges under two λ", contents=contents, peaks=peaks)
     expect(said).to_contain_text(looked_over, timeout=DRY_RUN_TIMEOUT_MS)
     predicted = said.inner_text()
-    own.get_by_role("button", name="Keep", exact=True).click()
-    expect(said).to_contain_text("Kept as nudges@1")
+    own.get_by_role("button", name=TEXTS["save"], exact=True).click()
+    expect(said).to_contain_text(TEXTS["saved"].format(name="nudges", version=1))
 
     form = page.get_by_role("form", name="Nudges under two λ", exact=True)
     with page.expect_response(lambda answer: answer.url.endswith("/dry-run"), timeout=DRY_RUN_TIMEOUT_MS) as answered:
-        form.get_by_role("button", name="Dry run", exact=True).click()
+        form.get_by_role("button", name=TEXTS["dryRun"], exact=True).click()
     with ThreadPoolExecutor(1) as beside:  # the browser's interface keeps an event loop running in this thread
         figures = beside.submit(by_command, tmp_path).result()
     assert metrics_of(answered.value) == figures
     volts, low, high = (figures[name] for name in ("peak_voltage_V", "min_tension_N", "max_tension_N"))
-    assert predicted.endswith(f"{volts:#.3g} V at most, tensions {low:#.3g} to {high:#.3g} N.")
+    assert predicted.endswith(TEXTS["peaks"].format(voltage=f"{volts:#.3g}", low=f"{low:#.3g}", high=f"{high:#.3g}"))
 
-    form.get_by_role("button", name="Start nudges under two λ", exact=True).click()
-    result = page.get_by_role("region", name="Result", exact=True)
+    form.get_by_role(
+        "button", name=TEXTS["startExperiment"].format(experiment="nudges under two λ"), exact=True
+    ).click()
+    result = page.get_by_role("region", name=TEXTS["result"], exact=True)
     expect(result).to_contain_text("Nudges under two λ, run", timeout=MOTION_TIMEOUT_MS)
     expect(result).to_contain_text("The criterion passed.", timeout=MOTION_TIMEOUT_MS)
     operator.go("Runs")

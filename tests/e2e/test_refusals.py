@@ -7,7 +7,10 @@ from playwright.sync_api import Browser, Locator, expect
 
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
+
+OPERATE = load_texts("pages/operate")
 
 
 def test_a_file_and_the_time_of_a_trial_are_refused_where_they_were_given(
@@ -17,7 +20,7 @@ def test_a_file_and_the_time_of_a_trial_are_refused_where_they_were_given(
     operator = Operator(page, service)
     operator.sign_in()
     operator.go("Banks")
-    button = page.get_by_role("button", name="Import bank")
+    button = page.get_by_role("button", name=load_texts("pages/banks")["importBank"])
     with page.expect_file_chooser() as chooser:
         button.click()
     file = tmp_path / "bank.json"
@@ -29,7 +32,7 @@ def test_a_file_and_the_time_of_a_trial_are_refused_where_they_were_given(
     operator.take_control()
     page.get_by_role("switch", name="Stage changes").check()
     operator.enter("λ_q value [s]", 0.7)
-    box = page.get_by_role("textbox", name="Length of the trial [s]")
+    box = page.get_by_role("textbox", name=OPERATE["trialDuration"])
     box.fill("0.2")
     page.get_by_role("button", name="Try for").click()
     expect_told_at(box, "how long it stays in force: 0.2 s is less than 1 s; choose 1 s at least")

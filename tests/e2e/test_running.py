@@ -12,8 +12,12 @@ from playwright.sync_api import Browser, ViewportSize, expect
 
 from tests.e2e.layout import document_scrolls_by
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 from tests.e2e.sharing import SharedPage, bring_to_run, shared_page
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
+OPERATE = load_texts("pages/operate")
 
 PHONE = ViewportSize(width=390, height=844)
 
@@ -32,10 +36,10 @@ def operator(shared: SharedPage, request: pytest.FixtureRequest) -> Iterator[Ope
 
 SHOWN = """() => fetch('./api/state').then(answer => answer.json()).then(state => ({
   task: state.task,
-  words: document.querySelector("output[aria-label='What runs now']")?.innerText,
-  left: document.querySelector("output[aria-label='Time left']")?.innerText,
+  words: document.querySelector("output[aria-label='CURRENT_RUN']")?.innerText,
+  left: document.querySelector("output[aria-label='TIME_LEFT']")?.innerText,
   planned: document.querySelector("figure[aria-label='Planned profile'] [role=img]")?.getAttribute("aria-label"),
-}))"""
+}))""".replace("CURRENT_RUN", OPERATE["currentRun"]).replace("TIME_LEFT", OPERATE["timeLeft"])
 """The service's state and what the page says in the same moment."""
 
 
@@ -54,7 +58,7 @@ def test_a_run_is_followed_in_words_and_aborted_softly(operator: Operator) -> No
     operator.fill("Time each stiffness reference is held [s]", 4)
     operator.press("Start tracking of position and stiffness")
     operator.expect_mode("experiment")
-    card = page.get_by_role("region", name="Running now", exact=True)
+    card = page.get_by_role("region", name=OPERATE["running"], exact=True)
     expect(card.get_by_role("figure", name="Joint position")).to_be_visible()
     operator.wait(lambda: page.evaluate(SHOWN)["task"]["part"] is not None)
     expect(card.get_by_role("figure", name="Planned profile")).to_be_visible()
@@ -85,7 +89,7 @@ def test_a_run_is_followed_in_words_and_aborted_softly(operator: Operator) -> No
     assert now == pytest.approx(operator.reading("Joint position", "q_ref"), abs=0.1)
     assert all(max(told) - min(told) < 0.5 for told in ends.values())  # a part ends when it was said to
 
-    card.get_by_role("button", name="Abort softly").click()
+    card.get_by_role("button", name=OPERATE["softAbort"]).click()
     operator.expect_mode("off")
     expect(card).to_be_hidden()
     run = stored(operator, task["run"])
@@ -96,20 +100,20 @@ def test_an_identification_is_followed_paused_between_tensions_and_aborted_softl
     page = operator.page
     bring_to_run(operator.service)
     operator.go("Identify")
-    page.get_by_role("textbox", name="Several tensions in turn [N]").fill("12, 20")
-    operator.fill("Register bits", 6)
-    operator.fill("Settling [s]", 3)
-    operator.press("Start identification")
-    card = page.get_by_role("region", name="Running now", exact=True)
+    page.get_by_role("textbox", name=IDENTIFY_TEXTS["tensionList"]).fill("12, 20")
+    operator.fill(IDENTIFY_TEXTS["bits"], 6)
+    operator.fill(f"{IDENTIFY_TEXTS['settle_s']} [s]", 3)
+    operator.press(IDENTIFY_TEXTS["start"])
+    card = page.get_by_role("region", name=OPERATE["running"], exact=True)
     expect(card.get_by_role("figure", name="Motor voltage")).to_be_visible()
-    card.get_by_role("button", name="Pause after this run", exact=True).click()
-    go_on = card.get_by_role("button", name="Go on", exact=True)
+    card.get_by_role("button", name=OPERATE["pauseAfter"], exact=True).click()
+    go_on = card.get_by_role("button", name=OPERATE["resume"], exact=True)
     expect(go_on).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     expect(card.get_by_role("figure", name="Planned profile")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     seen = followed(operator, until=lambda shown: shown["task"]["part"]["doing"] == "exciting")
     first = seen[0]["task"]["run"]
     expect(go_on).to_be_visible()
-    expect(card.get_by_role("status", name="What runs now")).to_have_text(
+    expect(card.get_by_role("status", name=OPERATE["currentRun"])).to_have_text(
         f"Actuator identification, run {first}, 1 of 2: paused", timeout=MOTION_TIMEOUT_MS
     )
     operator.wait(lambda: bool(operator.state()["pretension_done"]))
@@ -124,10 +128,10 @@ def test_an_identification_is_followed_paused_between_tensions_and_aborted_softl
     seen = followed(operator, until=lambda shown: shown["task"]["part"]["doing"] == "exciting")
     task = seen[-1]["task"]
     assert task["run"] == first + 1
-    assert card.get_by_role("button", name="Pause after this run", exact=True).count() == 0
+    assert card.get_by_role("button", name=OPERATE["pauseAfter"], exact=True).count() == 0
     planned = page.evaluate(f"fetch('./api/runs/{task['run']}/planned').then(answer => answer.json())")
     assert [line["name"] for line in planned["lines"]] == ["theta_A_ref", "theta_B_ref"]
-    card.get_by_role("button", name="Abort softly").click()
+    card.get_by_role("button", name=OPERATE["softAbort"]).click()
     operator.expect_mode("off")
     expect(card).to_be_hidden()
     run = stored(operator, task["run"])
@@ -152,22 +156,25 @@ def test_voltages_of_a_motor_identification_are_drawn_ahead_on_a_phone(operator:
     page.set_viewport_size(PHONE)
     operator.go("Identify")
     page.get_by_text("Motors", exact=True).click()
-    operator.fill("Smallest step [V]", 3)
-    operator.fill("Largest step [V]", 6)
-    operator.fill("Voltages", 2)
-    operator.press("Start identification")
-    card = page.get_by_role("region", name="Running now", exact=True)
+    operator.fill(f"{IDENTIFY_TEXTS['u_low']} [V]", 3)
+    operator.fill(f"{IDENTIFY_TEXTS['u_high']} [V]", 6)
+    operator.fill(IDENTIFY_TEXTS["levels"], 2)
+    operator.press(IDENTIFY_TEXTS["start"])
+    card = page.get_by_role("region", name=OPERATE["running"], exact=True)
     expect(card).to_be_visible()
     seen = followed(operator, until=lambda shown: shown["task"]["part"]["number"] == 2)
     assert {shown["task"]["part"]["of"] for shown in seen} == {4}
     assert seen[-1]["planned"].startswith("u_A from −6.0 to 6.0 V, now ")
     page.get_by_role("main").evaluate("main => main.scrollTo(0, 0)")
-    for what in (card.get_by_role("status", name="What runs now"), card.get_by_role("button", name="Abort softly")):
+    for what in (
+        card.get_by_role("status", name=OPERATE["currentRun"]),
+        card.get_by_role("button", name=OPERATE["softAbort"]),
+    ):
         expect(what).to_be_in_viewport(ratio=1.0)
     expect(page.get_by_role("button", name=re.compile("^STOP"))).to_be_in_viewport()
     assert document_scrolls_by(page) == 0
     assert page.get_by_role("main").evaluate("main => main.scrollWidth <= main.clientWidth")
-    card.get_by_role("button", name="Abort softly").click()
+    card.get_by_role("button", name=OPERATE["softAbort"]).click()
     operator.expect_mode("off")
     expect(card).to_be_hidden()
     assert size is not None

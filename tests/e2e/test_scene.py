@@ -8,8 +8,11 @@ from playwright.sync_api import Browser, Error, Locator, Page, Route, expect
 
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
+from tests.e2e.page_texts import load_texts
 from tests.e2e.relay import relayed
 from tests.e2e.service import Service
+
+RUNS = load_texts("pages/runs")
 
 PICTURE_TIMEOUT_MS = 120_000
 """Long enough for a picture that the processor draws while it is busy with other things."""
@@ -93,14 +96,14 @@ def test_a_run_is_replayed_in_3d(operator: Operator) -> None:
     page = operator.page
     operator.sign_in()
     operator.go("Runs")
-    page.get_by_role("table", name="Runs", exact=True).get_by_role("link").first.click()
-    replay = page.get_by_role("region", name="Replay", exact=True)
+    page.get_by_role("table", name=RUNS["table"], exact=True).get_by_role("link").first.click()
+    replay = page.get_by_role("region", name=RUNS["replay"], exact=True)
     show_in_3d(page)
-    canvas = canvas_of(page, "3D view of the replay")
+    canvas = canvas_of(page, RUNS["replayIn3D"])
     wait_for_a_picture(operator, canvas)
-    position = page.get_by_role("slider", name="Replay position", exact=True)
+    position = page.get_by_role("slider", name=RUNS["replayPosition"], exact=True)
     position.press("Home")
-    expect(replay.get_by_role("status", name="Replay time", exact=True)).to_have_text("0:00.00")
+    expect(replay.get_by_role("status", name=RUNS["replayTime"], exact=True)).to_have_text("0:00.00")
     operator.wait_for_samples(1000)
     before = canvas.screenshot()
     position.press("End")

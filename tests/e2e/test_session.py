@@ -8,7 +8,12 @@ from pypdf import PdfReader
 
 from tests.e2e.forms import pressed
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
+BANKS = load_texts("pages/banks")
+OPERATE = load_texts("pages/operate")
 
 IDENTIFICATION_TIMEOUT_MS = 90_000
 TRACKING_TIMEOUT_MS = 150_000
@@ -57,7 +62,9 @@ def move_lambda(operator: Operator) -> None:
     page = operator.page
     with page.expect_response(lambda answer: answer.request.method == "PUT" and answer.url.endswith("/api/tuning")):
         operator.enter("λ_q value [s]", 0.45)
-    expect(page.get_by_role("group", name="Preview of λ_q", exact=True)).to_contain_text("maximum of the sensitivity")
+    expect(page.get_by_role("group", name=OPERATE["preview"].format(symbol="λ_q"), exact=True)).to_contain_text(
+        OPERATE["sensitivityPeak"]
+    )
     page.reload()
     box = page.get_by_role("textbox", name="λ_q value [s]", exact=True)
     expect(box).to_have_value("0.450", timeout=MOTION_TIMEOUT_MS)
@@ -68,24 +75,24 @@ def identify(operator: Operator) -> str:
     """One short identification at 20 N; returns the name of the run."""
     page = operator.page
     operator.go("Identify")
-    operator.fill("Register bits", 6)
-    prediction = page.get_by_role("status", name="Prediction", exact=True)
+    operator.fill(IDENTIFY_TEXTS["bits"], 6)
+    prediction = page.get_by_role("status", name=IDENTIFY_TEXTS["forecastStatus"], exact=True)
     expect(prediction).to_contain_text("encoder counts", timeout=MOTION_TIMEOUT_MS)
-    operator.press("Start identification")
+    operator.press(IDENTIFY_TEXTS["start"])
     expect(page.get_by_role("progressbar", name="Task progress", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     result = page.get_by_role("region", name="Result", exact=True)
     expect(result).to_contain_text("Gq", timeout=IDENTIFICATION_TIMEOUT_MS)
     expect(result).to_contain_text("GS")
-    link = page.get_by_role("table", name="Identification runs", exact=True).get_by_role("link").first
+    link = page.get_by_role("table", name=IDENTIFY_TEXTS["runs"], exact=True).get_by_role("link").first
     return link.inner_text()
 
 
 def build_and_activate_a_bank(operator: Operator, run: str) -> None:
     page = operator.page
-    page.get_by_role("checkbox", name=f"Use {run.lower()}", exact=True).check()
-    page.get_by_role("textbox", name="Bank name", exact=True).fill("bench")
-    expect(page.get_by_role("button", name="Build bank", exact=True)).to_be_in_viewport(ratio=1)
-    sent, built = pressed(page, page.get_by_role("button", name="Build bank", exact=True), "/api/banks")
+    page.get_by_role("checkbox", name=IDENTIFY_TEXTS["useRun"].format(run=run.split()[-1]), exact=True).check()
+    page.get_by_role("textbox", name=IDENTIFY_TEXTS["bankName"], exact=True).fill("bench")
+    expect(page.get_by_role("button", name=IDENTIFY_TEXTS["buildBank"], exact=True)).to_be_in_viewport(ratio=1)
+    sent, built = pressed(page, page.get_by_role("button", name=IDENTIFY_TEXTS["buildBank"], exact=True), "/api/banks")
     number = int(run.split()[-1])
     assert sent == {"name": "bench", "identifications": [number]}
     found = page.request.get(f"{operator.service.url}/api/identifications/{number}").json()
@@ -95,13 +102,15 @@ def build_and_activate_a_bank(operator: Operator, run: str) -> None:
         model = found[f"G_{channel}"]
         assert (entry[f"K_{channel}"], entry[f"T_{channel}"]) == (model["K"], model["T"])
     expect(page.get_by_role("link", name="bench v1", exact=True)).to_be_visible()
-    operator.press("Activate bench v1")
-    expect(page.get_by_role("region", name="Bank from runs", exact=True)).to_contain_text("It is active")
+    operator.press(IDENTIFY_TEXTS["activateBank"].format(bank="bench v1"))
+    expect(page.get_by_role("region", name=IDENTIFY_TEXTS["bankFromRuns"], exact=True)).to_contain_text(
+        IDENTIFY_TEXTS["bankActive"]
+    )
     operator.go("Banks")
-    row = page.get_by_role("table", name="Banks", exact=True).get_by_role("row").filter(has_text="bench v1")
-    expect(row).to_contain_text("active")
-    entries = page.get_by_role("table", name="Entries", exact=True)
-    expect(entries.get_by_role("link", name="Identification")).to_have_count(1)
+    row = page.get_by_role("table", name=BANKS["table"], exact=True).get_by_role("row").filter(has_text="bench v1")
+    expect(row).to_contain_text(BANKS["activeBank"])
+    entries = page.get_by_role("table", name=BANKS["operatingPoints"], exact=True)
+    expect(entries.get_by_role("link", name=BANKS["identification"].split(" {")[0])).to_have_count(1)
 
 
 def track(operator: Operator) -> None:

@@ -6,7 +6,10 @@ from playwright.sync_api import expect
 
 from tests.api.conftest import client_with
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.sharing import bring_to_run, sign_in_at
+
+RUNS = load_texts("pages/runs")
 
 LEVEL_DEG, STEP_RAD = 5.0, 0.2
 
@@ -37,7 +40,7 @@ def test_it_is_armed_outlasts_a_reload_and_leads_to_the_record_of_its_signal(ope
     expect(row).to_contain_text("−0.2 to 0.3")
     expect(row).to_contain_text("operator")
     row.get_by_role("link").first.click()
-    facts = page.get_by_role("region", name="Trigger", exact=True)
-    expect(facts).to_contain_text("0.200 s before to 0.300 s after, every sample")
-    replay = page.get_by_role("region", name="Replay", exact=True)
-    expect(replay.get_by_role("status", name="Replay time", exact=True)).to_have_text("0:00.00")
+    facts = page.get_by_role("region", name=RUNS["trigger"], exact=True)
+    expect(facts).to_contain_text(RUNS["rangeAround"].replace("{before}", "0.200").replace("{after}", "0.300"))
+    replay = page.get_by_role("region", name=RUNS["replay"], exact=True)
+    expect(replay.get_by_role("status", name=RUNS["replayTime"], exact=True)).to_have_text("0:00.00")

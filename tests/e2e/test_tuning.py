@@ -15,9 +15,13 @@ from plant.parameters import load_parameters
 from tests.api.conftest import client_with, until, until_state
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
+from tests.e2e.page_texts import load_texts
 from tests.e2e.relay import Relay, relayed
 from tests.e2e.service import Service
 from tests.e2e.sharing import SharedPage, bring_to_run, shared_page
+
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
+OPERATE = load_texts("pages/operate")
 
 DISCONNECTIONS = 10
 WINDOW_S = 30
@@ -75,7 +79,7 @@ def put_back(service: Service) -> None:
 
 
 def table(operator: Operator) -> Locator:
-    return operator.page.get_by_role("table", name="Saved, in force and staged", exact=True)
+    return operator.page.get_by_role("table", name=OPERATE["tuningTable"], exact=True)
 
 
 def height_of_changes(operator: Operator) -> float:
@@ -90,7 +94,7 @@ def height_of_changes(operator: Operator) -> float:
 def data_in_sight(operator: Operator) -> tuple[float, float]:
     """Times of the oldest and of the newest sample in sight [s of the loop], as the saved data have them."""
     page = operator.page
-    page.get_by_role("combobox", name="Window", exact=True).select_option(str(WINDOW_S))
+    page.get_by_role("combobox", name=OPERATE["timeWindow"], exact=True).select_option(str(WINDOW_S))
     with page.expect_download() as download:
         page.get_by_role("button", name="Save data", exact=True).click()
     lines = download.value.path().read_text(encoding="utf-8").splitlines()
@@ -152,10 +156,12 @@ def test_a_trial_reverts_although_its_page_is_gone(operator: Operator, browser: 
     page = operator.page
     page.get_by_role("switch", name="Stage changes").check()
     operator.enter("λ_S value [s]", 0.8)
-    page.get_by_role("textbox", name="Length of the trial [s]", exact=True).fill("12")
+    page.get_by_role("textbox", name=OPERATE["trialDuration"], exact=True).fill("12")
     before = height_of_changes(operator)
     page.get_by_role("button", name="Try for", exact=True).click()
-    expect(page.get_by_role("status", name="Trial", exact=True)).to_contain_text("back to 0.500, 0.420 s")
+    expect(page.get_by_role("status", name="Trial", exact=True)).to_contain_text(
+        OPERATE["trialReverts"].partition("{others}")[0].format(lam_q="0.500", lam_S="0.420")
+    )
     assert abs(height_of_changes(operator) - before) < 1.0
     page.close()
     with client_with(service, "token") as script:
@@ -188,8 +194,8 @@ def test_staged_edits_survive_a_reload_and_are_sent_only_when_applied(tuning: Op
 def test_what_decides_stays_under_the_pointer_while_figures_are_computed(tuning: Operator) -> None:
     page, held, asked = tuning.page, list[Route](), set[str]()
     margins = page.get_by_role("status", name="Motor loop")
-    preview = page.get_by_role("group", name="Preview of λ_q", exact=True)
-    expect(preview).to_contain_text("maximum of the sensitivity")
+    preview = page.get_by_role("group", name=OPERATE["preview"].format(symbol="λ_q"), exact=True)
+    expect(preview).to_contain_text(OPERATE["sensitivityPeak"])
     expect(margins).to_contain_text("phase margin")
 
     def hold(route: Route) -> None:
@@ -207,7 +213,7 @@ def test_what_decides_stays_under_the_pointer_while_figures_are_computed(tuning:
     page.route(FIGURES, lambda route: route.continue_())
     for one in held:
         one.continue_()
-    expect(preview).to_contain_text("maximum of the sensitivity")
+    expect(preview).to_contain_text(OPERATE["sensitivityPeak"])
     expect(margins).to_contain_text("phase margin")
     assert switch.bounding_box() == before
     tuning.enter("λ_q value [s]", 0.7)
@@ -232,7 +238,7 @@ def test_the_margins_of_the_motor_loop_stand_where_its_lambda_is_set(tuning: Ope
     expect(page.get_by_role("status", name="Motor loop")).to_contain_text(shown(0.0854))
     tuning.go("Experiments")
     form = page.get_by_role("form").first
-    form.get_by_text("Settings of the loop").click()
+    form.get_by_text(EXPERIMENT_TEXTS["loopSettings"].split(":")[0]).click()
     margins = form.get_by_role("status", name="Motor loop")
     expect(margins).to_contain_text(shown(0.0854))
     form.locator("[name=lam_motor]").fill("0.05")
@@ -256,9 +262,11 @@ def test_the_printed_formula_is_labelled_as_a_comparison(tuning: Operator) -> No
     page = tuning.page
     printed = page.get_by_role("checkbox", name="Compare with the printed formula (E1)")
     printed.check()
-    preview = page.get_by_role("group", name="Preview of λ_q", exact=True)
-    expect(preview).to_contain_text("As printed: unstable", timeout=MOTION_TIMEOUT_MS)
-    forecast = page.get_by_role("status", name="Forecast of a 60° step", exact=True)
+    preview = page.get_by_role("group", name=OPERATE["preview"].format(symbol="λ_q"), exact=True)
+    expect(preview).to_contain_text(
+        OPERATE["asPrinted"].partition(" (")[0].format(value=OPERATE["unstable"]), timeout=MOTION_TIMEOUT_MS
+    )
+    forecast = page.get_by_role("status", name=OPERATE["forecastOfQ"], exact=True)
     expect(forecast).to_contain_text(re.compile(r"peak \d+\.\d of 10 V, tension ≥ \d+\.\d N"))
     printed.uncheck()
 
@@ -275,11 +283,11 @@ def test_a_preview_of_an_earlier_value_is_grey_until_its_own_is_there(
     with client_with(service, "token") as script:
         script.put("/api/tuning", json={"motion": motion, "u_plan": 8.5}).raise_for_status()
     shown_parts = {
-        "loop": page.get_by_role("group", name="Preview of λ_q", exact=True),
-        "step": page.get_by_role("status", name="Forecast of a 60° step", exact=True),
-        "push": page.get_by_role("status", name="Forecast of a push", exact=True),
+        "loop": page.get_by_role("group", name=OPERATE["preview"].format(symbol="λ_q"), exact=True),
+        "step": page.get_by_role("status", name=OPERATE["forecastOfQ"], exact=True),
+        "push": page.get_by_role("status", name=OPERATE["pushForecast"], exact=True),
     }
-    trajectory = " on its trajectory" if motion == "time-optimal" else ""
+    trajectory = OPERATE["timeOptimalStep"] if motion == "time-optimal" else ""
     expect(shown_parts["step"]).to_contain_text(f"N·m/rad{trajectory}: 90 %", timeout=MOTION_TIMEOUT_MS)
     for part in shown_parts.values():
         expect(part).to_have_attribute("aria-busy", "false")

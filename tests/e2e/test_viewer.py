@@ -7,17 +7,25 @@ from playwright.sync_api import Browser, Page, Response, expect
 from tests.e2e.browser import DESKTOP
 from tests.e2e.layout import survey
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
+STUDY_TEXTS = load_texts("pages/studies")
+BANKS = load_texts("pages/banks")
+RUNS = load_texts("pages/runs")
+OPERATE = load_texts("pages/operate")
 
 PAGES = ("operate", "bring-up", "identify", "banks", "experiments", "runs", "system", "system/developer")
 SEEN = {
-    "operate": "In force|in force",
+    "operate": f"{OPERATE['activeValues']}|{OPERATE['active']}",
     "bring-up": "A rig is brought up",
-    "identify": "Register bits|You are signed in as a viewer",
-    "banks": "In force: λ_q",
-    "experiments": "Settings of the loop: λ_q",
-    "studies": "No study yet|Study",
-    "runs": "Nothing recorded yet|session",
+    "identify": f"{IDENTIFY_TEXTS['bits']}|{re.escape(IDENTIFY_TEXTS['forOperators'])}",
+    "banks": BANKS["active"].replace("{tuning}", "λ_q"),
+    "experiments": EXPERIMENT_TEXTS["loopSettings"].format(tuning="λ_q"),
+    "studies": f"{STUDY_TEXTS['noStudies']}|{STUDY_TEXTS['study']}",
+    "runs": f"{RUNS['noRuns']}|session",
     "log": "What happened",
     "system": r"sqlite, .* MB",
     "system/developer": "force_limit",
@@ -27,7 +35,7 @@ SEEN = {
 WORDS = "buttons => buttons.map(one => one.getAttribute('aria-label') || one.innerText)"
 COMMANDING = (
     "Pretension|Run|Compliance|Soft stop|Off|Reset|Start .*|Add to queue|Start queue|"
-    "Pause after this run|Activate .*|Import.*"
+    f"Pause after this run|{BANKS['activate']} .*|Import.*"
     "|Back up now|Check the database|Mend everything|Inject .*|Save note|Build .*|Apply|Save|Take control"
 )
 

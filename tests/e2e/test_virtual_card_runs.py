@@ -16,8 +16,12 @@ from backend.models.settings import build_plan
 from plant.interface import SIMULATOR
 from tests.e2e.forms import REPORT_TIMEOUT_MS, fill, pressed
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service, running_service
 from tests.execution.test_simulation import ALIKE, PARAMETERS, figures, performed
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
 
 RUN_TIMEOUT_MS = 180_000
 """Ten times what the longest of these takes by the loop's own time."""
@@ -80,7 +84,7 @@ def experimented(operator: Operator, name: str, settings: Mapping[str, float | s
     """Order an experiment, wait for its end, read verdict and figures on the page; return its run."""
     page, title = operator.page, experiments_by_name()[name].title
     operator.go("Experiments")
-    page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option(name)
+    page.get_by_role("combobox", name=EXPERIMENT_TEXTS["kindOfExperiment"], exact=True).select_option(name)
     fill(page.get_by_role("form", name=title, exact=True), settings)
     run = started(operator, f"Start {title.lower()}", "/api/experiments")
     result = page.get_by_role("region", name="Result", exact=True)
@@ -99,23 +103,25 @@ def identified(operator: Operator, name: str, settings: Mapping[str, float | str
     """Order an identification, wait for its end, read verdict and estimates on the page; return its run."""
     page = operator.page
     operator.go("Identify")
-    page.get_by_role("radiogroup", name="What to identify").get_by_text(IDENTIFICATIONS[name].title).click()
-    form = page.get_by_role("form", name="New identification", exact=True)
+    page.get_by_role("radiogroup", name=IDENTIFY_TEXTS["kind"]).get_by_text(IDENTIFICATIONS[name].title).click()
+    form = page.get_by_role("form", name=IDENTIFY_TEXTS["newIdentification"], exact=True)
     expect(form.locator(f"[name={next(iter(settings))}]")).to_be_visible()
     fill(form, settings)
-    run = started(operator, "Start identification", "/api/identifications")
-    result = page.get_by_role("region", name="Result", exact=True)
-    expect(result).to_contain_text(f"Run {run}", timeout=RUN_TIMEOUT_MS)
+    run = started(operator, IDENTIFY_TEXTS["start"], "/api/identifications")
+    result = page.get_by_role("region", name=IDENTIFY_TEXTS["result"], exact=True)
+    expect(result).to_contain_text(IDENTIFY_TEXTS["runLink"].format(run=run), timeout=RUN_TIMEOUT_MS)
     expect(result.get_by_role("table").first).to_be_visible(timeout=RUN_TIMEOUT_MS)
     told = get(operator, f"/api/identifications/{run}")
     assert told["usable"], told["message"]
     expect(result).to_contain_text(told["message"])
     for motor in told["motors"]:
-        estimates = result.get_by_role("table", name=f"Estimates of motor {motor['side']}", exact=True)
+        title = IDENTIFY_TEXTS["estimatesOf"].format(side=motor["side"])
+        estimates = result.get_by_role("table", name=title, exact=True)
         expect(estimates).to_contain_text(f"{motor['fitted']['K_m']:#.4g}")
     for spring in told["springs"]:
-        polynomials = result.get_by_role("table", name=f"Polynomials of Spring {spring['name']}", exact=True)
-        expect(polynomials).to_contain_text(f"{spring['recommended']}, use this")
+        title = IDENTIFY_TEXTS["polynomialsOf"].format(title=IDENTIFY_TEXTS["spring"].format(name=spring["name"]))
+        polynomials = result.get_by_role("table", name=title, exact=True)
+        expect(polynomials).to_contain_text(IDENTIFY_TEXTS["recommended"].format(order=spring["recommended"]))
     return run
 
 

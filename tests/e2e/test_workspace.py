@@ -12,6 +12,9 @@ from pypdf import PdfReader
 
 from plant.interface import T_s
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
+from tests.e2e.page_texts import load_texts
+
+RUNS = load_texts("pages/runs")
 
 DEGREES = 180.0 / math.pi
 AT_S = 2.5
@@ -160,7 +163,7 @@ def test_a_replay_has_the_same_layout_and_reads_what_was_recorded(laid_out: Oper
     expect(chart).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     chart.press("Home")  # all of it in sight, however long it became
     assert panels(page) == ["Joint position", "Joint stiffness", "q - q_ref", "Joint stiffness 2"]
-    expect(page.get_by_role("status", name="Resolution", exact=True)).not_to_have_text("loading")
+    expect(page.get_by_role("status", name=RUNS["resolution"], exact=True)).not_to_have_text(RUNS["loading"])
 
     raw = every_sample(laid_out, run, length, "q", "q_ref", "q - q_ref", "S", "lam_q", "lam_S")
     for q, q_ref, error in zip(raw["q"], raw["q_ref"], raw["q - q_ref"], strict=True):
@@ -168,7 +171,7 @@ def test_a_replay_has_the_same_layout_and_reads_what_was_recorded(laid_out: Oper
         assert error is None or error == pytest.approx(q - q_ref, abs=1e-6)
 
     page.mouse.move(5, 5)
-    at = page.get_by_role("slider", name="Replay position").get_attribute("aria-valuenow")
+    at = page.get_by_role("slider", name=RUNS["replayPosition"]).get_attribute("aria-valuenow")
     assert float(str(at)) == pytest.approx(AT_S)
     for name, digits in (("q", 2), ("q - q_ref", 3)):
         laid_out.wait(partial(reads, page, name, raw[name][round(AT_S / T_s)] * DEGREES, digits))

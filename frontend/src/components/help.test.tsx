@@ -23,7 +23,7 @@ function box() {
   render(
     <MantineProvider>
       <ValueBox
-        label="Stiffness of the wall [N/m]"
+        label="Wall stiffness [N/m]"
         unit="N/m"
         value={20000}
         decimals={0}

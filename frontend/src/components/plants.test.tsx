@@ -16,6 +16,7 @@ import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
 import { DisturbanceCard } from "../pages/operate/DisturbanceCard";
 import { ModeCard } from "../pages/operate/ModeCard";
+import { TEXTS as OPERATE } from "../pages/operate/texts";
 import { WallCard } from "../pages/operate/WallCard";
 import DeveloperPage from "../pages/system/DeveloperPage";
 import type { PlantView, State } from "../wire/types";
@@ -122,12 +123,12 @@ it.each([
 
 it.each(KINDS)("offers a push by command where the joint is simulated: %s", (kind) => {
   open(<DisturbanceCard />, kind);
-  expect(screen.queryByText("simulated plants only") !== null).toBe(PLANTS[kind].simulated);
+  expect(screen.queryByText(OPERATE.simulatedOnly) !== null).toBe(PLANTS[kind].simulated);
 });
 
 it.each(KINDS)("offers a wall where the joint is simulated: %s", (kind) => {
   open(<WallCard />, kind);
-  expect(screen.queryByRole("button", { name: "Put up" }) !== null).toBe(PLANTS[kind].simulated);
+  expect(screen.queryByRole("button", { name: OPERATE.addWall }) !== null).toBe(PLANTS[kind].simulated);
 });
 
 it("breaks a fault's cause and a part of the card by the same button", async () => {

@@ -11,8 +11,10 @@ import { LiveStore } from "../live/store";
 import type { BringUpStep, LogEntry, Run, State, Tuning } from "../wire/types";
 import { StepCard } from "./bringUp/StepCard";
 import { RemarkForm } from "./log/LogRows";
+import { TEXTS as LOG } from "./log/texts";
 import { ContactCard } from "./operate/ContactCard";
 import { TuningChanges } from "./operate/TuningCard";
+import { TEXTS as OPERATE } from "./operate/texts";
 import { TUNING } from "./refusals.fixture";
 import { NoteCard } from "./runs/RunDetail";
 import { TriggerCard } from "./system/TriggerCard";
@@ -81,12 +83,8 @@ const BOXES: [string, ReactNode, string][] = [
   ["Note", <NoteCard key="note" run={RUN} />, "typed"],
   ["Note of the event", <RemarkForm key="remark" entry={ENTRY} onDone={onDone} />, "typed"],
   ["Tags of the event", <RemarkForm key="tags" entry={ENTRY} onDone={onDone} />, "typed words"],
-  ["Gives way from [N]", <ContactCard key="touch" />, "3.5"],
-  [
-    "Length of the trial [s]",
-    <TuningChanges key="trial" tuning={tuning} staged={STAGING} locked={null} />,
-    "7",
-  ],
+  [OPERATE.threshold, <ContactCard key="touch" />, "3.5"],
+  [OPERATE.trialDuration, <TuningChanges key="trial" tuning={tuning} staged={STAGING} locked={null} />, "7"],
   ["Before [s]", <TriggerCard key="trigger" />, "2.5"],
   ["Tension [N]", <StepCard key="step" step={STEP} number={1} open />, "25"],
   ["Expression (signals in SI)", <FormulaEditor key="formula" />, "F_A + F_B"],
@@ -114,7 +112,7 @@ it("marks a note that is not saved, and discards it on demand", async () => {
 it("forgets a remark that is left on purpose", async () => {
   open(<RemarkForm entry={ENTRY} onDone={onDone} />);
   fireEvent.change(await box("Note of the event"), { target: { value: "typed" } });
-  fireEvent.click(screen.getByRole("button", { name: "Leave" }));
+  fireEvent.click(screen.getByRole("button", { name: LOG.cancel }));
   await waitFor(() => expect(onDone).toHaveBeenCalled());
   cleanup();
   open(<RemarkForm entry={ENTRY} onDone={onDone} />);

@@ -24,15 +24,19 @@ const fetched = vi.hoisted(() => {
 import { NameQuestion } from "../components/NameQuestion";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
+import { fillText } from "../samples/texts";
 import { useDryRun } from "../service/api/experiments";
 import type { Run, Tuning } from "../wire/types";
 import { BankImport } from "./banks/BanksPage";
 import { ExperimentForm } from "./experiments/ExperimentForm";
+import { TEXTS as EXPERIMENT_TEXTS } from "./experiments/texts";
 import { IdentificationForm } from "./identify/IdentificationForm";
 import { BankBuilder } from "./identify/IdentificationList";
 import { SpringTableForm } from "./identify/SpringResult";
+import { TEXTS as IDENTIFY } from "./identify/texts";
 import { DisturbanceCard } from "./operate/DisturbanceCard";
 import { TuningChanges } from "./operate/TuningCard";
+import { TEXTS as OPERATE } from "./operate/texts";
 import { WallCard } from "./operate/WallCard";
 import { KINDS, STATE, TRACKING, TUNING } from "./refusals.fixture";
 import { NoteCard } from "./runs/RunDetail";
@@ -116,43 +120,50 @@ it.each<Case>([
   [
     "length of a trial",
     <TuningChanges key="" tuning={TUNING as unknown as Tuning} staged={STAGED} locked={null} />,
-    [press("Try for")],
+    [press(OPERATE.tryFor)],
     "/api/tuning/trial",
     ["duration_s"],
-    field("Length of the trial [s]"),
+    field(OPERATE.trialDuration),
   ],
-  ["push", <DisturbanceCard key="" />, [press("Push")], "/api/push", ["F_push"], field("Push [N]")],
+  [
+    "push",
+    <DisturbanceCard key="" />,
+    [press(OPERATE.applyPush)],
+    "/api/push",
+    ["F_push"],
+    field(OPERATE.pushForce),
+  ],
   [
     "angle of a wall",
     <WallCard key="" />,
-    [press("Put up")],
+    [press(OPERATE.addWall)],
     "/api/wall",
     ["wall", "q_wall"],
-    field("Wall at [°]"),
+    field(fillText(OPERATE.wallAngle, { unit: "°" })),
   ],
   [
     "stiffness of a wall",
     <WallCard key="" />,
-    [press("Put up")],
+    [press(OPERATE.addWall)],
     "/api/wall",
     ["wall", "k_wall"],
-    field("Stiffness of the wall [N/m]"),
+    field(OPERATE.wallStiffness),
   ],
   [
     "damping of a wall",
     <WallCard key="" />,
-    [press("Put up")],
+    [press(OPERATE.addWall)],
     "/api/wall",
     ["wall", "c_wall"],
-    field("Damping of the wall [s/m]"),
+    field(OPERATE.wallDamping),
   ],
   [
     "time of a push",
     <DisturbanceCard key="" />,
-    [press("Push")],
+    [press(OPERATE.applyPush)],
     "/api/push",
     ["duration_s"],
-    field("Push for [s]"),
+    field(OPERATE.pushDuration),
   ],
   [
     "file of a bank",
@@ -177,7 +188,7 @@ it.each<Case>([
     [choose("x,F")],
     "/api/spring-tables",
     undefined,
-    () => screen.getByRole("button", { name: /table measured elsewhere/ }),
+    () => screen.getByRole("button", { name: (name) => name.includes(IDENTIFY.tableFile) }),
   ],
   [
     "decimal mark of a table",
@@ -185,28 +196,28 @@ it.each<Case>([
     [choose("x;F")],
     "/api/spring-tables",
     ["decimal"],
-    field("Decimal mark of the table"),
+    field(IDENTIFY.decimalMark),
   ],
   [
     "heading of a table",
     <SpringTableForm key="" onTable={nothing} />,
-    [type("Line that names the columns", "3"), choose("x;F")],
+    [type(IDENTIFY.headingLine, "3"), choose("x;F")],
     "/api/spring-tables",
     ["header"],
-    field("Line that names the columns"),
+    field(IDENTIFY.headingLine),
   ],
   [
     "one of several tensions",
     identification,
-    [type("Several tensions in turn [N]", "10, 90"), press("Start identification")],
+    [type(IDENTIFY.tensionList, "10, 90"), press(IDENTIFY.start)],
     "/api/identifications",
     ["tensions_N", 1],
-    field("Several tensions in turn [N]"),
+    field(IDENTIFY.tensionList),
   ],
   [
     "choice of an identification",
     identification,
-    [press("Start identification")],
+    [press(IDENTIFY.start)],
     "/api/identifications",
     ["actuator", "estimator"],
     field("Estimator"),
@@ -226,7 +237,7 @@ it.each<Case>([
     [press("Start tracking")],
     "/api/experiments",
     ["bank"],
-    field("Models that the gains come from"),
+    field(EXPERIMENT_TEXTS.gainSource),
   ],
   [
     "name of a person",
@@ -239,10 +250,10 @@ it.each<Case>([
   [
     "name of a bank",
     <BankBuilder key="" chosen={new Set([1])} onBuilt={nothing} />,
-    [type("Bank name", "lab"), press("Build bank")],
+    [type(IDENTIFY.bankName, "lab"), press(IDENTIFY.buildBank)],
     "/api/banks",
     ["name"],
-    field("Bank name"),
+    field(IDENTIFY.bankName),
   ],
 ])("tells a refused %s there", async (_kind, page, steps, path, place, meant) => {
   refusal = { path, place };
@@ -264,8 +275,8 @@ it.each([
 ])("finds at the field itself that %j are no tensions", async (text, why) => {
   refusal = { path: "" };
   open(identification);
-  await type("Several tensions in turn [N]", text)();
-  const box = screen.getByLabelText("Several tensions in turn [N]");
+  await type(IDENTIFY.tensionList, text)();
+  const box = screen.getByLabelText(IDENTIFY.tensionList);
   expect(box.getAttribute("aria-invalid")).toBe("true");
   const described = box.getAttribute("aria-describedby")?.split(" ") ?? [];
   expect(described.map((id) => document.getElementById(id)?.textContent).join()).toContain(why);
@@ -274,7 +285,7 @@ it.each([
 it("says in words which box of an identification holds no number", async () => {
   refusal = { path: "" };
   open(identification);
-  await type("Tension [N]", "much")();
+  await type(IDENTIFY.tension, "much")();
   const said = screen.getByRole("status", { name: "Refusal" }).textContent;
   expect(said).toBe("Tension: “much” is not a number.");
 });
@@ -282,9 +293,9 @@ it("says in words which box of an identification holds no number", async () => {
 it("does not take the typing away to what a forecast blames", async () => {
   refusal = { path: "/api/identifications/prediction", place: ["actuator", "estimator"] };
   open(identification);
-  const box = await screen.findByLabelText("Tension [N]");
+  const box = await screen.findByLabelText(IDENTIFY.tension);
   act(() => box.focus());
-  await type("Tension [N]", "44")();
+  await type(IDENTIFY.tension, "44")();
   await waitFor(() => expect(field("Estimator")().getAttribute("aria-invalid")).toBe("true"));
   expect(document.activeElement).toBe(box);
   expect(screen.getAllByText(SENTENCE)).toHaveLength(1);
@@ -293,13 +304,13 @@ it("does not take the typing away to what a forecast blames", async () => {
 it("says how long a trial may not be where it is no number", async () => {
   refusal = { path: "" };
   open(<TuningChanges tuning={TUNING as unknown as Tuning} staged={STAGED} locked={null} />);
-  await type("Length of the trial [s]", "ten")();
-  const box = screen.getByLabelText("Length of the trial [s]");
+  await type(OPERATE.trialDuration, "ten")();
+  const box = screen.getByLabelText(OPERATE.trialDuration);
   expect(box.getAttribute("aria-invalid")).toBe("true");
   const described = box.getAttribute("aria-describedby")?.split(" ") ?? [];
   expect(described.map((id) => document.getElementById(id)?.textContent).join()).toContain(
     "“ten” is not a number",
   );
-  await act(async () => fireEvent.click(screen.getByRole("button", { name: "Try for" })));
+  await act(async () => fireEvent.click(screen.getByRole("button", { name: OPERATE.tryFor })));
   expect(fetched.mock.calls.filter(([{ url }]) => url.endsWith("/trial"))).toEqual([]);
 });

@@ -8,9 +8,14 @@ from tests.e2e.browser import DESKTOP
 from tests.e2e.looks.later import look_back, trip, watch
 from tests.e2e.looks.pages import Look, settled, to_the_top, visit
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 from tests.e2e.test_experiments_and_runs import DRY_RUN_TIMEOUT_MS
 from tests.e2e.test_session import IDENTIFICATION_TIMEOUT_MS, build_and_activate_a_bank
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
+OPERATE = load_texts("pages/operate")
 
 STUDY = """format: 1
 name: small
@@ -95,12 +100,12 @@ def identification(operator: Operator, look: Look) -> str:
     """Identify at 20 N, and return the name of the run."""
     page = operator.page
     visit(operator, "identify")
-    operator.fill("Register bits", 6)
-    prediction = page.get_by_role("status", name="Prediction", exact=True)
+    operator.fill(IDENTIFY_TEXTS["bits"], 6)
+    prediction = page.get_by_role("status", name=IDENTIFY_TEXTS["forecastStatus"], exact=True)
     expect(prediction).to_contain_text("encoder counts", timeout=MOTION_TIMEOUT_MS)
     look(page, "identify-ready")
-    operator.press("Start identification")
-    expect(page.get_by_role("region", name="Running now", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    operator.press(IDENTIFY_TEXTS["start"])
+    expect(page.get_by_role("region", name=OPERATE["running"], exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     to_the_top(page)
     look(page, "identify-running")
     visit(operator, "operate")
@@ -111,7 +116,7 @@ def identification(operator: Operator, look: Look) -> str:
     settled(page)
     to_the_top(page)
     look(page, "identify-result")
-    return page.get_by_role("table", name="Identification runs", exact=True).get_by_role("link").first.inner_text()
+    return page.get_by_role("table", name=IDENTIFY_TEXTS["runs"], exact=True).get_by_role("link").first.inner_text()
 
 
 def bank(operator: Operator, run: str, look: Look) -> None:
@@ -129,11 +134,11 @@ def experiment(operator: Operator, look: Look) -> None:
     operator.fill("Time each stiffness reference is held [s]", 6)
     form = page.get_by_role("form", name="Tracking of position and stiffness", exact=True)
     with page.expect_response(lambda answer: answer.url.endswith("/dry-run"), timeout=DRY_RUN_TIMEOUT_MS):
-        form.get_by_role("button", name="Dry run", exact=True).click()
+        form.get_by_role("button", name=EXPERIMENT_TEXTS["dryRun"], exact=True).click()
     settled(page)
-    page.get_by_role("region", name="Dry run", exact=True).scroll_into_view_if_needed()
+    page.get_by_role("region", name=EXPERIMENT_TEXTS["dryRun"], exact=True).scroll_into_view_if_needed()
     look(page, "experiments-dry-run")
-    form.get_by_role("button", name="Add to queue", exact=True).click()
+    form.get_by_role("button", name=EXPERIMENT_TEXTS["addToQueue"], exact=True).click()
     operator.press("Start tracking of position and stiffness")
     operator.expect_mode("experiment")
     expect(page.get_by_role("figure", name="Planned profile")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
@@ -146,12 +151,12 @@ def experiment(operator: Operator, look: Look) -> None:
     settled(page)
     to_the_top(page)
     look(page, "experiments-result")
-    operator.press("Start queue")
+    operator.press(EXPERIMENT_TEXTS["startQueue"])
     operator.wait(lambda: len(ended_of(operator, "tracking")) == 2)
-    own = page.get_by_role("region", name="Own experiments", exact=True)
-    own.get_by_role("combobox", name="Begin with").select_option("sample sequence")
-    expect(own.get_by_role("region", name="Preview", exact=True)).to_contain_text(
-        "can be run:", timeout=DRY_RUN_TIMEOUT_MS
+    own = page.get_by_role("region", name=EXPERIMENT_TEXTS["ownExperiments"], exact=True)
+    own.get_by_role("combobox", name=EXPERIMENT_TEXTS["startFrom"]).select_option("sample sequence")
+    expect(own.get_by_role("region", name=EXPERIMENT_TEXTS["preview"], exact=True)).to_contain_text(
+        EXPERIMENT_TEXTS["valid"].split("}")[1].split("{")[0].strip(), timeout=DRY_RUN_TIMEOUT_MS
     )
     own.scroll_into_view_if_needed()
     look(page, "experiments-composed")
@@ -179,9 +184,11 @@ def following(operator: Operator, look: Look) -> None:
     page.get_by_role("button", name="Statistics").click()
     page.get_by_role("switch", name="Stage changes").check()
     operator.enter("λ_q value [s]", 0.45)
-    expect(page.get_by_role("group", name="Preview of λ_q", exact=True)).to_contain_text("maximum of the sensitivity")
+    expect(page.get_by_role("group", name=OPERATE["preview"].format(symbol="λ_q"), exact=True)).to_contain_text(
+        OPERATE["sensitivityPeak"]
+    )
     look(page, "operate-staged")
-    page.get_by_role("region", name="Changes of the tuning").get_by_role("button", name="Discard", exact=True).click()
+    page.get_by_role("region", name=OPERATE["tuningChanges"]).get_by_role("button", name="Discard", exact=True).click()
     page.get_by_role("switch", name="Stage changes").uncheck()
     page.get_by_role("button", name="Statistics").click()
 

@@ -7,8 +7,11 @@ from playwright.sync_api import Browser, expect
 
 from tests.e2e.looks.pages import Look, settled, visit
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 from tests.e2e.test_viewer import signed_in_as_viewer
+
+STUDY_TEXTS = load_texts("pages/studies")
 
 
 def look_back(operator: Operator, look: Look) -> None:
@@ -24,10 +27,12 @@ def look_back(operator: Operator, look: Look) -> None:
     ):
         visit(operator, address)
         if name == "runs-compared":  # below what the first of them came to
-            page.get_by_role("region", name="Curves", exact=True).evaluate("card => card.scrollIntoView()")
+            page.get_by_role("region", name=load_texts("pages/runs")["curves"], exact=True).evaluate(
+                "card => card.scrollIntoView()"
+            )
         look(page, name)
     visit(operator, "studies")
-    page.get_by_role("table", name="Studies", exact=True).get_by_role("link").first.click()
+    page.get_by_role("table", name=STUDY_TEXTS["title"], exact=True).get_by_role("link").first.click()
     maps = page.get_by_role("region", name="Maps", exact=True)
     expect(maps.get_by_role("figure").first).to_be_visible()
     settled(page)
@@ -49,7 +54,7 @@ def trip(operator: Operator, look: Look) -> None:
         visit(operator, name)
         look(page, f"{name}-tripped")
     record.click()
-    expect(page.get_by_role("region", name="Trip", exact=True)).to_be_visible()
+    expect(page.get_by_role("region", name=load_texts("pages/runs")["trip"], exact=True)).to_be_visible()
     settled(page)
     look(page, "flight")
 

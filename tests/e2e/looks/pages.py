@@ -9,7 +9,7 @@ from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 Look = Callable[[Page, str], None]
 """What is done with a page as it is now, whose page and state have this name; the page is left as it was found."""
 
-WAITING = ("Loading …", "Comparing …", "Predicting …", "Drawing …")
+WAITING = ("Loading …", "Loading…", "Comparing …", "Comparing…", "Predicting …", "Predicting…", "Drawing …")
 
 
 def visit(operator: Operator, address: str) -> None:

@@ -8,14 +8,17 @@ from dataclasses import dataclass, field
 from playwright.sync_api import Locator, Page
 
 from backend.models.run import MOTIONS
+from tests.e2e.page_texts import load_texts
 from tests.e2e.truth.drafts import Typed
 from tests.e2e.truth.moment import Around, State
 from tests.e2e.truth.shown import Shown
 
+OPERATE = load_texts("pages/operate")
+
 Value = frozenset({409, 422})
 """Refused for what was asked: it cannot be reached, or the joint is not at rest, which no state tells beforehand."""
 Never: frozenset[int] = frozenset()
-VOLTAGE_LIMIT = "Voltage limit of time-optimal motion [V]"
+VOLTAGE_LIMIT = OPERATE["voltageLimitBox"]
 
 
 @dataclass
@@ -140,8 +143,8 @@ def switching(name: str, weight: float, refused: frozenset[int] = Never) -> Deed
 def _wall(scene: Scene) -> None:
     side = scene.chance.choice(("above", "below"))
     scene.say(f"wall {side}")
-    scene.page.get_by_role("combobox", name="Side of the wall").select_option(side)
-    scene.press("Put up")
+    scene.page.get_by_role("combobox", name=OPERATE["wallSide"]).select_option(side)
+    scene.press(OPERATE["addWall"])
 
 
 def _choose_motion(scene: Scene) -> None:
@@ -180,19 +183,19 @@ ON_OPERATE = (
         lambda s: s["tuning"]["u_plan_max"] - 0.05,
         1,
     ),
-    switching("Reject pushes", 2),
-    typing("Share of pushes that is fed forward", 1, lambda _s: 0.1, lambda _s: 0.9, 2),
+    switching(OPERATE["rejection"], 2),
+    typing(OPERATE["rejectionGain"], 1, lambda _s: 0.1, lambda _s: 0.9, 2),
     switching("Stage changes", 1),
     *(pressing(name, "operate", 2, Value) for name in ("Apply", "Try for", "Revert to saved")),
     *(pressing(name, "operate", 1) for name in ("Save", "Undo change", "Redo change", "Keep", "Revert now", "Discard")),
     pressing("Push", "operate", 2),
-    pressing("Let go", "operate", 0.5),
-    Deed("Put up", "operate", 1, lambda scene: scene.shown.offers("Put up"), _wall, Value),
-    pressing("Take away", "operate", 0.7),
-    pressing("Learn here", "operate", 2, Value),
-    pressing("Learn over S", "operate", 0.5, Value),
-    pressing("Stop learning", "operate", 1),
-    pressing("Give way", "operate", 0.7, Value),
-    pressing("Hold on", "operate", 2),
-    pressing("Forget", "operate", 0.3),
+    pressing(OPERATE["release"], "operate", 0.5),
+    Deed("wall", "operate", 1, lambda scene: scene.shown.offers(OPERATE["addWall"]), _wall, Value),
+    pressing(OPERATE["removeWall"], "operate", 0.7),
+    pressing(OPERATE["calibrate"], "operate", 2, Value),
+    pressing(OPERATE["calibrateOverS"], "operate", 0.5, Value),
+    pressing(OPERATE["stopCalibration"], "operate", 1),
+    pressing(OPERATE["enableReaction"], "operate", 0.7, Value),
+    pressing(OPERATE["disableReaction"], "operate", 2),
+    pressing(OPERATE["clearBias"], "operate", 0.3),
 )

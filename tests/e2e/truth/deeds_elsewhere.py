@@ -3,10 +3,13 @@
 from collections.abc import Callable
 
 from backend.models.run import MOTIONS
+from tests.e2e.page_texts import load_texts
 from tests.e2e.truth.deeds import Deed, Scene, Value, pressing
 from tests.e2e.truth.drafts import TRACKING
 from tests.e2e.truth.legality import may_retune
 from tests.e2e.truth.moment import DRY_RUN
+
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
 
 WAYS = ("Operate", "Identify", "Banks", "Experiments", "Studies", "Runs", "Log", "System")
 ADDRESSES = ("docs", "docs/first-hour", "glossary", "system/developer", "bring-up", "runs/metrics")
@@ -17,6 +20,13 @@ BUSY = frozenset({429})
 
 DRY_RUN_TIMEOUT_MS = 600_000
 """The first dry run of a service starts the process that plays it."""
+
+TEXTS = load_texts("pages/log")
+IDENTIFY_TEXTS = load_texts("pages/identify")
+UNDO_VERSION = IDENTIFY_TEXTS["undo"].split("{")[0]
+BANKS = load_texts("pages/banks")
+ACTIVATE = BANKS["activateBank"].split("{")[0]
+OPERATE = load_texts("pages/operate")
 
 
 def always(_scene: Scene) -> bool:
@@ -29,7 +39,10 @@ def _fill(scene: Scene, form: str, values: dict[str, str]) -> None:
 
 
 def _offers_queue(scene: Scene) -> bool:
-    return scene.shown.offers("Add to queue") and len(scene.shown.all["lists"].get("Queue", [])) < 3
+    return (
+        scene.shown.offers(EXPERIMENT_TEXTS["addToQueue"])
+        and len(scene.shown.all["lists"].get(EXPERIMENT_TEXTS["queue"], [])) < 3
+    )
 
 
 def _short(scene: Scene) -> None:
@@ -66,7 +79,7 @@ def _dry_run(scene: Scene) -> None:
     _short(scene)
     _set_loop(scene)
     with scene.page.expect_response(f"**{DRY_RUN}", timeout=DRY_RUN_TIMEOUT_MS):
-        scene.press("Dry run")
+        scene.press(EXPERIMENT_TEXTS["dryRun"])
 
 
 def _retune_by_script(scene: Scene) -> None:
@@ -89,7 +102,7 @@ def _nobody_tunes(scene: Scene) -> bool:
 
 
 def _undo_version(scene: Scene) -> None:
-    scene.press(next(one.name for one in scene.shown.buttons if one.name.startswith("Undo version")))
+    scene.press(next(one.name for one in scene.shown.buttons if one.name.startswith(UNDO_VERSION)))
 
 
 def _experiment(scene: Scene) -> None:
@@ -102,7 +115,7 @@ def _experiment(scene: Scene) -> None:
 def _queue(scene: Scene) -> None:
     _short(scene)
     _set_loop(scene)
-    scene.press("Add to queue")
+    scene.press(EXPERIMENT_TEXTS["addToQueue"])
 
 
 def _unqueue(scene: Scene) -> None:
@@ -112,21 +125,21 @@ def _unqueue(scene: Scene) -> None:
 
 def _motors(scene: Scene) -> None:
     scene.say("motors, two short steps")
-    scene.main.get_by_role("radiogroup", name="What to identify").get_by_text("Motors", exact=True).click()
-    _fill(scene, "New identification", {"levels": "2", "step_s": "0.3", "settle_s": "0.5"})
-    start = scene.button("Start identification")
+    scene.main.get_by_role("radiogroup", name=IDENTIFY_TEXTS["kind"]).get_by_text("Motors", exact=True).click()
+    _fill(scene, IDENTIFY_TEXTS["newIdentification"], {"levels": "2", "step_s": "0.3", "settle_s": "0.5"})
+    start = scene.button(IDENTIFY_TEXTS["start"])
     scene.page.wait_for_timeout(600)  # until the forecast of what now stands in the form is there
     if start.get_attribute("aria-disabled") != "true":
         start.click()
 
 
 def _activate(scene: Scene) -> None:
-    names = [one.name for one in scene.shown.buttons if one.name.startswith("Activate ") and one.enabled]
+    names = [one.name for one in scene.shown.buttons if one.name.startswith(ACTIVATE) and one.enabled]
     scene.press(scene.chance.choice(names))
 
 
 def _note(scene: Scene) -> None:
-    pencils = scene.main.get_by_role("button", name="Say something of: ")
+    pencils = scene.main.get_by_role("button", name=TEXTS["edit"].split("{")[0])
     words = f"seen {scene.chance.randrange(1000)}"
     scene.say(f"note {words!r}")
     pencils.nth(scene.chance.randrange(min(5, pencils.count()))).click()
@@ -213,23 +226,29 @@ def _offers(start: str) -> Callable[[Scene], bool]:
 ELSEWHERE = (
     Deed("start a short experiment", "experiments", 4, _offers("Start tracking"), _experiment, Value),
     Deed("queue a short experiment", "experiments", 1.5, _offers_queue, _queue, Value),
-    Deed("take one out of the queue", "experiments", 0.7, _offers("Remove experiment "), _unqueue),
-    pressing("Start queue", "experiments", 1.5),
-    pressing("Start queue again", "experiments", 1.5),
-    pressing("Pause after this run", "experiments", 0.7),
-    pressing("Abort softly", "experiments", 3),
-    pressing("Abort softly", "identify", 1),
-    Deed("identify the motors", "identify", 2, _offers("Start identification"), _motors, Value),
-    Deed("dry run", "experiments", 3, _offers("Dry run"), _dry_run, Value | BUSY),
-    pressing("Close dry run", "experiments", 0.5),
-    pressing("Apply to the parameters", "identify", 10, Value),
-    Deed("undo a version of the parameters", "identify", 4, _offers("Undo version"), _undo_version, Value),
+    Deed(
+        "take one out of the queue",
+        "experiments",
+        0.7,
+        _offers(EXPERIMENT_TEXTS["removeFromQueue"].split("{")[0]),
+        _unqueue,
+    ),
+    pressing(EXPERIMENT_TEXTS["startQueue"], "experiments", 1.5),
+    pressing(EXPERIMENT_TEXTS["startQueueAgain"], "experiments", 1.5),
+    pressing(EXPERIMENT_TEXTS["pauseQueue"], "experiments", 0.7),
+    pressing(OPERATE["softAbort"], "experiments", 3),
+    pressing(OPERATE["softAbort"], "identify", 1),
+    Deed("identify the motors", "identify", 2, _offers(IDENTIFY_TEXTS["start"]), _motors, Value),
+    Deed("dry run", "experiments", 3, _offers(EXPERIMENT_TEXTS["dryRun"]), _dry_run, Value | BUSY),
+    pressing(EXPERIMENT_TEXTS["closeDryRun"], "experiments", 0.5),
+    pressing(IDENTIFY_TEXTS["applyParameters"], "identify", 10, Value),
+    Deed("undo a version of the parameters", "identify", 4, _offers(UNDO_VERSION), _undo_version, Value),
     Deed("retune by a script", None, 12, _nobody_tunes, _retune_by_script, Value),
-    Deed("activate a bank", "banks", 3, _offers("Activate "), _activate, Value),  # its models may allow other λ
-    pressing("Back to geometry", "banks", 1, Value),
+    Deed("activate a bank", "banks", 3, _offers(ACTIVATE), _activate, Value),  # its models may allow other λ
+    pressing(BANKS["useGeometric"], "banks", 1, Value),
     pressing("Undo change", "banks", 1),
     pressing("Redo change", "banks", 1),
-    Deed("note in the log", "log", 2, _offers("Say something of: "), _note),
+    Deed("note in the log", "log", 2, _offers(TEXTS["edit"].split("{")[0]), _note),
     Deed("go", None, 6, always, _go),
     Deed("go by address", None, 4, always, _go_by_address),
     Deed("go by key", None, 2, always, _go_by_key),

@@ -4,8 +4,11 @@ from collections.abc import Callable
 
 from playwright.sync_api import expect
 
-from tests.e2e.truth.deeds import VOLTAGE_LIMIT, Deed, Scene
+from tests.e2e.page_texts import load_texts
+from tests.e2e.truth.deeds import OPERATE, VOLTAGE_LIMIT, Deed, Scene
 from tests.e2e.truth.drafts import BOXES
+
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
 
 NUMBERS = {
     "q_ref value [°]": ("references", "q_ref"),
@@ -14,13 +17,13 @@ NUMBERS = {
     "λ_q value [s]": ("tuning", "lam_q"),
     "λ_S value [s]": ("tuning", "lam_S"),
     VOLTAGE_LIMIT: ("tuning", "u_plan"),
-    "Share of pushes that is fed forward": ("tuning", "k_ext"),
+    OPERATE["rejectionGain"]: ("tuning", "k_ext"),
 }
 """Boxes that send on Enter, and where the state has their value."""
 
 TYPED = {"q_ref value [°]": "11.3", "q_ref value [rad]": "0.123", "S_ref value [N·m/rad]": "9.87",
          "λ_q value [s]": "0.765", "λ_S value [s]": "0.765", VOLTAGE_LIMIT: "5.3",
-         "Share of pushes that is fed forward": "0.37"}  # fmt: skip
+         OPERATE["rejectionGain"]: "0.37"}  # fmt: skip
 WAYS_OUT = ("Tab", "Escape", "elsewhere", "another page", "reload", "history")
 
 
@@ -85,7 +88,9 @@ def _can_be_typed(scene: Scene, name: str) -> bool:
 
 
 def _type_a_draft(scene: Scene) -> None:
-    begin = scene.main.get_by_role("region", name="Own experiments").get_by_role("combobox", name="Begin with")
+    begin = scene.main.get_by_role("region", name=EXPERIMENT_TEXTS["ownExperiments"]).get_by_role(
+        "combobox", name=EXPERIMENT_TEXTS["startFrom"]
+    )
     if begin.count() == 1 and not _can_be_typed(scene, "name of an own experiment") and not _has_draft(scene):
         begin.select_option("sample sequence")
         BOXES["name of an own experiment"].find(scene.page).wait_for()

@@ -10,7 +10,14 @@ from dataclasses import dataclass
 
 from playwright.sync_api import Locator, Page
 
+from tests.e2e.page_texts import load_texts
 from tests.e2e.truth.findings import Findings
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
+STUDY_TEXTS = load_texts("pages/studies")
+RUNS = load_texts("pages/runs")
+OPERATE = load_texts("pages/operate")
 
 
 @dataclass(frozen=True)
@@ -42,20 +49,21 @@ def _study(chance: random.Random) -> str:
 
 TRACKING = "Tracking of position and stiffness"
 BOXES: Mapping[str, Box] = {
-    "name of an own experiment": Box("experiments", _in("Own experiments", "Name"),
-                                     lambda one: f"own_{one.randrange(999)}", "experiment"),
+    "name of an own experiment": Box("experiments", _in(EXPERIMENT_TEXTS["ownExperiments"], EXPERIMENT_TEXTS["name"]),
+                                     lambda one: f"own_{one.randrange(999)}", EXPERIMENT_TEXTS["draftOf"]),
     "setting of tracking": Box("experiments", _setting(TRACKING, "S_hold"), _number(9.01, 11.99, 2),
-                               f"settings of {TRACKING.lower()}"),
-    "text of a study": Box("studies", _in("New study", "Text of the study"), _study, "study"),
-    "setting of an identification": Box("identify", _setting("New identification", "levels"),
-                                        lambda one: str(one.randint(3, 9)), "identification"),
+                               EXPERIMENT_TEXTS["settingsOf"].format(experiment=TRACKING.lower())),
+    "text of a study": Box("studies", _in(STUDY_TEXTS["newStudy"], STUDY_TEXTS["text"]), _study,
+                           STUDY_TEXTS["draftOf"]),
+    "setting of an identification": Box("identify", _setting(IDENTIFY_TEXTS["newIdentification"], "levels"),
+                                        lambda one: str(one.randint(3, 9)), IDENTIFY_TEXTS["draftOf"]),
     "push": Box("operate", _in("Push", "Push [N]"), _number(-8.9, 8.9, 1)),
-    "stiffness of a wall": Box("operate", _in("Wall", "Stiffness of the wall [N/m]"), _number(5000, 30000, 0)),
-    "threshold of contacts": Box("operate", _in("Touch", "Gives way from [N]"), _number(2.1, 8.9, 1)),
-    "length of a trial": Box("operate", _in("Changes of the tuning", "Length of the trial [s]"),
+    "stiffness of a wall": Box("operate", _in("Wall", OPERATE["wallStiffness"]), _number(5000, 30000, 0)),
+    "threshold of contacts": Box("operate", _in("Touch", OPERATE["threshold"]), _number(2.1, 8.9, 1)),
+    "length of a trial": Box("operate", _in(OPERATE["tuningChanges"], OPERATE["trialDuration"]),
                              lambda one: str(one.randint(3, 9))),
     "level of a trigger": Box("system", _setting("Trigger", "before_s"), _number(1.1, 4.9, 1)),
-    "note of a run": Box("runs", lambda page: page.get_by_role("textbox", name="Note", exact=True),
+    "note of a run": Box("runs", lambda page: page.get_by_role("textbox", name=RUNS["note"], exact=True),
                          lambda one: f"noted {one.randrange(1000)}"),
 }  # fmt: skip
 

@@ -3,11 +3,19 @@
 import math
 from datetime import datetime
 
+from tests.e2e.page_texts import load_texts
 from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.frame import title_of
 from tests.e2e.truth.legality import compared, legal_modes, may_command, may_retune, may_start, may_step
 from tests.e2e.truth.moment import Moment, State
 from tests.e2e.truth.operate import angles_of
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
+QUEUE = EXPERIMENT_TEXTS["queue"]
+BANKS = load_texts("pages/banks")
+RUNS = load_texts("pages/runs")
+OPERATE = load_texts("pages/operate")
 
 _ANGLE_FACTORS = {"mrad": 0.18 / math.pi} | dict.fromkeys(("rad", "rad/s", "rad·s"), 180.0 / math.pi)
 
@@ -16,21 +24,21 @@ def running(moment: Moment) -> Findings:
     """The card of what runs: which run it is, its part, the time left, and whether it can be aborted."""
     found, shown, state = Findings(), moment.shown, moment.state
     task = state["task"]
-    found.same("whether something is said to run", "What runs now" in shown.told, task is not None)
-    if task is None or "What runs now" not in shown.told:
+    found.same("whether something is said to run", OPERATE["currentRun"] in shown.told, task is not None)
+    if task is None or OPERATE["currentRun"] not in shown.told:
         return found
-    part = task["part"]
+    part, told = task["part"], shown.told[OPERATE["currentRun"]]
     if part is None:
-        found.same("what runs", shown.told["What runs now"], f"{title_of(task)}: {task['phase'].replace('_', ' ')}")
+        found.same("what runs", told, f"{title_of(task)}: {task['phase'].replace('_', ' ')}")
     elif part["doing"] is not None:
         words = f"{title_of(task)}: {part['number']} of {part['of']}: {part['title']}, {part['doing']}, {{d}} left"
-        found.sentence("what runs", shown.told["What runs now"], words, moment.counting(part["left_s"], down=True))
+        found.sentence("what runs", told, words, moment.counting(part["left_s"], down=True))
     elif part["of"] > 1:
         words = f"{title_of(task)}: part {part['number']} of {part['of']}, {part['title']}, {{d}} left"
-        found.sentence("what runs", shown.told["What runs now"], words, moment.counting(part["left_s"], down=True))
+        found.sentence("what runs", told, words, moment.counting(part["left_s"], down=True))
     else:
-        found.same("what runs", shown.told["What runs now"], f"{title_of(task)}: {part['title']}")
-    left_s, left = task["duration_s"] - task["elapsed_s"], shown.told.get("Time left")
+        found.same("what runs", told, f"{title_of(task)}: {part['title']}")
+    left_s, left = task["duration_s"] - task["elapsed_s"], shown.told.get(OPERATE["timeLeft"])
     following = task["following"]
     more = f", then {following} more run{'s' if following > 1 else ''}" if following else ""
     if task["phase"] == "evaluation":
@@ -46,32 +54,34 @@ def running(moment: Moment) -> Findings:
             moment.counting(left_s, down=True),
             (whole - 0.1, whole + 0.1),
         )
-    compared(found, moment, {("Running now", "Abort softly"): "stopping" in legal_modes(state)})
+    compared(found, moment, {(OPERATE["running"], OPERATE["softAbort"]): "stopping" in legal_modes(state)})
     return found
 
 
 def experiments(moment: Moment) -> Findings:
     found, shown, state = running(moment), moment.shown, moment.state
     queue = moment.get("/api/experiments/queue")
-    waiting = shown.all["lists"].get("Queue", [])
+    waiting = shown.all["lists"].get(QUEUE, [])
     found.same("number of experiments that wait", len(waiting), len(queue["items"]))
     for line, item in zip(waiting, queue["items"], strict=False):
-        found.holds("who queued an experiment", line, f"by {item['who']}")
-    aside = shown.all["asides"].get("Queue", "").strip()
-    found.same("whether the queue goes on", aside, "goes on by itself" if queue["running"] else "waits for a start")
+        found.holds("who queued an experiment", line, EXPERIMENT_TEXTS["queuedBy"].format(person=item["who"]))
+    aside = shown.all["asides"].get(QUEUE, "").strip()
+    found.same(
+        "whether the queue goes on", aside, EXPERIMENT_TEXTS["queueRunning" if queue["running"] else "queueIdle"]
+    )
     free = may_start(state, "experiment")
     if not queue["running"]:
-        name = "Start queue again" if queue["problem"] else "Start queue"
-        compared(found, moment, {("Queue", name): bool(queue["items"]) and free})
+        name = EXPERIMENT_TEXTS["startQueueAgain" if queue["problem"] else "startQueue"]
+        compared(found, moment, {(QUEUE, name): bool(queue["items"]) and free})
     else:
-        compared(found, moment, {("Queue", "Pause after this run"): True})
+        compared(found, moment, {(QUEUE, EXPERIMENT_TEXTS["pauseQueue"]): True})
     for place, item in enumerate(queue["items"]):
         compared(found, moment, {
-            ("Queue", f"Move experiment {item['id']} ahead"): place > 0,
-            ("Queue", f"Remove experiment {item['id']} from the queue"): True,
+            (QUEUE, EXPERIMENT_TEXTS["moveUpInQueue"].format(id=item["id"])): place > 0,
+            (QUEUE, EXPERIMENT_TEXTS["removeFromQueue"].format(id=item["id"])): True,
         })  # fmt: skip
     _dry_run(found, moment)
-    start = next((one for one in shown.buttons if one.name.startswith("Start ") and one.region != "Queue"), None)
+    start = next((one for one in shown.buttons if one.name.startswith("Start ") and one.region != QUEUE), None)
     found.same("whether an experiment can be started", start and start.enabled, free)
     return found
 
@@ -80,7 +90,7 @@ def _dry_run(found: Findings, moment: Moment) -> None:
     """Compare the result of a dry run with what the service answered."""
     shown, told = moment.shown, moment.dry_run
     text = shown.all["dry_run"]
-    if text is None or "being played" in text:
+    if text is None or EXPERIMENT_TEXTS["simulating"].split("}")[1].strip(": ") in text:
         return
     if told is None:
         found.append(f"dry run: shown {text[:80]!r}, none was answered")
@@ -89,8 +99,11 @@ def _dry_run(found: Findings, moment: Moment) -> None:
     found.holds("end of the dry run", text, _end(told["status"]))
     if not any(unit in told["verdict"] for unit in (" rad", "°")):
         found.holds("verdict of the dry run", text, told["verdict"])
-    for kind, names in (("Criteria", "criteria"), ("Metrics", "metrics")):
-        rows, figures = shown.tables.get(f"{kind} of the dry run", []), told[names]
+    for names in ("criteria", "metrics"):
+        rows, figures = (
+            shown.tables.get(EXPERIMENT_TEXTS[f"{names}Of"].format(source=EXPERIMENT_TEXTS["dryRunSource"]), []),
+            told[names],
+        )
         found.same(f"number of {names} of the dry run", len(rows), len(figures))
         for row, one in zip(rows, figures, strict=False):
             what = f"{one['name']} of the dry run"
@@ -106,22 +119,25 @@ def _dry_run(found: Findings, moment: Moment) -> None:
 def _parameters(found: Findings, moment: Moment) -> None:
     """Compare the versions of the parameters, and what applying the shown identification would change."""
     told, tables = moment.get("/api/parameters"), moment.shown.tables
-    rows = tables.get("Versions of the parameters", [])
+    rows = tables.get(IDENTIFY_TEXTS["versions"], [])
     for place, name in ((0, "number"), (2, "who"), (4, "digest")):
-        words = [str(one[name] or "nobody") if name == "who" else str(one[name])[:12] for one in told["versions"]]
+        words = [str(one[name] or "–") if name == "who" else str(one[name])[:12] for one in told["versions"]]
         found.same(f"{name} of the versions of the parameters", [row[place] for row in rows], words)
     newest = told["versions"][0]
-    _parameter_changes(found, tables.get("Parameters that changed", []), newest["changes"] if newest["number"] else [])
+    _parameter_changes(
+        found, tables.get(IDENTIFY_TEXTS["changedParameters"], []), newest["changes"] if newest["number"] else []
+    )
     estimate = _shown_estimate(moment)
     if estimate is not None:
         proposal = moment.get(f"/api/parameters?estimate={estimate}")["proposal"]
         changes = [] if proposal["problem"] else proposal["changes"]
-        _parameter_changes(found, tables.get("Parameters that would change", []), changes)
-        offered = moment.shown.button("Apply to the parameters") is not None
+        _parameter_changes(found, tables.get(IDENTIFY_TEXTS["proposedChanges"], []), changes)
+        offered = moment.shown.button(IDENTIFY_TEXTS["applyParameters"]) is not None
         found.same("whether the identification is offered to be applied", offered, not proposal["problem"])
     off = may_command(moment.state) and moment.state["mode"] == "off"
+    undo = IDENTIFY_TEXTS["undo"].split("{")[0]
     for button in moment.shown.buttons:
-        if button.name == "Apply to the parameters" or button.name.startswith("Undo version"):
+        if button.name == IDENTIFY_TEXTS["applyParameters"] or button.name.startswith(undo):
             found.same(f"whether {button.name!r} can be pressed", button.enabled, off)
 
 
@@ -146,16 +162,18 @@ def _shown_estimate(moment: Moment) -> int | None:
 def identify(moment: Moment) -> Findings:
     found, shown, state = running(moment), moment.shown, moment.state
     told = moment.get("/api/identifications")["identifications"]
-    rows = shown.tables.get("Identification runs", [])
-    found.same("identifications", [row[1] for row in rows], [f"Run {one['id']}" for one in told])
+    rows = shown.tables.get(IDENTIFY_TEXTS["runs"], [])
+    found.same(
+        "identifications", [row[1] for row in rows], [IDENTIFY_TEXTS["runLink"].format(run=one["id"]) for one in told]
+    )
     found.same("ends of identifications", [row[-1] for row in rows], [_end(one["status"]) for one in told])
     for one in told:
-        box = shown.box(f"Use run {one['id']}")
+        box = shown.box(IDENTIFY_TEXTS["useRun"].format(run=one["id"]))
         may = one["kind"] == "actuator" and one["usable"]
         found.same(f"whether run {one['id']} can be used for a bank", bool(box and box.enabled), may)
     _parameters(found, moment)
-    start = shown.button("Start identification")
-    leaves = "would leave the range" in " ".join(shown.told.values())  # as the forecast of what stands in the form says
+    start = shown.button(IDENTIFY_TEXTS["start"])
+    leaves = IDENTIFY_TEXTS["leavesRange"] in " ".join(shown.told.values())  # as the forecast says
     if not leaves:
         found.same("whether an identification can be started", start and start.enabled, may_start(state, "identify"))
     return found
@@ -164,27 +182,26 @@ def identify(moment: Moment) -> Findings:
 def banks(moment: Moment) -> Findings:
     found, shown, state = Findings(), moment.shown, moment.state
     told, own = moment.get("/api/banks")["banks"], state["own_tuning"] or state["tuning"]
-    rows = shown.tables.get("Banks", [])
+    rows = shown.tables.get(BANKS["table"], [])
     names = [f"{one['name']} v{one['version']}" for one in told]
     found.same("banks", [row[0] for row in rows], names)
     found.same("entries of banks", [row[3] for row in rows], [str(len(one["entries"])) for one in told])
-    found.same("active banks", [row[5] == "active" for row in rows], [one["active"] for one in told])
-    said = shown.told.get("In force", "")
-    found.same(
-        "of when the tuning is", said.startswith("In force again after the run"), state["own_tuning"] is not None
-    )
+    found.same("active banks", [row[5] == BANKS["activeBank"] for row in rows], [one["active"] for one in told])
+    said = shown.told.get(BANKS["activeTuning"], "")
+    is_after_run = said.startswith(BANKS["activeAfterRun"].split("{")[0].strip())
+    found.same("of when the tuning is", is_after_run, state["own_tuning"] is not None)
     bank = own["bank"]
     words = "gains from geometry" if bank is None else f"bank {bank['name']} v{bank['version']}"
     found.holds("bank in force", said, words)
     template = f"λ_q {own['lam_q']:.4g} s, λ_S {own['lam_S']:.4g} s"
     found.holds("λ in force", said, template)
     free = may_retune(state)
-    offered = {(region, f"Activate {name}"): free for name, one in zip(names, told, strict=True)
-               for region in ("Versions",) if not one["active"]}  # fmt: skip
+    activate = [BANKS["activateBank"].replace("{bank}", name) for name in names]
+    offered = {(BANKS["versions"], name): free for name, one in zip(activate, told, strict=True) if not one["active"]}
     offered |= {
-        ("Versions", "Back to geometry"): bank is not None and free,
-        ("Versions", "Undo change"): may_step(state, state["earlier"]),
-        ("Versions", "Redo change"): may_step(state, state["later"]),
+        (BANKS["versions"], BANKS["useGeometric"]): bank is not None and free,
+        (BANKS["versions"], "Undo change"): may_step(state, state["earlier"]),
+        (BANKS["versions"], "Redo change"): may_step(state, state["later"]),
     }
     compared(found, moment, offered)
     return found
@@ -195,21 +212,25 @@ def runs(moment: Moment) -> Findings:
     found, number = Findings(), moment.shown.all["hash"].rpartition("/")[2]
     if number.isdigit():
         one = moment.get(f"/api/runs/{number}")
-        found.same("title of a run", moment.shown.all["heading"], f"Runs / Run {number}: {one['title']}")
+        title = RUNS["runWithTitle"].replace("{run}", number).replace("{title}", one["title"])
+        found.same("title of a run", moment.shown.all["heading"], f"{RUNS['runs']} / {title}")
         found.holds(f"end of run {number}", "; ".join(moment.shown.all["ends"]), _end(one["end_state"]))
         return found
     if moment.shown.all["hash"] != "#/runs":
         return found
     told = moment.get("/api/runs?limit=50&offset=0")["runs"]
-    rows, heads = moment.shown.tables.get("Runs", []), moment.shown.all["heads"].get("Runs", [])
-    kind, who, end = (heads.index(name) if name in heads else 0 for name in ("Kind", "Who", "End"))
+    rows, heads = moment.shown.tables.get(RUNS["table"], []), moment.shown.all["heads"].get(RUNS["table"], [])
+    kind, who, end = (
+        heads.index(name) if name in heads else 0 for name in (RUNS["kind"], RUNS["person"], RUNS["status"])
+    )
     found.same("runs", [row[1] for row in rows], [f"Run {one['id']}" for one in told])
     for row, one in zip(rows, told, strict=False):
         found.same(f"kind of run {one['id']}", row[kind], one["title"])
         found.same(f"who made run {one['id']}", row[who], one["who"])
         found.holds(f"end of run {one['id']}", row[end], _end(one["end_state"]))
         missing = one["missing_samples"]
-        words = "not known" if missing is None else f"{missing} samples missing" if missing else ""
+        words = RUNS["missingUnknown"] if missing is None else ""
+        words = RUNS["samplesMissing"].replace("{samples}", str(missing)) if missing else words
         found.holds(f"samples missing in run {one['id']}", row[end], words)
     return found
 

@@ -6,8 +6,11 @@ from backend.banks.tuning_settings import TUNING_NAMES
 from backend.realtime.contact import PUSH_MODES
 from backend.realtime.modes import LEGAL, MOVING, Mode
 from backend.tuning.gains import DEVIATIONS, UNSEEN_F
+from tests.e2e.page_texts import load_texts
 from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.moment import MINE, Moment, State
+
+OPERATE = load_texts("pages/operate")
 
 MOVES = {"Pretension": "pretension", "Run": "run", "Compliance": "compliance", "Soft stop": "stopping", "Off": "off"}
 
@@ -57,19 +60,19 @@ def offered_on_operate(moment: Moment) -> dict[tuple[str, str], bool]:
     learned, armed = bool(touch["learned"]), touch["contact_N"] > 0.0
     run, own, mine = state["mode"] == "run", may_retune(state), may_command(state)
     differs = any(saved[name] != tuning[name] for name in TUNING_NAMES if name != "bank")
-    changes = "Changes of the tuning"
+    changes = OPERATE["tuningChanges"]
     offered = {("Mode", name): mode in legal_modes(state) for name, mode in MOVES.items()}
     offered |= {
         ("Push", "Push"): mine and state["mode"] in PUSH_MODES,
-        ("Push", "Let go"): mine,
-        ("Wall", "Put up"): mine,
-        ("Wall", "Take away"): mine,
-        ("Touch", "Change" if armed else "Give way"): mine and learned and not sweeping,
-        ("Touch", "Hold on"): mine and armed,
-        ("Touch", "Learn here"): mine and run and not sweeping,
-        ("Touch", "Stop learning" if sweeping else "Learn over S"): mine
+        ("Push", OPERATE["release"]): mine,
+        ("Wall", OPERATE["addWall"]): mine,
+        ("Wall", OPERATE["removeWall"]): mine,
+        ("Touch", OPERATE["updateThreshold" if armed else "enableReaction"]): mine and learned and not sweeping,
+        ("Touch", OPERATE["disableReaction"]): mine and armed,
+        ("Touch", OPERATE["calibrate"]): mine and run and not sweeping,
+        ("Touch", OPERATE["stopCalibration" if sweeping else "calibrateOverS"]): mine
         and (sweeping or (run and not armed and state["task"] is None)),
-        ("Touch", "Forget"): mine and learned and not armed and not sweeping and tuning["k_ext"] == 0.0,
+        ("Touch", OPERATE["clearBias"]): mine and learned and not armed and not sweeping and tuning["k_ext"] == 0.0,
     }
     if trial is None:
         brought_back = saved["k_ext"] == 0.0 or may_reject(state)
@@ -103,8 +106,8 @@ def boxes_on_operate(state: State) -> dict[str, bool]:
         "lambda": own,
         "time-optimal": own,
         "Voltage limit": own,
-        "Reject pushes": own and (rejects or may_reject(state)),
-        "Share of pushes": own,
+        OPERATE["rejection"]: own and (rejects or may_reject(state)),
+        OPERATE["rejectionGain"]: own,
     }
 
 

@@ -7,13 +7,16 @@ from urllib.parse import urlencode
 from backend.banks.tuning_settings import TUNING_NAMES
 from backend.models.run import MOTIONS, TIME_OPTIMAL
 from backend.sample import UNIT_BY_SIGNAL
+from tests.e2e.page_texts import load_texts
 from tests.e2e.truth.deeds import VOLTAGE_LIMIT
 from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.legality import boxes_on_operate, compared, may_move, offered_on_operate
 from tests.e2e.truth.moment import Moment, State
 
+OPERATE = load_texts("pages/operate")
+
 _TO_SHOWN = {("rad", "°"): 180.0 / math.pi, ("rad/s", "°/s"): 180.0 / math.pi, ("m", "mm"): 1e3, ("s", "ms"): 1e3}
-_ROWS = ("λq", "λS", "λmotor", "b", "entries", "motion", "Uplan", "kext")
+_ROWS = ("λq", "λS", "λmotor", "b", OPERATE["scheduling"], OPERATE["motionRow"], "Uplan", "kext")
 _PARTS = tuple(name for name in TUNING_NAMES if name != "bank")
 
 
@@ -71,30 +74,34 @@ def _references(found: Findings, moment: Moment) -> None:
             said = slider.value.removesuffix(unit).rstrip()
             found.figure(f"slider of {name} [{unit}]", said if "e" not in said else f"{float(said):.6f}", among)
         if re.match(r"[-\u22120-9.]+ (…|to) ", hint):  # the range, no refusal
-            found.same(f"whether {name} is said to be only measured", "measured" in hint, not references["in_force"])
+            found.same(
+                f"whether {name} is said to be only measured",
+                OPERATE["measuredOnly"] in hint,
+                not references["in_force"],
+            )
 
 
 def _tuning(found: Findings, moment: Moment) -> None:
     shown, tuning, angles = moment.shown, moment.state["tuning"], angles_of(moment)
     bank = tuning["bank"]
-    told = "gains from geometry" if bank is None else f"{bank['name']} v{bank['version']}, {tuning['entry_name']}"
+    told = OPERATE["geometricGains"] if bank is None else f"{bank['name']} v{bank['version']}, {tuning['entry_name']}"
     found.same("bank", shown.all["asides"].get("Tuning", "").strip(), told)
     margins = moment.get(f"/api/tuning/motor?lam_motor={tuning['lam_motor']!r}")
     words, values = motor_loop(tuning["lam_motor"], margins)
     found.sentence("margins of the motor loop", shown.told.get("Motor loop"), words, *values)
     _motion(found, moment)
-    rejects, share = shown.box("Reject pushes"), shown.box("Share of pushes that is fed forward")
+    rejects, share = shown.box(OPERATE["rejection"]), shown.box(OPERATE["rejectionGain"])
     found.same("whether pushes are rejected", rejects and rejects.value, str(tuning["k_ext"] > 0.0).lower())
     found.same("whether there is a share", share is not None, tuning["k_ext"] > 0.0)
     if share is not None:
         found.figure("share of pushes", share.value, tuning["k_ext"])
     asked = moment.get(_preview_of(moment))
     step = "60°" if angles == "deg" else "1.0472 rad"
-    heads = {"Forecast of a 60° step": ("step_q", f"{step} step at S {{n}} N·m/rad")}
-    heads["Forecast of a step of S"] = ("step_S", "S from {n} to {n} N·m/rad")
+    heads = {OPERATE["forecastOfQ"]: ("step_q", OPERATE["stepOfQ"].format(size=step, S="{n}"))}
+    heads[OPERATE["forecastOfS"]] = ("step_S", _template("stepOfS"))
     for name, (key, head) in heads.items():
         told = asked[key]
-        trajectory = " on its trajectory" if asked["motion"] == "time-optimal" else ""
+        trajectory = OPERATE["timeOptimalStep"] if asked["motion"] == "time-optimal" else ""
         times = [told["rise_s"], told["settling_s"]]
         reached, settled = ("–" if time is None else "{n}" for time in times)
         words = (
@@ -155,9 +162,9 @@ def _staged(moment: Moment) -> dict[str, float]:
 def _previews(found: Findings, moment: Moment) -> None:
     asked = moment.get(_preview_of(moment))
     for symbol, loop in (("λ_q", "position"), ("λ_S", "stiffness")):
-        told, said = asked[loop], moment.shown.told.get(f"group Preview of {symbol}", "")
+        told, said = asked[loop], moment.shown.told.get(f"group {OPERATE['preview'].format(symbol=symbol)}", "")
         if told["M_s"] is not None:
-            words = said.partition("maximum of the sensitivity")[2].split()
+            words = said.partition(OPERATE["sensitivityPeak"])[2].split()
             found.figure(f"M_s of {symbol}", words[0] if words else None, told["M_s"])
 
 
@@ -165,7 +172,7 @@ def _changes(found: Findings, moment: Moment) -> None:
     """Boxes of λ, and the table of what is saved, in force and staged."""
     shown, state = moment.shown, moment.state
     tuning, saved, trial = state["tuning"], moment.get("/api/tuning/saved"), state["trial"]
-    table = shown.tables.get("Saved, in force and staged", [])
+    table = shown.tables.get(OPERATE["tuningTable"], [])
     found.same("names of the table of the tuning", [row[0] for row in table], list(_ROWS))
     for row, name in zip(table, _PARTS, strict=False):
         for column, told in ((1, saved), (2, tuning)):
@@ -180,19 +187,23 @@ def _changes(found: Findings, moment: Moment) -> None:
                 found.same(f"{what} of {symbol}, staged", text, staged[name].removesuffix(" s"))
             else:
                 found.figure(f"{what} of {symbol} [s]", text, tuning[name])
-    found.same("whether a trial is told", "Trial" in shown.told, trial is not None)
-    if trial is not None and "Trial" in shown.told:
+    found.same("whether a trial is told", OPERATE["trial"] in shown.told, trial is not None)
+    if trial is not None and OPERATE["trial"] in shown.told:
         left = moment.counting(trial["remaining_s"] + 0.5, down=True)
-        words = shown.told["Trial"].rsplit(" in ", 1)
+        words = shown.told[OPERATE["trial"]].rsplit(" in ", 1)
         found.sentence("time of the trial [s]", words[-1], "{n} s", (left[0] - 0.5, left[1] + 0.5))
         found.sentence(
-            "what comes back", words[0].split(" s", 1)[0], "On trial: back to {n}, {n}", trial["lam_q"], trial["lam_S"]
+            "what comes back",
+            words[0].split(" s", 1)[0],
+            _template("trialReverts").partition(" s")[0],
+            trial["lam_q"],
+            trial["lam_S"],
         )
 
 
 def _part(found: Findings, what: str, text: str, name: str, told: float | bool | str) -> None:
     if name == "interpolate":
-        found.same(what, text, "interpolating" if told else "switching")
+        found.same(what, text, OPERATE["interpolated" if told else "switched"])
     elif name == "u_plan":
         found.sentence(what, text, "{n} V", float(told))
     elif name.startswith("lam_"):
@@ -200,7 +211,7 @@ def _part(found: Findings, what: str, text: str, name: str, told: float | bool |
     elif name == "motion":
         found.same(what, text, told)
     elif name == "k_ext" and told == 0:
-        found.same(what, text, "none")
+        found.same(what, text, OPERATE["noRejection"])
     else:
         found.figure(what, text, float(told))
 
@@ -210,29 +221,29 @@ def _outside(found: Findings, moment: Moment) -> None:
     state, said, angles = moment.state, moment.shown.all["refusals"], angles_of(moment)
     wall, touch = state["wall"], state["touch"]
     told = said.get("told-of-wall", "")
-    found.same("whether a wall is said to stand", told.startswith("A wall stands"), wall is not None)
+    found.same(
+        "whether a wall is said to stand", told.startswith(OPERATE["wallAbove"].partition("{")[0]), wall is not None
+    )
     if wall is not None:
         angle = wall["q_wall"] * (180.0 / math.pi if angles == "deg" else 1.0)
-        found.sentence("wall", told, f"A wall stands {wall['side']} {{n}}{'°' if angles == 'deg' else ' rad'}.", angle)
+        template = OPERATE["wallAbove" if wall["side"] == "above" else "wallBelow"]
+        found.sentence("wall", told, template.format(angle="{n}°" if angles == "deg" else "{n} rad"), angle)
     pushed, _ = moment.of("F_push")
-    told = said.get("refusal-of-push", "")
+    told, pushing = said.get("refusal-of-push", ""), OPERATE["pushing"].partition("{")[0]
     if pushed is not None and pushed[0] == pushed[1] == 0.0:
-        found.same("whether a push is told", told.startswith("Pushed with"), False)
-    if told.startswith("Pushed with") and pushed is not None:
-        found.sentence("push", told, "Pushed with {n} N.", pushed)
+        found.same("whether a push is told", told.startswith(pushing), False)
+    if told.startswith(pushing) and pushed is not None:
+        found.sentence("push", told, _template("pushing"), pushed)
     told, sweep = said.get("told-of-touch", ""), touch["sweep"]
     if touch["felt"]:
-        found.sentence(
-            "contact", told, "Contact: {n} N. The joint gives way; choose a mode to go on.", touch["felt"]["F_ext_hat"]
-        )
+        found.sentence("contact", told, _template("contact"), touch["felt"]["F_ext_hat"])
     elif touch["contact_N"] > 0.0:
-        found.sentence("threshold of contacts", told, "Gives way to contacts from {n} N on.", touch["contact_N"])
+        found.sentence("threshold of contacts", told, _template("reactionEnabled"), touch["contact_N"])
     elif sweep and sweep["under_way"]:
         found.sentence(
-            "learning over S", told, "Learning over S, {n} of {n}: {n} N·m/rad. Keep away from the joint.",
-            sweep["point"], sweep["points"], sweep["S_ref"],
-        )  # fmt: skip
-    rows = moment.shown.tables.get("Learned of the outside force", [])
+            "learning over S", told, _template("sweepRunning"), sweep["point"], sweep["points"], sweep["S_ref"]
+        )
+    rows = moment.shown.tables.get(OPERATE["calibration"], [])
     found.same("number of points that were learned", len(rows), len(touch["learned"]))
     for row, point in zip(rows, touch["learned"], strict=False):
         for text, name in zip(row, ("S", "F", "std_N"), strict=True):
@@ -246,9 +257,14 @@ def _boxes(found: Findings, moment: Moment) -> None:
         for one in controls:
             if one.name == start or one.name.startswith(f"{start} "):
                 found.same(f"whether {one.name!r} can be used", one.enabled, should_be)
-    send = moment.shown.button("Send target")
+    send = moment.shown.button(OPERATE["sendTarget"])
     if send is not None:
         found.same("whether a target can be sent", send.enabled, may_move(moment.state))
+
+
+def _template(name: str) -> str:
+    """Return a text of the page with each of its fields a number."""
+    return re.sub(r"\{\w+\}", "{n}", OPERATE[name])
 
 
 def angles_of(moment: Moment) -> str:

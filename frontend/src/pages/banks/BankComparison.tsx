@@ -5,11 +5,13 @@ import { Card } from "../../components/Card";
 import { SignalName } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed, significant } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import { bankDifferenceQuery } from "../../service/api/banks";
 import { tuningKey } from "../../service/api/tuning";
 import type { Bank, BankDifference, LoopFigures } from "../../wire/types";
 import pageStyles from "../Page.module.css";
 import { changeOf, entryName, LOOPS, type Loop, nameOf } from "./BankTable";
+import { TEXTS } from "./texts";
 
 /** Models, gains and robustness before and after a change of entries; what stays the same is grey. */
 
@@ -24,11 +26,11 @@ export function DifferenceTable({ difference }: { difference: BankDifference }) 
   return (
     <>
       <div className={pageStyles.tableScroll} style={{ margin: 0 }}>
-        <Table aria-label="Difference" verticalSpacing={3}>
+        <Table aria-label={TEXTS.difference} verticalSpacing={3}>
           <Table.Thead>
             <Table.Tr>
-              <Table.Th>Entry</Table.Th>
-              <Table.Th>Loop</Table.Th>
+              <Table.Th>{TEXTS.point}</Table.Th>
+              <Table.Th>{TEXTS.loop}</Table.Th>
               {FIGURES.map(({ name, unit }) => (
                 <Table.Th key={name}>
                   <SignalName name={name} />
@@ -58,8 +60,7 @@ export function DifferenceTable({ difference }: { difference: BankDifference }) 
         </Table>
       </div>
       <span className={pageStyles.dim}>
-        Gains and M_s at the λ in force: λ_q = {fixed(difference.lam_q, 3)} s, λ_S ={" "}
-        {fixed(difference.lam_S, 3)} s.
+        {fillText(TEXTS.gainsAt, { lam_q: fixed(difference.lam_q, 3), lam_S: fixed(difference.lam_S, 3) })}
       </span>
     </>
   );
@@ -74,7 +75,7 @@ interface RowProps {
 
 function Row({ name, loop, before, after }: RowProps) {
   const peak = (figures: LoopFigures | undefined) =>
-    figures === undefined ? undefined : figures.M_s === null ? "unstable" : fixed(figures.M_s, 3);
+    figures === undefined ? undefined : figures.M_s === null ? TEXTS.unstable : fixed(figures.M_s, 3);
   return (
     <Table.Tr>
       {loop === "position" && <Table.Td rowSpan={2}>{name}</Table.Td>}
@@ -111,19 +112,19 @@ export function BankComparison({ bank, all }: { bank: Bank; all: readonly Bank[]
   const lambdas = useLive((live) => tuningKey(live.state?.tuning));
   const difference = useQuery(bankDifferenceQuery(chosen, bank.id, lambdas));
   return (
-    <Card title={`Changes to ${nameOf(bank)}`}>
+    <Card title={fillText(TEXTS.changes, { bank: nameOf(bank) })}>
       <div className={pageStyles.fields}>
         <NativeSelect
-          label="From"
+          label={TEXTS.comparedWith}
           w={260}
           value={String(chosen)}
           data={others.map((other) => ({
             value: String(other.id),
-            label: other.active ? `${nameOf(other)}, active` : nameOf(other),
+            label: other.active ? fillText(TEXTS.activeOption, { bank: nameOf(other) }) : nameOf(other),
           }))}
           onChange={(event) => setChosen(Number(event.currentTarget.value))}
         />
-        {difference.isPending && <p className={pageStyles.empty}>Comparing …</p>}
+        {difference.isPending && <p className={pageStyles.empty}>{TEXTS.comparing}</p>}
         {difference.error && <p className={pageStyles.empty}>{difference.error.message}</p>}
         {difference.data && <DifferenceTable difference={difference.data} />}
       </div>

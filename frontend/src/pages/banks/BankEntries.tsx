@@ -8,12 +8,14 @@ import { Verdict } from "../../components/RunState";
 import { SignalName, SymbolText, ValueOrReason } from "../../components/values";
 import { useLive } from "../../live/react";
 import { dateTime, fixed, significant } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import { bankDetailQuery } from "../../service/api/banks";
 import { tuningKey } from "../../service/api/tuning";
 import type { Bank, BankDetail, ChannelFit, LoopFigures } from "../../wire/types";
 import page from "../Page.module.css";
 import styles from "./Banks.module.css";
 import { entryName, LOOPS, nameOf, percent } from "./BankTable";
+import { TEXTS } from "./texts";
 
 const FIGURES = ["K", "T", "k_p", "k_i"] as const;
 
@@ -23,18 +25,21 @@ export function BankEntries({ bank }: { bank: Bank }) {
   const lambdas = useLive((live) => tuningKey(live.state?.tuning));
   const detail = useQuery(bankDetailQuery(bank.id, lambdas));
   const shownAt = detail.data
-    ? `Gains and M_s at λ_q = ${fixed(detail.data.lam_q, 3)} s, λ_S = ${fixed(detail.data.lam_S, 3)} s`
-    : (detail.error?.message ?? "Computing gains …");
+    ? fillText(TEXTS.shownAt, { lam_q: fixed(detail.data.lam_q, 3), lam_S: fixed(detail.data.lam_S, 3) })
+    : (detail.error?.message ?? TEXTS.computing);
   return (
-    <Card title={`Entries of ${nameOf(bank)}`} aside={<span className={page.dim}>{shownAt}</span>}>
+    <Card
+      title={fillText(TEXTS.pointsOf, { bank: nameOf(bank) })}
+      aside={<span className={page.dim}>{shownAt}</span>}
+    >
       {bank.note !== "" && <p className={page.lead}>{bank.note}</p>}
       <div className={page.tableScroll}>
-        <Table aria-label="Entries" className={page.cards ?? ""}>
+        <Table aria-label={TEXTS.operatingPoints} className={page.cards ?? ""}>
           <Table.Thead>
             <Table.Tr>
-              <Table.Th>Entry</Table.Th>
+              <Table.Th>{TEXTS.point}</Table.Th>
               <Table.Th className={page.number}>S [N·m/rad]</Table.Th>
-              <Table.Th>Loop</Table.Th>
+              <Table.Th>{TEXTS.loop}</Table.Th>
               <Table.Th className={page.number}>
                 <SignalName name="K" />
               </Table.Th>
@@ -50,8 +55,8 @@ export function BankEntries({ bank }: { bank: Bank }) {
               <Table.Th className={page.number}>
                 <SignalName name="M_s" />
               </Table.Th>
-              <Table.Th>Fit on data not used</Table.Th>
-              <Table.Th>Came from</Table.Th>
+              <Table.Th>{TEXTS.validationFit}</Table.Th>
+              <Table.Th>{TEXTS.source}</Table.Th>
             </Table.Tr>
           </Table.Thead>
           <Table.Tbody>
@@ -115,7 +120,7 @@ function Figures({ figures, why }: { figures: Partial<LoopFigures>; why: string 
       <Table.Td className={page.number}>
         <Label name="M_s" />
         {unstable ? (
-          "unstable"
+          TEXTS.unstable
         ) : (
           <ValueOrReason value={figures.M_s} why={why}>
             {(value) => fixed(value, 3)}
@@ -137,11 +142,14 @@ function Label({ name }: { name: string }) {
 
 /** How good one model of an entry is: of its own identification, not of the bank. */
 function Fit({ fit }: { fit: ChannelFit | undefined }) {
-  if (fit === undefined) return <span className={page.dim}>not known</span>;
-  const errors = `standard errors: K ${percent(fit.K_error_percent)}, T ${percent(fit.T_error_percent)}`;
+  if (fit === undefined) return <span className={page.dim}>{TEXTS.unknown}</span>;
+  const errors = fillText(TEXTS.standardErrors, {
+    K: percent(fit.K_error_percent),
+    T: percent(fit.T_error_percent),
+  });
   return (
     <Verdict good={fit.grade === "usable"} of={`grade:${fit.grade}`}>
-      {percent(fit.fit_percent)}, {fit.grade ?? "grade not recorded"}
+      {fillText(TEXTS.fitAndGrade, { fit: percent(fit.fit_percent), grade: fit.grade ?? TEXTS.noGrade })}
       <div className={styles.errors}>{errors}</div>
     </Verdict>
   );
@@ -149,15 +157,22 @@ function Fit({ fit }: { fit: ChannelFit | undefined }) {
 
 /** Entry, identification, run, parameters: each step of the way is there to be followed. */
 function CameFrom({ identification, lineage }: { identification: number | null; lineage: Lineage }) {
-  if (identification === null) return <span className={page.dim}>imported, without lineage</span>;
+  if (identification === null) return <span className={page.dim}>{TEXTS.imported}</span>;
   return (
     <>
-      <Link href={`/identify/${identification}`}>Identification {identification}</Link>
+      <Link href={`/identify/${identification}`}>{fillText(TEXTS.identification, { identification })}</Link>
       {lineage && (
         <div className={page.dim}>
-          {lineage.method}, {dateTime(lineage.created)} by {lineage.who};{" "}
-          <Link href={`/runs/${lineage.run}`}>samples</Link> on the {lineage.plant}, parameters{" "}
-          {lineage.parameters}
+          {fillText(TEXTS.methodAndTime, {
+            method: lineage.method,
+            time: dateTime(lineage.created),
+            person: lineage.who,
+          })}
+          <Link href={`/runs/${lineage.run}`}>{TEXTS.samples}</Link>
+          {fillText(TEXTS.plantAndParameters, {
+            plant: lineage.plant ?? TEXTS.notRecorded,
+            parameters: lineage.parameters ?? TEXTS.notRecorded,
+          })}
         </div>
       )}
     </>

@@ -5,10 +5,12 @@ import { Link } from "wouter";
 import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { dateTime, fixed, NOT_MEASURED, short, significant } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import { useActivateBank } from "../../service/api/banks";
 import { useWhyNoRetuning } from "../../service/control/control";
 import type { Bank } from "../../wire/types";
 import page from "../Page.module.css";
+import { TEXTS } from "./texts";
 
 /** How an entry is called, its fit is told, and a change of a figure is written. Pure. */
 
@@ -33,8 +35,11 @@ interface Change {
 /** Figures as they are shown: a difference that no one could read is none. */
 export function changeOf(before: string | undefined, after: string | undefined): Change {
   if (before === undefined)
-    return { text: after === undefined ? "in neither" : `new: ${after}`, changed: true };
-  if (after === undefined) return { text: `gone: ${before}`, changed: true };
+    return {
+      text: after === undefined ? TEXTS.inNeither : fillText(TEXTS.added, { value: after }),
+      changed: true,
+    };
+  if (after === undefined) return { text: fillText(TEXTS.removed, { value: before }), changed: true };
   return before === after ? { text: after, changed: false } : { text: `${before} → ${after}`, changed: true };
 }
 
@@ -42,21 +47,21 @@ export function BankTable({ banks, selected }: { banks: readonly Bank[]; selecte
   const activate = useActivateBank();
   const locked = useWhyNoRetuning();
   if (banks.length === 0) {
-    return <p className={page.empty}>No bank yet: gains come from geometry.</p>;
+    return <p className={page.empty}>{TEXTS.noBank}</p>;
   }
   return (
     <>
       <div className={page.tableScroll} style={{ marginBottom: 0 }}>
-        <Table aria-label="Banks" highlightOnHover className={page.cards ?? ""}>
+        <Table aria-label={TEXTS.table} highlightOnHover className={page.cards ?? ""}>
           <Table.Thead>
             <Table.Tr>
-              <Table.Th>Bank</Table.Th>
-              <Table.Th>Built</Table.Th>
-              <Table.Th>By</Table.Th>
-              <Table.Th className={page.number}>Entries</Table.Th>
-              <Table.Th>At</Table.Th>
-              <Table.Th>Use</Table.Th>
-              <Table.Th>File</Table.Th>
+              <Table.Th>{TEXTS.bank}</Table.Th>
+              <Table.Th>{TEXTS.built}</Table.Th>
+              <Table.Th>{TEXTS.by}</Table.Th>
+              <Table.Th className={page.number}>{TEXTS.points}</Table.Th>
+              <Table.Th>{TEXTS.operatingPoints}</Table.Th>
+              <Table.Th>{TEXTS.status}</Table.Th>
+              <Table.Th>{TEXTS.file}</Table.Th>
             </Table.Tr>
           </Table.Thead>
           <Table.Tbody>
@@ -70,24 +75,24 @@ export function BankTable({ banks, selected }: { banks: readonly Bank[]; selecte
                 <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(bank.created)}</Table.Td>
                 <Table.Td>{bank.who}</Table.Td>
                 <Table.Td className={page.number}>
-                  <span className={page.cardLabel}>Entries </span>
+                  <span className={page.cardLabel}>{TEXTS.points} </span>
                   {bank.entries.length}
                 </Table.Td>
                 <Table.Td>{bank.entries.map(entryName).join(" · ")}</Table.Td>
                 <Table.Td>
                   {bank.active ? (
-                    <strong>active</strong>
+                    <strong>{TEXTS.activeBank}</strong>
                   ) : (
-                    <OperatorsOnly otherwise="not in use">
+                    <OperatorsOnly otherwise={TEXTS.inactiveBank}>
                       <Button
                         size="compact-xs"
                         variant="default"
-                        aria-label={`Activate ${nameOf(bank)}`}
+                        aria-label={fillText(TEXTS.activateBank, { bank: nameOf(bank) })}
                         disabled={locked !== null}
                         loading={activate.isPending && activate.variables === bank.id}
                         onClick={() => activate.mutate(bank.id)}
                       >
-                        Activate
+                        {TEXTS.activate}
                       </Button>
                     </OperatorsOnly>
                   )}
@@ -96,9 +101,9 @@ export function BankTable({ banks, selected }: { banks: readonly Bank[]; selecte
                   <a
                     href={`./api/banks/${bank.id}/file`}
                     download={`${bank.name}-v${bank.version}.json`}
-                    aria-label={`Export ${nameOf(bank)}`}
+                    aria-label={fillText(TEXTS.exportBank, { bank: nameOf(bank) })}
                   >
-                    Export
+                    {TEXTS.export}
                   </a>
                 </Table.Td>
               </Table.Tr>
@@ -112,5 +117,5 @@ export function BankTable({ banks, selected }: { banks: readonly Bank[]; selecte
 }
 
 export function nameOf(bank: Bank): string {
-  return `${bank.name} v${bank.version}`;
+  return fillText(TEXTS.bankAndVersion, { bank: bank.name, version: bank.version });
 }

@@ -10,6 +10,7 @@ import { UndoTuning } from "../../components/TuningParts";
 import { SignalName } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import { banksQuery, useActivateGeometry, useImportBank } from "../../service/api/banks";
 import {
   describeTuning,
@@ -29,6 +30,7 @@ import { BankComparison } from "./BankComparison";
 import { BankEntries } from "./BankEntries";
 import { BankTable } from "./BankTable";
 import defaultGainsCardStyles from "./DefaultGainsCard.module.css";
+import { TEXTS } from "./texts";
 
 /** Brings a bank in from a file that was exported here or elsewhere. */
 
@@ -47,7 +49,7 @@ export function BankImport() {
       const document = JSON.parse(await file.text()) as BankFile;
       bring.mutate(document, { onSuccess: (bank) => go(`/banks/${bank.id}`) });
     } catch {
-      setProblem(`${file.name} is not JSON: choose a file that was exported from a bank.`);
+      setProblem(fillText(TEXTS.notJson, { file: file.name }));
     }
   }
 
@@ -85,7 +87,7 @@ function FileChoice({ reading, odd, onChange }: FileChoiceProps) {
           leftSection={<TbUpload size={14} />}
           loading={reading}
         >
-          Import bank
+          {TEXTS.importBank}
         </Button>
       )}
     </FileButton>
@@ -106,24 +108,22 @@ export function ActiveGains({ banks }: { banks: readonly Bank[] }) {
   const locked = whyNoRetuning(state, noControl);
   return (
     <div className={pageStyles.fields} style={{ padding: "4px 4px 8px" }}>
-      <output aria-label="In force">
-        {state.own_tuning ? "In force again after the run" : "In force"}: {describeTuning(own, banks)}
-        {bank !== null && !state.own_tuning && ` (now ${entry_name})`}
+      <output aria-label={TEXTS.activeTuning}>
+        {fillText(state.own_tuning ? TEXTS.activeAfterRun : TEXTS.active, {
+          tuning: describeTuning(own, banks),
+        })}
+        {bank !== null && !state.own_tuning && fillText(TEXTS.activePoint, { point: entry_name })}
       </output>
       <OperatorsOnly>
         <div className={pageStyles.actions}>
           <Button
             variant="default"
             disabled={own.bank === 0 || locked !== null}
-            title={
-              own.bank === 0
-                ? "The gains come from geometry already"
-                : (locked ?? "Gains from geometry, no bank")
-            }
+            title={own.bank === 0 ? TEXTS.geometricAlready : (locked ?? TEXTS.geometricHint)}
             loading={geometry.isPending}
             onClick={() => geometry.mutate()}
           >
-            Back to geometry
+            {TEXTS.useGeometric}
           </Button>
           <UndoTuning undo={undo} redo={redo} />
         </div>
@@ -145,22 +145,16 @@ export function DefaultGainsCard() {
   return (
     <>
       {tuning !== undefined && tuning.bank === null && <FromGeometry tuning={tuning} />}
-      <Card title="From runs to a bank">
+      <Card title={TEXTS.howToBuild}>
         <ol className={defaultGainsCardStyles.steps}>
           <li>
-            <Link href="/operate">Wind the tendons</Link> to pretension: an identification starts from there.
+            <Link href="/operate">{TEXTS.applyPretension}</Link> {TEXTS.applyPretensionWhy}
           </li>
           <li>
-            <Link href="/identify">Identify the actuator</Link> at one tension or at several in turn; each run
-            measures how q and S follow, with the error of each number.
+            <Link href="/identify">{TEXTS.identify}</Link> {TEXTS.identifyWhy}
           </li>
-          <li>
-            Tick the runs that are usable, name the bank, and build it. Each entry keeps the way back to its
-            samples.
-          </li>
-          <li>
-            Activate it here: the loops change over without a bump, and one press leads back to geometry.
-          </li>
+          <li>{TEXTS.build}</li>
+          <li>{TEXTS.activateStep}</li>
         </ol>
       </Card>
     </>
@@ -175,7 +169,7 @@ function FromGeometry({ tuning }: { tuning: Tuning }) {
     tuning,
   );
   return (
-    <Card title="Gains from geometry" aside={<span className={pageStyles.dim}>predicted</span>}>
+    <Card title={TEXTS.geometricGains} aside={<span className={pageStyles.dim}>{TEXTS.predicted}</span>}>
       <div className={pageStyles.halves}>
         {LOOPS.map(({ loop, lam, symbol, hue }) => (
           <div key={loop} className={defaultGainsCardStyles.loop}>
@@ -194,10 +188,7 @@ function FromGeometry({ tuning }: { tuning: Tuning }) {
           </div>
         ))}
       </div>
-      <p className={pageStyles.lead}>
-        Computed from the springs, the pulley and the motors as the parameters in force have them. What they
-        are on this joint, an identification measures.
-      </p>
+      <p className={pageStyles.lead}>{TEXTS.geometricSource}</p>
     </Card>
   );
 }
@@ -211,9 +202,9 @@ export default function BanksPage() {
   const selected = all.find((bank) => bank.id === Number(id)) ?? all.find((bank) => bank.active) ?? all[0];
   return (
     <div className={pageStyles.page}>
-      <h1 className={pageStyles.title}>Banks</h1>
+      <h1 className={pageStyles.title}>{TEXTS.title}</h1>
       <Card
-        title="Versions"
+        title={TEXTS.versions}
         aside={
           <OperatorsOnly>
             <BankImport />
@@ -222,7 +213,7 @@ export default function BanksPage() {
       >
         <ActiveGains banks={all} />
         {banks.data === undefined ? (
-          <p className={pageStyles.empty}>{banks.error?.message ?? "Loading …"}</p>
+          <p className={pageStyles.empty}>{banks.error?.message ?? TEXTS.loading}</p>
         ) : (
           <BankTable banks={all} selected={selected?.id} />
         )}

@@ -12,10 +12,13 @@ const fetched = vi.hoisted(() => {
 
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
+import { dateTime } from "../../samples/format";
 import type { AngleUnit } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { AngleUnitContext } from "../../service/api/preferences";
 import type { BringUp, BringUpStep, State } from "../../wire/types";
 import BringUpPage from "./BringUpPage";
+import { TEXTS } from "./texts";
 
 const WEIGHT = { name: "weight_1", words: "first weight", unit: "N", default: 10, minimum: 1, maximum: 50 };
 const TURN = {
@@ -73,7 +76,7 @@ async function open(
 ): Promise<void> {
   view = { applies: true, why_not: "", drives_on, drives_locked, drives_left: null, steps };
   show(angles);
-  await screen.findByRole("list", { name: "Steps of the bring-up" });
+  await screen.findByRole("list", { name: TEXTS.stepList });
   await waitFor(() => expect(asked("/api/session")).toHaveLength(1));
 }
 
@@ -124,21 +127,23 @@ it("shows the steps in order, each with how it stands, and the readings at the n
     "3. Zero",
     "4. Safety module",
   ]);
-  expect(document.body.textContent).toContain("1 of 4 steps are done.");
-  expect(card("1. Wiring test").getByText("done")).toBeTruthy();
-  expect(card("2. Tare").getByText("out of date")).toBeTruthy();
+  expect(document.body.textContent).toContain(fillText(TEXTS.someDone, { done: 1, count: 4 }));
+  expect(card("1. Wiring test").getByText(TEXTS.current)).toBeTruthy();
+  expect(card("2. Tare").getByText(TEXTS.outOfDate)).toBeTruthy();
   expect(card("2. Tare").getByText("Done 40 days ago")).toBeTruthy();
-  expect(card("3. Zero").getByText("to do")).toBeTruthy();
+  expect(card("3. Zero").getByText(TEXTS.never)).toBeTruthy();
   expect(card("4. Safety module").getByText("It did not trip")).toBeTruthy();
-  expect(screen.getAllByRole("region", { name: "Readings" })).toHaveLength(1);
-  expect(card("2. Tare").getByRole("region", { name: "Readings" }).textContent).not.toContain("q");
+  expect(screen.getAllByRole("region", { name: TEXTS.readings })).toHaveLength(1);
+  expect(card("2. Tare").getByRole("region", { name: TEXTS.readings }).textContent).not.toContain("q");
 });
 
 it("does not start what is blocked, and says why", async () => {
   await open([step("zero", "Zero", { blocked: "The load cells have to be tared first." })]);
   expect(card("1. Zero").getByText("The load cells have to be tared first.")).toBeTruthy();
-  expect(start("Start zero").getAttribute("aria-disabled")).toBe("true");
-  fireEvent.click(start("Start zero"));
+  expect(
+    start(fillText(TEXTS.startStep, { action: TEXTS.start, step: "zero" })).getAttribute("aria-disabled"),
+  ).toBe("true");
+  fireEvent.click(start(fillText(TEXTS.startStep, { action: TEXTS.start, step: "zero" })));
   fireEvent.submit(screen.getByRole("form", { name: "Zero" }));
   expect(asked("/api/bring-up/zero")).toEqual([]);
 });
@@ -153,7 +158,7 @@ it.each([
     expect(document.body.textContent).toContain(range);
     expect(screen.getByLabelText<HTMLInputElement>("First weight [N]").value).toBe("10");
     fireEvent.change(screen.getByLabelText(label), { target: { value: typed } });
-    fireEvent.click(start("Start calibrate"));
+    fireEvent.click(start(fillText(TEXTS.startStep, { action: TEXTS.start, step: "calibrate" })));
     await waitFor(() => expect(asked("/api/bring-up/calibrate")).toHaveLength(1));
     const body = await asked("/api/bring-up/calibrate")[0]?.clone().json();
     expect(body.values.weight_1).toBe(10);
@@ -164,8 +169,8 @@ it.each([
 it("sends nothing while a value is no number", async () => {
   await open([step("calibrate", "Calibrate", { inputs: [WEIGHT] })]);
   fireEvent.change(screen.getByLabelText("First weight [N]"), { target: { value: "ten" } });
-  fireEvent.click(start("Start calibrate"));
-  expect(card("1. Calibrate").getByText("A value is no number.")).toBeTruthy();
+  fireEvent.click(start(fillText(TEXTS.startStep, { action: TEXTS.start, step: "calibrate" })));
+  expect(card("1. Calibrate").getByText(TEXTS.notANumber)).toBeTruthy();
   expect(asked("/api/bring-up/calibrate")).toEqual([]);
 });
 
@@ -178,7 +183,7 @@ it("shows a refusal at the box of the value that was refused", async () => {
       { status: 422 },
     );
   fireEvent.change(screen.getByLabelText("First weight [N]"), { target: { value: "99" } });
-  fireEvent.click(start("Start calibrate"));
+  fireEvent.click(start(fillText(TEXTS.startStep, { action: TEXTS.start, step: "calibrate" })));
   const box = screen.getByLabelText("First weight [N]");
   await waitFor(() => expect(box.getAttribute("aria-invalid")).toBe("true"));
   expect(document.body.textContent).toContain(message);
@@ -188,21 +193,23 @@ it.each(["rig", "virtual_card"] as const)("says who does what is asked: %s", asy
   store.setState({ link: { starts: 1 }, plant: { kind } } as unknown as State);
   const running = { phase: "wiring", elapsed_s: 1, confirm: "Turn the joint by hand, and confirm" };
   await open([step("wiring_test", "Wiring test", { running })]);
-  const asked = await screen.findByRole("status", { name: "What to do now" });
-  expect(asked.textContent?.includes("Confirm does it")).toBe(kind === "virtual_card");
+  const asked = await screen.findByRole("status", { name: TEXTS.whatToDo });
+  expect(asked.textContent?.includes(TEXTS.confirmSimulates)).toBe(kind === "virtual_card");
 });
 
 it("shows the step under way with what a person is asked, and confirms or cancels it", async () => {
   const running = { phase: "turn the joint by 0.1\u202frad", elapsed_s: 3.2, confirm: "" };
   await open([step("wiring_test", "Wiring test", { state: "current" }), step("tare", "Tare", { running })]);
-  const group = within(screen.getByRole("group", { name: "Tare under way" }));
-  expect(group.getByRole("status", { name: "Progress" }).textContent).toBe("Turn the joint by 5.73°");
-  expect(card("2. Tare").getByText("under way")).toBeTruthy();
-  expect(card("2. Tare").getByRole("region", { name: "Readings" })).toBeTruthy();
-  const confirm = () => screen.getByRole("button", { name: "Confirm" });
+  const group = within(screen.getByRole("group", { name: fillText(TEXTS.stepRunning, { step: "Tare" }) }));
+  expect(group.getByRole("status", { name: TEXTS.progress }).textContent).toBe("Turn the joint by 5.73°");
+  expect(card("2. Tare").getByText(TEXTS.running)).toBeTruthy();
+  expect(card("2. Tare").getByRole("region", { name: TEXTS.readings })).toBeTruthy();
+  const confirm = () => screen.getByRole("button", { name: TEXTS.confirm });
   expect(confirm().getAttribute("aria-disabled")).toBe("true");
   fireEvent.click(confirm());
-  expect(screen.queryByRole("button", { name: "Start tare" })).toBeNull();
+  expect(
+    screen.queryByRole("button", { name: fillText(TEXTS.startStep, { action: TEXTS.start, step: "tare" }) }),
+  ).toBeNull();
   view = {
     ...view,
     steps: [step("tare", "Tare", { running: { ...running, confirm: "Hang nothing on either tendon." } })],
@@ -210,25 +217,25 @@ it("shows the step under way with what a person is asked, and confirms or cancel
   await waitFor(() => expect(confirm().getAttribute("aria-disabled")).toBe("false"));
   expect(asked("/api/bring-up/confirm")).toEqual([]);
   fireEvent.click(confirm());
-  expect(screen.getByRole("status", { name: "What to do now" }).textContent).toBe(
+  expect(screen.getByRole("status", { name: TEXTS.whatToDo }).textContent).toBe(
     "Hang nothing on either tendon.",
   );
   await waitFor(() => expect(asked("/api/bring-up/confirm")).toHaveLength(1));
-  fireEvent.click(screen.getByRole("button", { name: "Cancel" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.cancel }));
   await waitFor(() => expect(asked("/api/bring-up/cancel")).toHaveLength(1));
 });
 
 it("says that the drives are off, and switches them on when somebody presses it", async () => {
   await open([step("zero", "Zero")], "deg", false);
-  const drives = () => within(screen.getByRole("region", { name: "Drives" }));
-  expect(drives().getByText("Drives off.")).toBeTruthy();
-  expect(drives().getByText(/can be turned by hand, and nothing starts/)).toBeTruthy();
+  const drives = () => within(screen.getByRole("region", { name: TEXTS.drives }));
+  expect(drives().getByText(TEXTS.drivesOff)).toBeTruthy();
+  expect(drives().getByText(TEXTS.whileLocked, { exact: false })).toBeTruthy();
   view = { ...view, drives_on: true, drives_locked: false };
-  fireEvent.click(drives().getByRole("button", { name: "Switch drives on" }));
-  expect(await drives().findByText("Drives on.")).toBeTruthy();
+  fireEvent.click(drives().getByRole("button", { name: TEXTS.switchOn }));
+  expect(await drives().findByText(TEXTS.drivesOn)).toBeTruthy();
   const sent = asked("/api/bring-up/drives");
   expect(await sent[0]?.clone().json()).toEqual({ on: true });
-  expect(drives().getByRole("button", { name: "Switch drives off" })).toBeTruthy();
+  expect(drives().getByRole("button", { name: TEXTS.switchOff })).toBeTruthy();
 });
 
 it("says who left the drives off before the service was started", async () => {
@@ -236,18 +243,18 @@ it("says who left the drives off before the service was started", async () => {
   view = { ...view, drives_left: { who: "A. Operator", at: "2026-11-22T10:00:00Z" } };
   cleanup();
   show();
-  const drives = within(await screen.findByRole("region", { name: "Drives" }));
-  expect(drives.getByText(/A\. Operator left them so on 2026-11-22 \d\d:00:00/)).toBeTruthy();
-  expect(drives.getByText(/hands may still be at the rig/)).toBeTruthy();
-  expect(drives.getByRole("button", { name: "Switch drives on" })).toBeTruthy();
+  const drives = within(await screen.findByRole("region", { name: TEXTS.drives }));
+  const told = fillText(TEXTS.drivesLeft, { person: "A. Operator", time: dateTime("2026-11-22T10:00:00Z") });
+  expect(drives.getByText(told, { exact: false })).toBeTruthy();
+  expect(drives.getByRole("button", { name: TEXTS.switchOn })).toBeTruthy();
 });
 
 it("calls for no hands where a reset brings the drives back", async () => {
   await open([step("zero", "Zero")], "deg", false, false);
-  const drives = within(screen.getByRole("region", { name: "Drives" }));
-  expect(drives.getByText(/They come back with the reset/)).toBeTruthy();
-  expect(drives.queryByText(/turned by hand/)).toBeNull();
-  fireEvent.click(drives.getByRole("button", { name: "Switch drives off" }));
+  const drives = within(screen.getByRole("region", { name: TEXTS.drives }));
+  expect(drives.getByText(TEXTS.untilReset, { exact: false })).toBeTruthy();
+  expect(drives.queryByText(TEXTS.whileLocked, { exact: false })).toBeNull();
+  fireEvent.click(drives.getByRole("button", { name: TEXTS.switchOff }));
   await waitFor(() => expect(asked("/api/bring-up/drives")).toHaveLength(1));
   expect(await asked("/api/bring-up/drives")[0]?.clone().json()).toEqual({ on: false });
 });
@@ -255,8 +262,9 @@ it("calls for no hands where a reset brings the drives back", async () => {
 it("offers no switch of the drives while a step is under way", async () => {
   const running = { phase: "waiting", elapsed_s: 1, confirm: "Turn motor A." };
   await open([step("wiring_test", "Wiring test", { running })], "deg", false);
-  expect(screen.getByRole("region", { name: "Drives" }).textContent).toContain("Drives off.");
-  expect(screen.queryByRole("button", { name: /Switch drives/ })).toBeNull();
+  expect(screen.getByRole("region", { name: TEXTS.drives }).textContent).toContain(TEXTS.drivesOff);
+  expect(screen.queryByRole("button", { name: TEXTS.switchOn })).toBeNull();
+  expect(screen.queryByRole("button", { name: TEXTS.switchOff })).toBeNull();
 });
 
 it("keeps what was typed for the next time", async () => {
@@ -264,8 +272,8 @@ it("keeps what was typed for the next time", async () => {
   await open([calibrate]);
   fireEvent.change(screen.getByLabelText("First weight [N]"), { target: { value: "12.5" } });
   view = { ...view, steps: [{ ...calibrate, running: { phase: "at rest", elapsed_s: 0, confirm: "" } }] };
-  fireEvent.click(start("Start calibrate"));
-  const cancel = await screen.findByRole("button", { name: "Cancel" });
+  fireEvent.click(start(fillText(TEXTS.startStep, { action: TEXTS.start, step: "calibrate" })));
+  const cancel = await screen.findByRole("button", { name: TEXTS.cancel });
   view = { ...view, steps: [calibrate] };
   fireEvent.click(cancel);
   await waitFor(() => expect(screen.getByLabelText<HTMLInputElement>("First weight [N]").value).toBe("12.5"));
@@ -273,13 +281,13 @@ it("keeps what was typed for the next time", async () => {
 
 it("shows a result with its figures as they are read, who and when, and none that was not measured", async () => {
   await open([step("tare", "Tare", { state: "current", result: RESULT })]);
-  const result = card("1. Tare").getByRole("region", { name: "Result" });
+  const result = card("1. Tare").getByRole("region", { name: TEXTS.result });
   expect(result.textContent).toContain("Both load cells answer along a line.");
   expect(result.textContent).toContain("slope of load cell A10.02 N/V");
   expect(result.textContent).toContain("joint moved5.000°");
   expect(within(result).getByRole("img", { name: "not measured" })).toBeTruthy();
   expect(result.textContent).toMatch(/A\. Operator, 2026-11-22 \d\d:00:00/);
-  expect(document.body.textContent).toContain("All of 1 steps are done.");
+  expect(document.body.textContent).toContain(fillText(TEXTS.allDone, { count: 1 }));
 });
 
 it("offers a viewer nothing to press", async () => {

@@ -6,12 +6,14 @@ import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { capital, dateTime } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import { bringUpQuery, useStepCommand } from "../../service/api/system";
 import { useMayCommand } from "../../service/control/control";
 import type { BringUp } from "../../wire/types";
 import pageStyles from "../Page.module.css";
 import bringUpStyles from "./BringUp.module.css";
 import { StepCard } from "./StepCard";
+import { TEXTS } from "./texts";
 
 /** Whether the drives are on, and their switch: after hands were at the rig they stay off until somebody says otherwise. */
 
@@ -31,14 +33,14 @@ export function Drives({ on, locked, left, stepUnderWay }: DrivesProps) {
   const switchOn = locked && !on;
   const Icon = on ? TbPlugConnected : TbHandStop;
   return (
-    <section className={bringUpStyles.drives} aria-label="Drives" data-on={on}>
+    <section className={bringUpStyles.drives} aria-label={TEXTS.drives} data-on={on}>
       <Icon size={19} aria-hidden="true" />
       <p>
-        <strong>{on ? "Drives on." : "Drives off."}</strong>{" "}
+        <strong>{on ? TEXTS.drivesOn : TEXTS.drivesOff}</strong>{" "}
         {!on &&
           left !== null &&
-          `${left.who} left them so on ${dateTime(left.at)}, and the service was started since: hands may still be at the rig. `}
-        {on ? ON : locked ? LOCKED : UNTIL_RESET}
+          `${fillText(TEXTS.drivesLeft, { person: left.who, time: dateTime(left.at) })} `}
+        {on ? TEXTS.whileOn : locked ? TEXTS.whileLocked : TEXTS.untilReset}
       </p>
       {!stepUnderWay && (
         <OperatorsOnly>
@@ -49,7 +51,7 @@ export function Drives({ on, locked, left, stepUnderWay }: DrivesProps) {
             loading={command.isPending}
             onClick={() => command.mutate({ do: "switch-drives", on: switchOn })}
           >
-            {switchOn ? "Switch drives on" : "Switch drives off"}
+            {switchOn ? TEXTS.switchOn : TEXTS.switchOff}
           </Button>
         </OperatorsOnly>
       )}
@@ -58,22 +60,17 @@ export function Drives({ on, locked, left, stepUnderWay }: DrivesProps) {
   );
 }
 
-const ON = "Keep your hands off the rig, or switch them off before you reach in.";
-const LOCKED =
-  "The motors can be turned by hand, and nothing starts. Take your hands off before they come on.";
-const UNTIL_RESET = "They come back with the reset. After it, switch them off before you reach in.";
-
 /** Bringing a rig up, step by step: from drives off and a turn by hand to a safety module that was seen to trip. */
 
 export default function BringUpPage() {
   const { data, error } = useQuery(bringUpQuery);
   return (
     <div className={pageStyles.page}>
-      <h1 className={pageStyles.title}>Bring-up</h1>
+      <h1 className={pageStyles.title}>{TEXTS.title}</h1>
       {data?.applies ? (
         <Steps view={data} />
       ) : (
-        <Nothing why={data?.why_not ?? error?.message ?? "Loading …"} />
+        <Nothing why={data?.why_not ?? error?.message ?? TEXTS.loading} />
       )}
     </div>
   );
@@ -81,20 +78,19 @@ export default function BringUpPage() {
 
 function Nothing({ why }: { why: string }) {
   return (
-    <Card title="Steps">
+    <Card title={TEXTS.steps}>
       <p className={pageStyles.empty}>{capital(why)}</p>
       <div className={bringUpStyles.none}>
-        <p>On a rig this pageStyles leads from drives off to a joint that may be driven:</p>
+        <p>{TEXTS.outline}</p>
         <ol>
-          <li>with drives off each sensor is turned or pulled by hand, and has to read what it should;</li>
-          <li>the load cells are tared, and calibrated with known weights;</li>
-          <li>the encoders count from where the joint is known to be, by hand or by its end switch;</li>
-          <li>each motor is driven a little, and has to go to its side;</li>
-          <li>the tendons are wound to the pretension, and the safety module is seen to cut the motors.</li>
+          <li>{TEXTS.outlineSensors}</li>
+          <li>{TEXTS.outlineForces}</li>
+          <li>{TEXTS.outlineEncoders}</li>
+          <li>{TEXTS.outlineMotors}</li>
+          <li>{TEXTS.outlinePretension}</li>
         </ol>
         <p>
-          <Link href="/docs/rig">The rig</Link> says what each step proves. The same steps can be tried
-          without hardware on the virtual card.
+          <Link href="/docs/rig">{TEXTS.rigPage}</Link> {TEXTS.rigPageAfter}
         </p>
       </div>
     </Card>
@@ -110,12 +106,14 @@ function Steps({ view }: { view: BringUp }) {
   return (
     <>
       <p className={pageStyles.lead}>
-        {done === steps.length ? "All" : done} of {steps.length} steps are done. Each is small, can be
-        cancelled, and is kept with who did it and when.
-        {viewer && " You are signed in as a viewer: you look on, and may press STOP."}
+        {done === steps.length
+          ? fillText(TEXTS.allDone, { count: steps.length })
+          : fillText(TEXTS.someDone, { done, count: steps.length })}{" "}
+        {TEXTS.aboutSteps}
+        {viewer && ` ${TEXTS.asViewer}`}
       </p>
       {on !== null && <Drives on={on} locked={locked} left={left} stepUnderWay={stepUnderWay} />}
-      <ol className={bringUpStyles.steps} aria-label="Steps of the bring-up">
+      <ol className={bringUpStyles.steps} aria-label={TEXTS.stepList}>
         {steps.map((step, index) => (
           <li key={step.id}>
             <StepCard step={step} number={index + 1} open={index === at} />

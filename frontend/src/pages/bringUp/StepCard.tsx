@@ -28,6 +28,7 @@ import {
   readingOf,
   withUnit,
 } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import type { SampleWindow } from "../../samples/window";
 import { useAngleUnit } from "../../service/api/preferences";
 import { useStepCommand } from "../../service/api/system";
@@ -38,6 +39,7 @@ import { FIELDS, type SignalName as Signal } from "../../wire/sample.gen";
 import type { BringUpResult, BringUpRunning, BringUpStep } from "../../wire/types";
 import pageStyles from "../Page.module.css";
 import bringUpStyles from "./BringUp.module.css";
+import { TEXTS } from "./texts";
 
 /** Which signals matter in which step of the bring-up, and whether one moves. Pure. */
 
@@ -97,7 +99,12 @@ const DECIMALS: Readonly<Record<string, number>> = { V: 3 };
 const USUAL = 2;
 const LOOK_MS = 100;
 
-const WORDS: Record<Movement, string> = { rising: "rising", falling: "falling", still: "still", unknown: "" };
+const WORDS: Record<Movement, string> = {
+  rising: TEXTS.rising,
+  falling: TEXTS.falling,
+  still: TEXTS.still,
+  unknown: "",
+};
 
 function StepReadings({ step }: { step: BringUpStep["id"] }) {
   const store = useLiveStore();
@@ -107,7 +114,7 @@ function StepReadings({ step }: { step: BringUpStep["id"] }) {
   const old_s = useSampleAge();
   useNow(LOOK_MS);
   return (
-    <section className={bringUpStyles.readings} aria-label="Readings" data-stale={old_s !== null}>
+    <section className={bringUpStyles.readings} aria-label={TEXTS.readings} data-stale={old_s !== null}>
       <dl>
         {names.map((name, index) => {
           const unit = unitOf(name);
@@ -119,7 +126,7 @@ function StepReadings({ step }: { step: BringUpStep["id"] }) {
                 <SignalName name={symbolOf(name)} />
               </dt>
               <dd>
-                <ValueOrReason value={store.window.newest(name)} why="the sensor gives no number">
+                <ValueOrReason value={store.window.newest(name)} why={TEXTS.noReading}>
                   {(value) =>
                     unit === "rad" ? angleText(value, USUAL, angles) : fixed(value, DECIMALS[unit] ?? USUAL)
                   }
@@ -135,7 +142,9 @@ function StepReadings({ step }: { step: BringUpStep["id"] }) {
           );
         })}
       </dl>
-      {old_s !== null && <p className={bringUpStyles.old}>As it was {age(1000 * old_s)} ago</p>}
+      {old_s !== null && (
+        <p className={bringUpStyles.old}>{fillText(TEXTS.lastReading, { age: age(1000 * old_s) })}</p>
+      )}
     </section>
   );
 }
@@ -149,11 +158,11 @@ function symbolOf(name: string): string {
 type StepStatus = BringUpStep["state"] | "running";
 
 const STEP_STATUS: Record<StepStatus, { word: string; Icon: IconType }> = {
-  never: { word: "to do", Icon: TbCircle },
-  current: { word: "done", Icon: TbCircleCheck },
-  out_of_date: { word: "out of date", Icon: TbAlertTriangle },
-  failed: { word: "failed", Icon: TbCircleX },
-  running: { word: "under way", Icon: TbPlayerPlay },
+  never: { word: TEXTS.never, Icon: TbCircle },
+  current: { word: TEXTS.current, Icon: TbCircleCheck },
+  out_of_date: { word: TEXTS.outOfDate, Icon: TbAlertTriangle },
+  failed: { word: TEXTS.failed, Icon: TbCircleX },
+  running: { word: TEXTS.running, Icon: TbPlayerPlay },
 };
 
 /** What was typed into the boxes of a step, by name; text where it is no number. */
@@ -184,7 +193,7 @@ export function StepCard({ step, number, open }: StepCardProps) {
   const { word, Icon } = STEP_STATUS[standing];
   return (
     <Card
-      title={`${number}. ${title}`}
+      title={fillText(TEXTS.stepTitle, { number, title })}
       className={bringUpStyles.step}
       aside={
         <span className={bringUpStyles.standing} data-standing={standing}>
@@ -229,14 +238,14 @@ interface StartProps {
 
 function Start({ step, prominent, changed, onChange }: StartProps) {
   const { id, title, inputs, blocked, state } = step;
-  const word = state === "current" ? "Repeat" : "Start";
+  const word = state === "current" ? TEXTS.repeat : TEXTS.start;
   const angles = useAngleUnit();
   const command = useStepCommand();
   const values = Object.fromEntries(
     inputs.map((input) => [input.name, changed[input.name] ?? offeredDefault(input.default, input, angles)]),
   );
   const numbers = numbersIn(values);
-  const reason = blocked !== "" ? capital(blocked) : numbers === null ? "A value is no number." : null;
+  const reason = blocked !== "" ? capital(blocked) : numbers === null ? TEXTS.notANumber : null;
 
   function submit(event: FormEvent): void {
     event.preventDefault();
@@ -267,7 +276,7 @@ function Start({ step, prominent, changed, onChange }: StartProps) {
               type="submit"
               size="sm"
               variant={prominent ? "filled" : "default"}
-              aria-label={`${word} ${title.toLowerCase()}`}
+              aria-label={fillText(TEXTS.startStep, { action: word, step: title.toLowerCase() })}
               aria-disabled={reason !== null}
               data-disabled={reason !== null || undefined}
               loading={command.isPending}
@@ -298,17 +307,21 @@ function UnderWay({ running, title }: { running: BringUpRunning; title: string }
   const virtual = useLive((live) => live.state?.plant.kind === "virtual_card");
   return (
     // biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form
-    <div className={bringUpStyles.running} role="group" aria-label={`${title} under way`}>
+    <div
+      className={bringUpStyles.running}
+      role="group"
+      aria-label={fillText(TEXTS.stepRunning, { step: title })}
+    >
       <div className={bringUpStyles.phase}>
         {!asked && <Loader size={14} aria-hidden="true" />}
-        <output aria-label="Progress">
+        <output aria-label={TEXTS.progress}>
           <LocalizedText text={capital(phase)} />
         </output>
         <span className={pageStyles.dim}>{duration(elapsed_s)}</span>
       </div>
-      <output aria-label="What to do now" className={bringUpStyles.asked} data-asked={asked}>
+      <output aria-label={TEXTS.whatToDo} className={bringUpStyles.asked} data-asked={asked}>
         {asked && <LocalizedText text={confirm} />}
-        {asked && virtual && <span className={pageStyles.dim}> On this virtual card, Confirm does it.</span>}
+        {asked && virtual && <span className={pageStyles.dim}> {TEXTS.confirmSimulates}</span>}
       </output>
       <OperatorsOnly>
         <div className={pageStyles.actions}>
@@ -319,7 +332,7 @@ function UnderWay({ running, title }: { running: BringUpRunning; title: string }
             loading={command.isPending && command.variables.do === "confirm"}
             onClick={() => asked && command.mutate({ do: "confirm" })}
           >
-            Confirm
+            {TEXTS.confirm}
           </Button>
           <Button
             size="sm"
@@ -327,7 +340,7 @@ function UnderWay({ running, title }: { running: BringUpRunning; title: string }
             loading={command.isPending && command.variables.do === "cancel"}
             onClick={() => command.mutate({ do: "cancel" })}
           >
-            Cancel
+            {TEXTS.cancel}
           </Button>
         </div>
       </OperatorsOnly>
@@ -340,7 +353,7 @@ function Result({ result, outdated }: { result: BringUpResult; outdated: boolean
   const angles = useAngleUnit();
   const { passed, text, figures, who, at } = result;
   return (
-    <section className={bringUpStyles.result} aria-label="Result" data-outdated={outdated}>
+    <section className={bringUpStyles.result} aria-label={TEXTS.result} data-outdated={outdated}>
       <Verdict good={passed}>{capital(text)}</Verdict>
       {figures.length > 0 && (
         <dl className={pageStyles.facts}>
@@ -357,7 +370,7 @@ function Result({ result, outdated }: { result: BringUpResult; outdated: boolean
         </dl>
       )}
       <span className={pageStyles.dim}>
-        {who}, {dateTime(at)}
+        {fillText(TEXTS.personAndTime, { person: who, time: dateTime(at) })}
       </span>
     </section>
   );

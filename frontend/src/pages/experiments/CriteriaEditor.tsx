@@ -2,12 +2,14 @@ import { ActionIcon, Button, NativeSelect, TextInput } from "@mantine/core";
 import { useState } from "react";
 import { TbPlus, TbX } from "react-icons/tb";
 import { boxText, inSI, labelWith } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { useAngleUnit } from "../../service/api/preferences";
 import { useRefusedInput, useRefusedWithin } from "../../service/forms/refusals";
 import type { Metric } from "../../wire/types";
 import page from "../Page.module.css";
 import type { Bound, Value } from "./document";
 import styles from "./SequenceEditor.module.css";
+import { TEXTS } from "./texts";
 
 /** A number of a part, or an expression of the experiment's settings, which counts in SI. What is left out is empty. */
 
@@ -34,15 +36,17 @@ export function ExpressionField(props: ExpressionFieldProps) {
   return (
     <TextInput
       label={label}
-      aria-label={`${label} ${whose}`}
+      aria-label={fillText(TEXTS.labelOf, { label, owner: whose })}
       ref={ref}
       size="xs"
       autoComplete="off"
-      placeholder={optional ? "as it is" : undefined}
+      placeholder={optional ? TEXTS.unchanged : undefined}
       value={typed ?? shown}
       error={said !== null || (value === undefined && !optional)}
       rightSection={
-        expression ? <span title={`an expression, counted in ${unit === "1" ? "SI" : unit}`}>ƒ</span> : null
+        expression ? (
+          <span title={unit === "1" ? TEXTS.expressionInSI : fillText(TEXTS.expressionIn, { unit })}>ƒ</span>
+        ) : null
       }
       rightSectionWidth={expression ? 18 : 0}
       onChange={(event) => {
@@ -69,7 +73,7 @@ export function CriteriaEditor({ criteria, metrics, onChange }: CriteriaEditorPr
   const further = metrics.find(({ name }) => !named.has(name))?.name ?? "min_tension_N";
   return (
     <fieldset className={`${styles.phase} ${page.fields}`}>
-      <legend>Criteria</legend>
+      <legend>{TEXTS.criteria}</legend>
       {criteria.map((bound, index) => (
         <Row
           // biome-ignore lint/suspicious/noArrayIndexKey: a criterion is its place in the list
@@ -88,7 +92,7 @@ export function CriteriaEditor({ criteria, metrics, onChange }: CriteriaEditorPr
           leftSection={<TbPlus size={13} />}
           onClick={() => onChange([...criteria, { figure: further, below: 1 }])}
         >
-          Add criterion
+          {TEXTS.addCriterion}
         </Button>
       </div>
     </fieldset>
@@ -109,7 +113,8 @@ function Row({ index, bound, metrics, onChange, onRemove }: RowProps) {
   const messageId = `criterion-${index}-refused`;
   const { ref, said } = useRefusedInput<HTMLSelectElement>(place, messageId);
   const within = useRefusedWithin(place);
-  const whose = `of criterion ${index + 1}`;
+  const whose = fillText(TEXTS.ofCriterion, { number: index + 1 });
+  const labelOf = (label: string) => fillText(TEXTS.labelOf, { label, owner: whose });
   const { figure, name, title } = bound;
   const unit = metrics.find((metric) => metric.name === figure)?.unit ?? "1";
   const side = bound.above === undefined ? "below" : "above";
@@ -125,8 +130,8 @@ function Row({ index, bound, metrics, onChange, onRemove }: RowProps) {
         <NativeSelect
           ref={ref}
           size="xs"
-          label="Figure"
-          aria-label={`Figure ${whose}`}
+          label={TEXTS.metric}
+          aria-label={labelOf(TEXTS.metric)}
           error={said !== null}
           data={
             known.some((one) => one.value === figure) ? known : [{ value: figure, label: figure }, ...known]
@@ -136,14 +141,17 @@ function Row({ index, bound, metrics, onChange, onRemove }: RowProps) {
         />
         <NativeSelect
           size="xs"
-          label="Stays"
-          aria-label={`Stays ${whose}`}
-          data={["below", "above"]}
+          label={TEXTS.condition}
+          aria-label={labelOf(TEXTS.condition)}
+          data={[
+            { value: "below", label: TEXTS.below },
+            { value: "above", label: TEXTS.above },
+          ]}
           value={side}
           onChange={(event) => onChange({ ...rest, [event.currentTarget.value]: value })}
         />
         <ExpressionField
-          words="Bound"
+          words={TEXTS.bound}
           unit={unit}
           whose={whose}
           value={value}
@@ -153,9 +161,9 @@ function Row({ index, bound, metrics, onChange, onRemove }: RowProps) {
         />
         <TextInput
           size="xs"
-          label="Title"
-          aria-label={`Title ${whose}`}
-          placeholder="as the figure"
+          label={TEXTS.criterionTitle}
+          aria-label={labelOf(TEXTS.criterionTitle)}
+          placeholder={TEXTS.criterionTitleHint}
           value={title ?? ""}
           onChange={(event) => onChange({ ...bound, title: event.currentTarget.value })}
         />
@@ -164,7 +172,7 @@ function Row({ index, bound, metrics, onChange, onRemove }: RowProps) {
           color="gray"
           size={24}
           mb={4}
-          aria-label={`Remove criterion ${index + 1}`}
+          aria-label={fillText(TEXTS.removeCriterion, { number: index + 1 })}
           onClick={onRemove}
         >
           <TbX size={14} />

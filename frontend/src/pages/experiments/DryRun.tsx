@@ -8,6 +8,7 @@ import { plantWord } from "../../components/Header";
 import { Outcome, RunState } from "../../components/RunState";
 import { LocalizedText } from "../../components/values";
 import { duration } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import type { useDryRun } from "../../service/api/experiments";
 import { useStandardPanels } from "../../theme/useLayouts";
 import { excerptOf } from "../../wire/curves";
@@ -16,6 +17,7 @@ import pageStyles from "../Page.module.css";
 import { DryRunProgress } from "./DryRunProgress";
 import { RunSummary } from "./ExperimentForm";
 import { Figures } from "./ExperimentRuns";
+import { TEXTS } from "./texts";
 
 /** What an experiment would give, as the simulator played it. */
 
@@ -47,20 +49,18 @@ function ShownDryRun({ dryRun, kinds, name }: ShownProps) {
   return (
     <div ref={card}>
       <Card
-        title="Dry run"
-        aside={!dryRun.isPending && <CloseButton aria-label="Close dry run" size="sm" onClick={reset} />}
+        title={TEXTS.dryRun}
+        aside={!dryRun.isPending && <CloseButton aria-label={TEXTS.closeDryRun} size="sm" onClick={reset} />}
       >
         {data !== undefined && <Played name={name} title={title} result={data} />}
         {error !== null && (
           <p className={pageStyles.empty}>
-            {title}: not played. <LocalizedText text={error.message} />
+            {fillText(TEXTS.notSimulated, { experiment: title })} <LocalizedText text={error.message} />
           </p>
         )}
         {dryRun.isPending && (
           <>
-            <p className={pageStyles.empty}>
-              {title}: being played on a simulator of its own; nothing moves.
-            </p>
+            <p className={pageStyles.empty}>{fillText(TEXTS.simulating, { experiment: title })}</p>
             <DryRunProgress onCancel={dryRun.cancel} />
           </>
         )}
@@ -79,12 +79,12 @@ function Played({ name, title, result }: PlayedProps) {
   return (
     <div className={pageStyles.fields}>
       <span>
-        {title}, {duration(result.duration_s)} simulated; nothing moved and nothing was stored.{" "}
+        {fillText(TEXTS.simulated, { experiment: title, duration: duration(result.duration_s) })}{" "}
         <RunState state={result.status} /> <LocalizedText text={result.message} />
       </span>
       <Outcome of={result} />
       <RunSummary name={name} settings={result.settings} />
-      <Figures criteria={result.criteria} metrics={result.metrics} of="dry run" />
+      <Figures criteria={result.criteria} metrics={result.metrics} of={TEXTS.dryRunSource} />
       {result.samples && (
         <DryRunCurves samples={result.samples} duration_s={result.duration_s} name="sinew-dry-run" />
       )}
@@ -130,7 +130,7 @@ function CurvesOfOneLength({ samples, duration_s, name }: CurvesProps) {
   );
 }
 
-const DRY_RUN = { of: "dry run, nothing stored", plant: plantWord("simulator"), bank: "" };
+const DRY_RUN = { of: TEXTS.dryRunNotStored, plant: plantWord("simulator"), bank: "" };
 const NO_LIMITS: readonly never[] = [];
 const NO_MARKS: readonly never[] = [];
 
@@ -140,8 +140,8 @@ export function LeftOut({ of }: { of: readonly string[] }) {
   if (of.length === 0) return null;
   return (
     <div className={pageStyles.dim}>
-      Left out of the run:
-      <ul aria-label="Left out of the run" style={{ margin: 0, paddingLeft: 20 }}>
+      {TEXTS.leftOutIntro}
+      <ul aria-label={TEXTS.leftOut} style={{ margin: 0, paddingLeft: 20 }}>
         {of.map((text) => (
           <li key={text}>{text}</li>
         ))}

@@ -3,9 +3,11 @@
 import { Button, Progress } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { duration } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import { dryRunProgressQuery } from "../../service/api/experiments";
 import type { DryRunProgress as DryRunNews } from "../../wire/types";
 import page from "../Page.module.css";
+import { TEXTS } from "./texts";
 
 export function DryRunProgress({ onCancel }: { onCancel: () => void }) {
   const { data } = useQuery(dryRunProgressQuery);
@@ -14,21 +16,24 @@ export function DryRunProgress({ onCancel }: { onCancel: () => void }) {
     <div className={page.actions}>
       <Progress
         value={100 * share}
-        aria-label="Progress of the dry run"
+        aria-label={TEXTS.dryRunProgress}
         size="sm"
         style={{ flex: 1, minWidth: 80 }}
       />
       <span className={page.dim}>{describeProgress(data)}</span>
       <Button size="compact-sm" variant="default" onClick={onCancel}>
-        Cancel dry run
+        {TEXTS.cancelDryRun}
       </Button>
     </div>
   );
 }
 
 function describeProgress(told: DryRunNews | undefined): string {
-  if (!told?.under_way || told.doing === "starting") return "Waiting for the simulator";
-  if (told.doing === "pretension") return "Winding up the tendons";
-  if (told.doing === "evaluation") return "Evaluating";
-  return `${duration(told.played_s)} of ${duration(told.duration_s)} played`;
+  if (!told?.under_way || told.doing === "starting") return TEXTS.waitingForSimulator;
+  if (told.doing === "pretension") return TEXTS.applyingPretension;
+  if (told.doing === "evaluation") return TEXTS.evaluating;
+  return fillText(TEXTS.progress, {
+    simulated: duration(told.played_s),
+    total: duration(told.duration_s),
+  });
 }

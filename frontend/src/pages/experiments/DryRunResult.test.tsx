@@ -11,12 +11,16 @@ const fetched = vi.hoisted(() => {
   return replacement;
 });
 
+import { fillText } from "../../samples/texts";
 import { useDryRun } from "../../service/api/experiments";
 import type { ExperimentKind } from "../../wire/types";
 import { DryRunResult } from "./DryRun";
+import { TEXTS } from "./texts";
 
+const TRACKING = "Tracking of position and stiffness";
+const SIMULATED = fillText(TEXTS.simulated, { experiment: TRACKING, duration: "12.0 s" });
 const KINDS = [
-  { name: "tracking", title: "Tracking of position and stiffness", settings: [] },
+  { name: "tracking", title: TRACKING, settings: [] },
   { name: "sequence", title: "Own sequence", settings: [] },
 ] as unknown as ExperimentKind[];
 const RESULT = { duration_s: 12, message: "", settings: {}, criteria: [], metrics: [], samples: null };
@@ -66,17 +70,17 @@ beforeEach(() => {
 afterEach(cleanup);
 
 function shown(): string {
-  return screen.queryByRole("region", { name: "Dry run" })?.textContent ?? "";
+  return screen.queryByRole("region", { name: TEXTS.dryRun })?.textContent ?? "";
 }
 
 it("says what was played, and keeps no result beside another that is being played", async () => {
   expect(shown()).toBe("");
   fireEvent.click(screen.getByText("tracking"));
-  await waitFor(() => expect(shown()).toContain("Tracking of position and stiffness: being played"));
+  await waitFor(() => expect(shown()).toContain(fillText(TEXTS.simulating, { experiment: TRACKING })));
   answers[0]?.(Response.json({ ...RESULT, status: "completed" }));
-  await waitFor(() => expect(shown()).toContain("Tracking of position and stiffness, 12.0 s simulated"));
+  await waitFor(() => expect(shown()).toContain(SIMULATED));
   fireEvent.click(screen.getByText("sequence"));
-  await waitFor(() => expect(shown()).toContain("Own sequence: being played"));
+  await waitFor(() => expect(shown()).toContain(fillText(TEXTS.simulating, { experiment: "Own sequence" })));
   expect(shown()).not.toContain("Tracking");
   answers[1]?.(Response.json({ error: { message: "no", code: "busy" } }, { status: 429 }));
   await waitFor(() => expect(shown()).toBe("")); // the form that is open tells it
@@ -87,22 +91,24 @@ it("tells what was refused of a form that is not open any more", async () => {
   await waitFor(() => expect(answers).toHaveLength(1));
   answers[0]?.(Response.json({ error: { message: "the worker died", code: "died" } }, { status: 500 }));
   await waitFor(() =>
-    expect(shown()).toContain("Tracking of position and stiffness: not played. the worker died"),
+    expect(shown()).toContain(`${fillText(TEXTS.notSimulated, { experiment: TRACKING })} the worker died`),
   );
 });
 
 it("says how far it is, and is cancelled: its connection ends and the card goes", async () => {
   fireEvent.click(screen.getByText("tracking"));
-  await waitFor(() => expect(shown()).toContain("3.0 s of 12.0 s played"));
-  const bar = screen.getByRole("progressbar", { name: "Progress of the dry run" });
+  await waitFor(() =>
+    expect(shown()).toContain(fillText(TEXTS.progress, { simulated: "3.0 s", total: "12.0 s" })),
+  );
+  const bar = screen.getByRole("progressbar", { name: TEXTS.dryRunProgress });
   expect(bar.getAttribute("aria-valuenow")).toBe("25");
-  fireEvent.click(screen.getByRole("button", { name: "Cancel dry run" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.cancelDryRun }));
   await waitFor(() => expect(aborted).toBe(1));
   expect(shown()).toBe("");
   fireEvent.click(screen.getByText("tracking")); // and can be asked for again
   await waitFor(() => expect(answers).toHaveLength(2));
   answers[1]?.(Response.json({ ...RESULT, status: "completed" }));
-  await waitFor(() => expect(shown()).toContain("12.0 s simulated"));
+  await waitFor(() => expect(shown()).toContain(SIMULATED));
 });
 
 it("ends with the page that asked for it", async () => {
@@ -120,5 +126,5 @@ it("comes into sight once there is a result", async () => {
   expect(scrolled).not.toHaveBeenCalled();
   answers[0]?.(Response.json({ ...RESULT, status: "completed" }));
   await waitFor(() => expect(scrolled).toHaveBeenCalledTimes(1));
-  expect(scrolled.mock.contexts[0]).toBe(screen.getByRole("region", { name: "Dry run" }).parentElement);
+  expect(scrolled.mock.contexts[0]).toBe(screen.getByRole("region", { name: TEXTS.dryRun }).parentElement);
 });

@@ -4,10 +4,12 @@ import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-libra
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
+import { fillText } from "../../samples/texts";
 import { useDryRun } from "../../service/api/experiments";
 import { closeExplanation, currentExplanation } from "../../service/glossary";
 import type { ExperimentKind, State } from "../../wire/types";
 import { describeChanges, ExperimentForm, hasChoice, tuningChanges } from "./ExperimentForm";
+import { TEXTS } from "./texts";
 
 // the REST client takes hold of fetch when it is made
 const fetched = vi.hoisted(() => {
@@ -145,7 +147,7 @@ function standing(): Record<string, unknown> {
     lam_S: number("What lam_S is [s]"),
     lam_motor: number("What lam_motor is [s]"),
     b: number("What b is"),
-    bank: number("Models that the gains come from"),
+    bank: number(TEXTS.gainSource),
     interpolate: (screen.getByRole("switch", { name: /^What interpolate is/ }) as HTMLInputElement).checked,
     motion: (screen.getByLabelText("What motion is") as HTMLSelectElement).value,
     u_plan: number("What u_plan is [V]"),
@@ -190,15 +192,17 @@ it("says of each of its fields what it is for and what is accepted, without a fu
   expect(document.querySelectorAll("form [tabindex='0']")).toHaveLength(1); // the words of the form, as before
 });
 
+const LOOP_SETTINGS = TEXTS.loopSettings.split("{")[0] ?? "";
+const START = fillText(TEXTS.startExperiment, { experiment: "tracking" });
 const BUTTONS = [
-  ["Start tracking", "/api/experiments"],
-  ["Add to queue", "/api/experiments/queue"],
-  ["Dry run", "/api/experiments/dry-run"],
+  [START, "/api/experiments"],
+  [TEXTS.addToQueue, "/api/experiments/queue"],
+  [TEXTS.dryRun, "/api/experiments/dry-run"],
 ] as const;
 
 it.each([
   ["fresh", stateOf(GEOMETRY), GEOMETRY],
-  ["bank in force", stateOf(CHOSEN), CHOSEN],
+  ["bank active", stateOf(CHOSEN), CHOSEN],
   ["a run has a tuning of its own", stateOf(LENT, CHOSEN), CHOSEN],
 ] as const)("shows what it sends, from what is in force: %s", async (_name, state, expected) => {
   open(state);
@@ -216,8 +220,10 @@ it("follows the tuning in force, but for what a person has changed", async () =>
   fireEvent.change(screen.getByLabelText("What lam_q is [s]"), { target: { value: "0.4" } });
   act(() => store.setState(stateOf(GEOMETRY)));
   expect(standing()).toEqual({ ...orderWith(GEOMETRY), lam_q: 0.4 });
-  expect(screen.getByText("0.3 to 10; in force: 0.5")).toBeTruthy();
-  fireEvent.click(screen.getByRole("button", { name: "Start tracking" }));
+  expect(
+    screen.getByText(`0.3 to 10; ${fillText(TEXTS.changedFrom, { origin: TEXTS.active, value: "0.5" })}`),
+  ).toBeTruthy();
+  fireEvent.click(screen.getByRole("button", { name: START }));
   await waitFor(async () =>
     expect(await sentTo("/api/experiments")).toEqual([{ name: "tracking", settings: standing() }]),
   );
@@ -226,10 +232,13 @@ it("follows the tuning in force, but for what a person has changed", async () =>
 it("lets geometry be chosen while a bank is in force, and sends it", async () => {
   open(stateOf(CHOSEN));
   await screen.findByText("bank lab v2");
-  fireEvent.change(screen.getByLabelText("Models that the gains come from"), { target: { value: "0" } });
-  expect(screen.getByText(/^Settings of the loop: .*gains from geometry/)).toBeTruthy();
-  expect(screen.getByText("in force: bank 7")).toBeTruthy();
-  fireEvent.click(screen.getByRole("button", { name: "Start tracking" }));
+  fireEvent.change(screen.getByLabelText(TEXTS.gainSource), { target: { value: "0" } });
+  const geometric = (text: string) => text.startsWith(LOOP_SETTINGS) && /geometr/.test(text);
+  expect(screen.getByText(geometric)).toBeTruthy();
+  expect(
+    screen.getByText(fillText(TEXTS.changedFrom, { origin: TEXTS.active, value: "bank 7" })),
+  ).toBeTruthy();
+  fireEvent.click(screen.getByRole("button", { name: START }));
   await waitFor(async () =>
     expect(await sentTo("/api/experiments")).toEqual([
       { name: "tracking", settings: { ...orderWith(CHOSEN), bank: 0 } },
@@ -239,10 +248,10 @@ it("lets geometry be chosen while a bank is in force, and sends it", async () =>
 
 it("offers only the dry run of what the plant cannot play, and says why", async () => {
   open(stateOf(GEOMETRY), "nothing here pushes the joint by command");
-  const start = await screen.findByRole<HTMLButtonElement>("button", { name: "Start tracking" });
+  const start = await screen.findByRole<HTMLButtonElement>("button", { name: START });
   expect(start.ariaDisabled).toBe("true");
-  expect(screen.getByRole<HTMLButtonElement>("button", { name: "Add to queue" }).disabled).toBe(true);
-  expect(screen.getByRole<HTMLButtonElement>("button", { name: "Dry run" }).disabled).toBe(false);
+  expect(screen.getByRole<HTMLButtonElement>("button", { name: TEXTS.addToQueue }).disabled).toBe(true);
+  expect(screen.getByRole<HTMLButtonElement>("button", { name: TEXTS.dryRun }).disabled).toBe(false);
   expect(screen.getByRole("form").textContent).toContain("Nothing here pushes the joint by command.");
 });
 
@@ -253,12 +262,12 @@ it("gives a viewer no reason why a start is refused that is not offered", async 
       : answer(request),
   );
   open({ ...stateOf(GEOMETRY), mode: "off", legal_modes: ["pretension"] });
-  await waitFor(() => expect(screen.queryByRole("button", { name: "Start tracking" })).toBeNull());
+  await waitFor(() => expect(screen.queryByRole("button", { name: START })).toBeNull());
   expect(screen.getByRole("form").textContent).not.toContain("Pretension");
   cleanup();
   fetched.mockImplementation(async (request) => answer(request));
   open({ ...stateOf(GEOMETRY), mode: "off", legal_modes: ["pretension"] });
-  await screen.findByRole("button", { name: "Start tracking" });
+  await screen.findByRole("button", { name: START });
   expect(screen.getByRole("form").textContent).toContain("Pretension");
 });
 
@@ -302,7 +311,7 @@ describe("order", () => {
       "joint position held during the stiffness pulses: 0.2 rad",
     );
     expect(degrees).not.toMatch(/[a-z]+_[a-z]+/i);
-    expect(describeChanges({ q_hold: 0, hold_s: 4 }, KIND, "deg")).toBe("its own settings at their defaults");
+    expect(describeChanges({ q_hold: 0, hold_s: 4 }, KIND, "deg")).toBe(TEXTS.defaultSettings);
   });
 
   it("tells what of a tuning differs from the one in force, and that the plan is off", () => {
@@ -316,13 +325,15 @@ describe("order", () => {
         setting("u_plan", "U_plan", "V"),
       ],
     } as unknown as ExperimentKind;
+    const change = (symbol: string, value: string, active: string) =>
+      fillText(TEXTS.tuningChange, { symbol, value, active });
     const inForce = { lam_q: 0.5, motion: "time-optimal", u_plan: 8.5 };
     expect(tuningChanges({ q_hold: 0.2, ...inForce }, inForce, kind, "deg")).toBe("");
     expect(tuningChanges({ lam_q: 0.8, motion: "lambda", u_plan: 6 }, inForce, kind, "deg")).toBe(
-      "λ_q 0.8 s (in force 0.5 s), motion lambda (in force time-optimal)",
+      `${change("λ_q", "0.8 s", "0.5 s")}, ${change("motion", "lambda", "time-optimal")}`,
     );
     expect(tuningChanges({ lam_q: 0.5, motion: "time-optimal", u_plan: 6 }, inForce, kind, "deg")).toBe(
-      "U_plan 6 V (in force 8.5 V)",
+      change("U_plan", "6 V", "8.5 V"),
     );
   });
 

@@ -9,6 +9,7 @@ import { MotorMargins } from "../../components/TuningParts";
 import { useLive } from "../../live/react";
 import { capital, notANumber } from "../../samples/format";
 import { type AngleUnit, boxText, formatWithUnit, offeredDefault } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { banksQuery } from "../../service/api/banks";
 import {
   experimentKindsQuery,
@@ -27,6 +28,7 @@ import { NextMode } from "../operate/ModeCard";
 import { whyNoStart } from "../operate/ReferencesCard";
 import pageStyles from "../Page.module.css";
 import { DryRunProgress } from "./DryRunProgress";
+import { TEXTS } from "./texts";
 
 /** From what is in force and what a person changed to what an experiment's form shows, which is what it sends. Pure. */
 
@@ -69,8 +71,11 @@ function shownSettings(
     const standing = inForce[setting.name];
     const start = standing ?? offeredDefault(setting.default ?? "", setting, angles);
     const value = changed[setting.name] ?? start;
-    const word = standing === undefined ? "default" : "in force";
-    const origin = value === start ? word : `${word}: ${describeValue(setting, start, angles)}`;
+    const word = standing === undefined ? TEXTS.byDefault : TEXTS.active;
+    const origin =
+      value === start
+        ? word
+        : fillText(TEXTS.changedFrom, { origin: word, value: describeValue(setting, start, angles) });
     return { setting: withRange(setting, state), value, origin };
   });
 }
@@ -85,7 +90,13 @@ interface Order {
 function orderOf(kind: ExperimentKind, shown: readonly Shown[]): Order {
   for (const { setting, value } of shown) {
     if (typeof setting.default === "number" && typeof value !== "number") {
-      return { order: null, problem: `${sentence(setting.meaning)}: ${notANumber(String(value))}.` };
+      return {
+        order: null,
+        problem: fillText(TEXTS.settingProblem, {
+          setting: sentence(setting.meaning),
+          problem: notANumber(String(value)),
+        }),
+      };
     }
   }
   const settings = Object.fromEntries(shown.map(({ setting, value }) => [setting.name, value]));
@@ -104,10 +115,16 @@ export function describeChanges(
     .map((setting) => {
       const { name, unit, meaning } = setting;
       const value = settings[name];
-      const [words] = meaning.split("; "); // what follows explains
-      return `${words}: ${typeof value === "number" ? formatWithUnit(value, unit, angles) : describeValue(setting, value as Value, angles)}`;
+      const [words = ""] = meaning.split("; "); // what follows explains
+      return fillText(TEXTS.settingValue, {
+        setting: words,
+        value:
+          typeof value === "number"
+            ? formatWithUnit(value, unit, angles)
+            : describeValue(setting, value as Value, angles),
+      });
     });
-  return parts.length === 0 ? "its own settings at their defaults" : parts.join("; ");
+  return parts.length === 0 ? TEXTS.defaultSettings : parts.join("; ");
 }
 
 /** Whether a value is the default, or what a form offers as such. */
@@ -132,7 +149,11 @@ export function tuningChanges(
         typeof value === "number" && name !== "bank"
           ? formatWithUnit(value, unit, angles)
           : describeValue(setting, value, angles);
-      return `${symbol} ${words(settings[name] as Value)} (in force ${words(inForce[name] as Value)})`;
+      return fillText(TEXTS.tuningChange, {
+        symbol,
+        value: words(settings[name] as Value),
+        active: words(inForce[name] as Value),
+      });
     })
     .join(", ");
 }
@@ -164,7 +185,7 @@ function withRange(setting: Setting, state: State | null): Setting {
 
 function describeValue({ name, unit }: Setting, value: Value, angles: AngleUnit): string {
   if (name === "bank") return describeBank(value, []);
-  if (typeof value === "boolean") return value ? "yes" : "no";
+  if (typeof value === "boolean") return value ? TEXTS.yes : TEXTS.no;
   return typeof value === "number" ? boxText(value, unit, angles) : value;
 }
 
@@ -195,10 +216,10 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
   const shown = shownSettings(kind, state, changed, useAngleUnit());
   const values = Object.fromEntries(shown.map(({ setting, value }) => [setting.name, value]));
   const asked = orderOf(kind, shown);
-  const unknown = state === null ? "The tuning in force is not known yet." : null;
+  const unknown = state === null ? TEXTS.tuningUnknown : null;
   const problem = unknown ?? asked.problem;
   const order = problem === null ? asked.order : null;
-  const beyond = kind.why_not === "" ? null : `${capital(kind.why_not)}.`;
+  const beyond = kind.why_not === "" ? null : fillText(TEXTS.whyNot, { reason: capital(kind.why_not) });
   const reason = problem ?? beyond ?? whyNoStart(state, "experiment", noControl);
   const attempts = dryRun.variables?.name === kind.name ? [start, queue, dryRun] : [start, queue];
   const failure = problem === null ? lastRefusal(...attempts) : null;
@@ -225,14 +246,14 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
         <span className={pageStyles.dim}>{kind.description}</span>
         <DraftMark
           draft={draft}
-          of={`settings of ${kind.title.toLowerCase()}`}
-          words="Changed settings"
-          back="The defaults and the tuning in force come back."
+          of={fillText(TEXTS.settingsOf, { experiment: kind.title.toLowerCase() })}
+          words={TEXTS.changedSettings}
+          back={TEXTS.discardSettings}
           onDiscard={draft.discard}
         />
         {offered.filter(({ setting }) => !isOfTheLoop(setting)).map(field)}
         <details>
-          <summary>Settings of the loop: {describeTuning(values, banks)}</summary>
+          <summary>{fillText(TEXTS.loopSettings, { tuning: describeTuning(values, banks) })}</summary>
           <div className={pageStyles.fields} style={{ paddingTop: 8 }}>
             {offered.filter(({ setting }) => isOfTheLoop(setting)).map(field)}
             {state !== null && typeof values.lam_motor === "number" && (
@@ -242,9 +263,7 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
                 bank={state.tuning.bank?.id ?? null}
               />
             )}
-            <span className={pageStyles.dim}>
-              After the experiment the tuning in force before it is back.
-            </span>
+            <span className={pageStyles.dim}>{TEXTS.tuningRestored}</span>
           </div>
         </details>
         <div className={pageStyles.decide}>
@@ -253,12 +272,12 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
               <Button
                 type="submit"
                 size="sm"
-                aria-label={`Start ${kind.title.toLowerCase()}`}
+                aria-label={fillText(TEXTS.startExperiment, { experiment: kind.title.toLowerCase() })}
                 aria-disabled={reason !== null}
                 data-disabled={reason !== null || undefined}
                 loading={start.isPending}
               >
-                Start
+                {TEXTS.start}
               </Button>
               <Button
                 size="sm"
@@ -267,7 +286,7 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
                 loading={queue.isPending}
                 onClick={() => order && queue.mutate({ do: "add", ...order })}
               >
-                Add to queue
+                {TEXTS.addToQueue}
               </Button>
             </OperatorsOnly>
             <Button
@@ -275,10 +294,10 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
               variant="default"
               disabled={order === null}
               loading={dryRun.isPending}
-              title="Play it on a simulator of its own, faster than real time; nothing moves"
+              title={TEXTS.dryRunHint}
               onClick={() => order && dryRun.mutate(order)}
             >
-              Dry run
+              {TEXTS.dryRun}
             </Button>
           </div>
           {dryRun.isPending && dryRun.variables?.name === kind.name && (
@@ -309,10 +328,14 @@ function Field({ shown: { setting, value, origin }, choices, onChange }: FieldPr
   return (
     <ChoiceField
       name={setting.name}
-      label="Models that the gains come from"
+      label={TEXTS.gainSource}
       description={origin}
       entry={settingEntry(setting, angles)}
-      data={known ? [...choices] : [...choices, { value: String(value), label: `bank ${value}` }]}
+      data={
+        known
+          ? [...choices]
+          : [...choices, { value: String(value), label: fillText(TEXTS.bank, { bank: String(value) }) }]
+      }
       value={String(value)}
       onChange={(id) => onChange(Number(id))}
     />
@@ -335,11 +358,13 @@ export function RunSummary({ name, settings, inForce }: RunSummaryProps) {
   const kind = kinds.find((one) => one.name === name || one.name.startsWith(`${name}@`));
   const changes =
     kind === undefined || inForce === undefined ? "" : tuningChanges(settings, inForce, kind, angles);
+  const tuning = describeTuning(settings, banks);
   return (
     <span className={pageStyles.dim}>
-      {kind === undefined ? "" : `${describeChanges(settings, kind, angles)}; tuning: `}
-      {describeTuning(settings, banks)}
-      {changes !== "" && `; differs from the tuning in force: ${changes}`}
+      {kind === undefined
+        ? tuning
+        : fillText(TEXTS.settingsAndTuning, { settings: describeChanges(settings, kind, angles), tuning })}
+      {changes !== "" && fillText(TEXTS.unlikeActive, { changes })}
     </span>
   );
 }

@@ -9,6 +9,7 @@ import { LocalizedText, Unit } from "../../components/values";
 import { useLive } from "../../live/react";
 import { dateTime, duration, measured, NOT_MEASURED } from "../../samples/format";
 import { type AngleUnit, formatWithUnit, localizeText, readingNear, readingOf } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { experimentQuery } from "../../service/api/experiments";
 import { isRunning } from "../../service/api/polling";
 import { useAngleUnit } from "../../service/api/preferences";
@@ -17,6 +18,7 @@ import type { Criterion, Experiment, Metric, Run } from "../../wire/types";
 import pageStyles from "../Page.module.css";
 import { RunCharts } from "../runs/RunCharts";
 import { RunSummary } from "./ExperimentForm";
+import { TEXTS } from "./texts";
 
 /** Experiments done before. */
 
@@ -28,28 +30,28 @@ export function ExperimentRuns({
   selected: number | undefined;
 }) {
   return (
-    <Card title="Earlier experiments">
+    <Card title={TEXTS.earlierExperiments}>
       {(runs === undefined || runs.length === 0) && (
-        <p className={pageStyles.empty}>{runs === undefined ? "Loading …" : "No experiment yet."}</p>
+        <p className={pageStyles.empty}>{runs === undefined ? TEXTS.loading : TEXTS.noExperiments}</p>
       )}
       {runs !== undefined && runs.length > 0 && (
         <div className={pageStyles.tableScroll}>
-          <Table aria-label="Earlier experiments" highlightOnHover>
+          <Table aria-label={TEXTS.earlierExperiments} highlightOnHover>
             <Table.Thead>
               <Table.Tr>
-                <Table.Th>Run</Table.Th>
-                <Table.Th>Kind</Table.Th>
-                <Table.Th>When</Table.Th>
-                <Table.Th className={pageStyles.number}>Length</Table.Th>
-                <Table.Th>Who</Table.Th>
-                <Table.Th>End</Table.Th>
+                <Table.Th>{TEXTS.run}</Table.Th>
+                <Table.Th>{TEXTS.kind}</Table.Th>
+                <Table.Th>{TEXTS.started}</Table.Th>
+                <Table.Th className={pageStyles.number}>{TEXTS.duration}</Table.Th>
+                <Table.Th>{TEXTS.person}</Table.Th>
+                <Table.Th>{TEXTS.status}</Table.Th>
               </Table.Tr>
             </Table.Thead>
             <Table.Tbody>
               {runs.map((run) => (
                 <Table.Tr key={run.id} bg={run.id === selected ? "var(--accent-soft)" : undefined}>
                   <Table.Td>
-                    <Link href={`/experiments/${run.id}`}>Run {run.id}</Link>
+                    <Link href={`/experiments/${run.id}`}>{fillText(TEXTS.runLink, { run: run.id })}</Link>
                   </Table.Td>
                   <Table.Td>{run.title}</Table.Td>
                   <Table.Td>{dateTime(run.started)}</Table.Td>
@@ -79,17 +81,19 @@ interface FiguresProps {
 
 export function Figures({ criteria, metrics, of }: FiguresProps) {
   const angles = useAngleUnit();
-  const named = (name: string) => (of === undefined ? name : `${name} of the ${of}`);
   return (
     <div className={pageStyles.halves}>
       {criteria.length > 0 && (
-        <Table aria-label={named("Criteria")} verticalSpacing={4}>
+        <Table
+          aria-label={of === undefined ? TEXTS.criteria : fillText(TEXTS.criteriaOf, { source: of })}
+          verticalSpacing={4}
+        >
           <Table.Thead>
             <Table.Tr>
-              <Table.Th>Criterion</Table.Th>
-              <Table.Th className={pageStyles.number}>Value</Table.Th>
-              <Table.Th>Bound</Table.Th>
-              <Table.Th>Result</Table.Th>
+              <Table.Th>{TEXTS.criterion}</Table.Th>
+              <Table.Th className={pageStyles.number}>{TEXTS.value}</Table.Th>
+              <Table.Th>{TEXTS.bound}</Table.Th>
+              <Table.Th>{TEXTS.outcome}</Table.Th>
             </Table.Tr>
           </Table.Thead>
           <Table.Tbody>
@@ -115,12 +119,15 @@ export function Figures({ criteria, metrics, of }: FiguresProps) {
         </Table>
       )}
       {metrics.length > 0 && (
-        <Table aria-label={named("Metrics")} verticalSpacing={4}>
+        <Table
+          aria-label={of === undefined ? TEXTS.metrics : fillText(TEXTS.metricsOf, { source: of })}
+          verticalSpacing={4}
+        >
           <Table.Thead>
             <Table.Tr>
-              <Table.Th>Metric</Table.Th>
-              <Table.Th className={pageStyles.number}>Value</Table.Th>
-              <Table.Th>Unit</Table.Th>
+              <Table.Th>{TEXTS.metric}</Table.Th>
+              <Table.Th className={pageStyles.number}>{TEXTS.value}</Table.Th>
+              <Table.Th>{TEXTS.unit}</Table.Th>
             </Table.Tr>
           </Table.Thead>
           <Table.Tbody>
@@ -170,22 +177,22 @@ function CriterionOutcome({ passed }: { passed: boolean | null }) {
   const word = passed ? "pass" : "fail";
   return (
     <Verdict good={passed} of={`criterion:${word}`}>
-      {word}
+      {TEXTS[word]}
     </Verdict>
   );
 }
 
 /** What a figure that was not seen whole is, by the relation to its bound. */
-export const SEEN: Record<string, string> = { "<": "at least this", ">": "at most this" };
+export const SEEN: Record<string, string> = { "<": TEXTS.atLeast, ">": TEXTS.atMost };
 
 /** Why there is no figure, or why it is that of a part only; `seen` says what it is then. */
 export function Reason({ text, seen }: { text: string; seen?: string | undefined }) {
   const angles = useAngleUnit();
   if (text === "") return null;
+  const reason = localizeText(text, angles);
   return (
     <div className={pageStyles.dim}>
-      {seen === undefined ? "" : `${seen}: `}
-      {localizeText(text, angles)}
+      {seen === undefined ? reason : fillText(TEXTS.boundedReason, { bound: seen, reason })}
     </div>
   );
 }
@@ -196,25 +203,30 @@ export function ExperimentResult({ id }: { id: number }) {
   const { data, error } = useQuery(experimentQuery(id));
   if (data === undefined) {
     return (
-      <Card title="Result">
-        <p className={pageStyles.empty}>{error?.message ?? "Loading …"}</p>
+      <Card title={TEXTS.result}>
+        <p className={pageStyles.empty}>{error?.message ?? TEXTS.loading}</p>
       </Card>
     );
   }
   const running = isRunning(data.status);
   return (
     <>
-      <Card title="Result" aside={<RunState state={data.status} reason={data.message} />}>
+      <Card title={TEXTS.result} aside={<RunState state={data.status} reason={data.message} />}>
         <div className={pageStyles.fields}>
           <span>
-            {data.title}, run {data.id}, {dateTime(data.created)}. <LocalizedText text={data.message} />
+            {fillText(TEXTS.resultOf, {
+              experiment: data.title,
+              run: data.id,
+              time: dateTime(data.created),
+            })}{" "}
+            <LocalizedText text={data.message} />
           </span>
           <RunSummary name={data.name} settings={data.settings} />
           {running ? <ExperimentProgress experiment={data} /> : <Findings experiment={data} />}
         </div>
       </Card>
       {!running && (
-        <Card title="Curves">
+        <Card title={TEXTS.curves}>
           <div className={pageStyles.charts}>
             <RunCharts run={data.id} />
           </div>
@@ -227,7 +239,7 @@ export function ExperimentResult({ id }: { id: number }) {
 function ExperimentProgress({ experiment }: { experiment: Experiment }) {
   const task = useLive((live) => live.state?.task ?? null);
   const mine = task !== null && task.run === experiment.id && task.phase !== "evaluation";
-  return <span>{mine ? "It runs; what it comes to stands here afterwards." : "computing the result …"}</span>;
+  return <span>{mine ? TEXTS.running : TEXTS.computingResult}</span>;
 }
 
 function Findings({ experiment }: { experiment: Experiment }) {

@@ -5,6 +5,7 @@ import { useQuery } from "@tanstack/react-query";
 import { useLocation, useParams } from "wouter";
 import { Card } from "../../components/Card";
 import { duration } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import { experimentKindsQuery, useDryRun } from "../../service/api/experiments";
 import { runsQuery } from "../../service/api/runs";
 import { isText, useDraft } from "../../service/forms/drafts";
@@ -15,6 +16,7 @@ import { ExperimentForm } from "./ExperimentForm";
 import { ExperimentResult, ExperimentRuns } from "./ExperimentRuns";
 import { OwnExperiments } from "./OwnExperiments";
 import { QueueCard } from "./QueueCard";
+import { TEXTS } from "./texts";
 
 /** Kinds of runs that no experiment on offer has: lists of segments are taken by HTTP and command line alone. */
 const DEPRECATED = ["sequence"];
@@ -35,18 +37,22 @@ export default function ExperimentsPage() {
   const kind = kinds.data?.find((one) => one.name === chosen.value) ?? kinds.data?.[0];
   return (
     <div className={page.page}>
-      <h1 className={page.title}>Experiments</h1>
+      <h1 className={page.title}>{TEXTS.title}</h1>
       <RunningCard place="above" />
       <div className={page.columns} data-wide="true">
         <div className={page.column}>
           {kinds.error && <p className={page.empty}>{kinds.error.message}</p>}
           {kind && (
             <Card
-              title="New experiment"
-              aside={<span className={page.dim}>{duration(kind.duration_s)} with defaults</span>}
+              title={TEXTS.newExperiment}
+              aside={
+                <span className={page.dim}>
+                  {fillText(TEXTS.defaultDuration, { duration: duration(kind.duration_s) })}
+                </span>
+              }
             >
               <NativeSelect
-                aria-label="Kind of experiment"
+                aria-label={TEXTS.kindOfExperiment}
                 mb={8}
                 data={kinds.data?.map(({ name, title }) => ({ value: name, label: title })) ?? []}
                 value={kind.name}

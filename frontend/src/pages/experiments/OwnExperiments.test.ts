@@ -1,6 +1,8 @@
 import { expect, it } from "vitest";
+import { fillText } from "../../samples/texts";
 import type { OwnExperiment } from "../../wire/types";
 import { isOpened, NOTHING_OPENED, savedMeanwhile } from "./OwnExperiments";
+import { TEXTS } from "./texts";
 
 const version = (number: number, who: string): OwnExperiment => ({
   name: "mine",
@@ -14,13 +16,17 @@ const OPENED = { ...NOTHING_OPENED, name: "mine", newest: 2 };
 it("asks where somebody has kept another version since, and not else", () => {
   expect(savedMeanwhile(OPENED, "mine", [version(2, "Mara"), version(1, "Mara")])).toBeNull();
   const asked = savedMeanwhile(OPENED, "mine", [version(3, "Vera"), version(2, "Mara")]);
-  expect(asked).toContain("Vera kept version 3 of mine");
-  expect(asked).toContain("Keep adds version 4");
+  expect(asked).toContain(fillText(TEXTS.savedMeanwhile, { person: "Vera", version: 3, name: "mine" }));
+  expect(asked).toContain(fillText(TEXTS.saveAdds, { problem: "", next: 4, version: 3 }).trim());
 });
 
 it("asks where the name is taken by another experiment", () => {
-  expect(savedMeanwhile(NOTHING_OPENED, "mine", [version(1, "Vera")])).toContain("mine exists already");
-  expect(savedMeanwhile({ ...OPENED, name: "other" }, "mine", [version(1, "Vera")])).toContain("exists");
+  expect(savedMeanwhile(NOTHING_OPENED, "mine", [version(1, "Vera")])).toContain(
+    fillText(TEXTS.nameTaken, { name: "mine", person: "Vera", version: 1 }),
+  );
+  expect(savedMeanwhile({ ...OPENED, name: "other" }, "mine", [version(1, "Vera")])).toContain(
+    fillText(TEXTS.nameTaken, { name: "mine", person: "Vera", version: 1 }),
+  );
   expect(savedMeanwhile(OPENED, "new", [])).toBeNull();
 });
 

@@ -7,6 +7,7 @@ import { DraftMark, useReplaceDraft } from "../../components/DraftMark";
 import { Refusal } from "../../components/Refusal";
 import { dateTime } from "../../samples/format";
 import type { AngleUnit } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import {
   experimentAsRunQuery,
   experimentTextQuery,
@@ -35,6 +36,7 @@ import {
 import { describePart } from "./PartList";
 import { describeCheck, Preview, useComposedPreview } from "./Preview";
 import { SequenceEditor } from "./SequenceEditor";
+import { TEXTS } from "./texts";
 
 /** What differs between two experiments, in words: parts that came and went, values that changed. Pure. */
 
@@ -43,17 +45,20 @@ const MOST_DIFFERENCES = 6;
 /** From one to the other; empty where nothing differs. */
 export function differences(from: Document, to: Document, angles: AngleUnit): string[] {
   const words = [
-    ...(from.title === to.title ? [] : [`title “${from.title}” is “${to.title}”`]),
+    ...(from.title === to.title ? [] : [fillText(TEXTS.titleChanged, { from: from.title, to: to.title })]),
     ...ofLists(lines(from, angles), lines(to, angles)),
     ...ofLists(from.criteria?.map(boundLine) ?? [], to.criteria?.map(boundLine) ?? []),
     ...Object.keys({ ...from, ...to })
       .filter((name) => !["name", "title", "phases", "criteria"].includes(name))
       .filter((name) => JSON.stringify(from[name]) !== JSON.stringify(to[name]))
-      .map((name) => `${name} changed`),
+      .map((name) => fillText(TEXTS.fieldChanged, { field: name })),
   ];
   return words.length <= MOST_DIFFERENCES
     ? words
-    : [...words.slice(0, MOST_DIFFERENCES), `and ${words.length - MOST_DIFFERENCES} more`];
+    : [
+        ...words.slice(0, MOST_DIFFERENCES),
+        fillText(TEXTS.moreDifferences, { count: words.length - MOST_DIFFERENCES }),
+      ];
 }
 
 /** Each part with the loops that it lies in. */
@@ -61,13 +66,18 @@ function lines(document: Document, angles: AngleUnit): string[] {
   const of = (parts: readonly Part[], indent: string): string[] =>
     parts.flatMap((part) => [
       indent + describePart(part, angles),
-      ...innerOf(part).flatMap(([, inner]) => of(inner, `${indent}in a loop: `)),
+      ...innerOf(part).flatMap(([, inner]) => of(inner, indent + TEXTS.inLoop)),
     ]);
-  return document.phases.flatMap((phase) => [`phase ${phase.title}`, ...of(phase.parts, "")]);
+  return document.phases.flatMap((phase) => [
+    fillText(TEXTS.phaseLine, { title: phase.title }),
+    ...of(phase.parts, ""),
+  ]);
 }
 
 function boundLine({ figure, below, above }: Bound): string {
-  return below === undefined ? `${figure} above ${above}` : `${figure} below ${below}`;
+  return below === undefined
+    ? fillText(TEXTS.boundAbove, { metric: figure, bound: String(above) })
+    : fillText(TEXTS.boundBelow, { metric: figure, bound: below });
 }
 
 /** What is left out of one list and what is new in the other, by their longest common run. */
@@ -85,8 +95,8 @@ function ofLists(from: readonly string[], to: readonly string[]): string[] {
   while (i < from.length || j < to.length) {
     if (i < from.length && j < to.length && from[i] === to[j]) [i, j] = [i + 1, j + 1];
     else if (j >= to.length || (i < from.length && held(i + 1, j) >= held(i, j + 1)))
-      words.push(`without “${from[i++]}”`);
-    else words.push(`with “${to[j++]}”`);
+      words.push(fillText(TEXTS.removed, { line: String(from[i++]) }));
+    else words.push(fillText(TEXTS.added, { line: String(to[j++]) }));
   }
   return words;
 }
@@ -130,11 +140,9 @@ export function savedMeanwhile(
   if (newest === undefined) return null;
   const known = opened.name === name ? opened.newest : 0;
   if (newest.version <= known) return null;
-  const when =
-    known === 0
-      ? `${name} exists already: ${newest.who} kept version ${newest.version}.`
-      : `${newest.who} kept version ${newest.version} of ${name} after this was opened.`;
-  return `${when} Keep adds version ${newest.version + 1}; version ${newest.version} stays as it is.`;
+  const { who: person, version } = newest;
+  const problem = fillText(known === 0 ? TEXTS.nameTaken : TEXTS.savedMeanwhile, { name, person, version });
+  return fillText(TEXTS.saveAdds, { problem, next: version + 1, version });
 }
 
 /** Versions of an own experiment: who kept each and when, what differs from what stands here, and back to an older one. */
@@ -158,16 +166,14 @@ function Versions({ name, document, onOpen }: VersionsProps) {
   if (listed.length === 0) return null;
   return (
     <details>
-      <summary>
-        Versions of {name}: {data.length}
-      </summary>
-      <Table aria-label={`Versions of ${name}`} verticalSpacing={4}>
+      <summary>{fillText(TEXTS.versionsCount, { name, count: data.length })}</summary>
+      <Table aria-label={fillText(TEXTS.versions, { name })} verticalSpacing={4}>
         <Table.Thead>
           <Table.Tr>
-            <Table.Th>Version</Table.Th>
-            <Table.Th>Kept</Table.Th>
-            <Table.Th>To what stands here</Table.Th>
-            <Table.Th aria-label="Open" />
+            <Table.Th>{TEXTS.version}</Table.Th>
+            <Table.Th>{TEXTS.savedBy}</Table.Th>
+            <Table.Th>{TEXTS.differences}</Table.Th>
+            <Table.Th aria-label={TEXTS.open} />
           </Table.Tr>
         </Table.Thead>
         <Table.Tbody>
@@ -181,19 +187,19 @@ function Versions({ name, document, onOpen }: VersionsProps) {
                 </Table.Td>
                 <Table.Td>
                   {then === null || document === null ? (
-                    <span className={pageStyles.dim}>not compared</span>
+                    <span className={pageStyles.dim}>{TEXTS.notCompared}</span>
                   ) : (
-                    differences(then, document, angles).join("; ") || "the same"
+                    differences(then, document, angles).join("; ") || TEXTS.same
                   )}
                 </Table.Td>
                 <Table.Td>
                   <Button
                     size="compact-xs"
                     variant="default"
-                    aria-label={`Open version ${version}`}
+                    aria-label={fillText(TEXTS.openVersion, { version })}
                     onClick={() => onOpen(`${name}@${version}`)}
                   >
-                    Open
+                    {TEXTS.open}
                   </Button>
                 </Table.Td>
               </Table.Tr>
@@ -338,15 +344,15 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperi
     check.data && !keep.data ? describeCheck(check.data) : keep.data ? describeSaved(keep.data) : "";
   return (
     <Card
-      title="Own experiments"
+      title={TEXTS.ownExperiments}
       aside={
         <SegmentedControl
           size="xs"
           p={3}
-          aria-label="Shown as"
+          aria-label={TEXTS.shownAs}
           data={[
-            { value: "sequence", label: "Sequence" },
-            { value: "text", label: "Text" },
+            { value: "sequence", label: TEXTS.asSequence },
+            { value: "text", label: TEXTS.asText },
           ]}
           value={shown}
           onChange={(value) => shownAs.set(value as typeof shown)}
@@ -356,11 +362,11 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperi
       <div className={pageStyles.fields} ref={card}>
         <div className={pageStyles.actions}>
           <NativeSelect
-            aria-label="Begin with"
+            aria-label={TEXTS.startFrom}
             size="sm"
             data={[
-              { value: "", label: "Begin with …" },
-              { value: NEW, label: "Sample sequence: three parts, one criterion" },
+              { value: "", label: TEXTS.chooseStart },
+              { value: NEW, label: TEXTS.sampleSequence },
               ...kinds.map(({ name, title }) => ({ value: name, label: title })),
             ]}
             value=""
@@ -369,7 +375,7 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperi
           <FileButton accept={FILES} onChange={(file) => void openFile(file)}>
             {(props) => (
               <Button {...props} size="sm" variant="default">
-                Open file
+                {TEXTS.openFile}
               </Button>
             )}
           </FileButton>
@@ -382,17 +388,20 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperi
             data-disabled={text === "" || undefined}
             aria-disabled={text === ""}
           >
-            Save file
+            {TEXTS.saveFile}
           </Button>
         </div>
         {question}
         <DraftMark
           draft={draft}
-          of="experiment"
+          of={TEXTS.draftOf}
           back={
             opened.value.name === ""
-              ? "The text it began with comes back."
-              : `${opened.value.name}@${opened.value.newest} comes back.`
+              ? TEXTS.restoresText
+              : fillText(TEXTS.restoresVersion, {
+                  name: opened.value.name,
+                  version: opened.value.newest,
+                })
           }
           onDiscard={() => {
             draft.discard();
@@ -400,14 +409,10 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperi
           }}
         />
         <LeftOut of={opened.value.leftOut} />
-        {shown === "sequence" && text === "" && (
-          <p className={pageStyles.empty}>
-            Begin with an experiment there is, a run, or the sample sequence.
-          </p>
-        )}
+        {shown === "sequence" && text === "" && <p className={pageStyles.empty}>{TEXTS.nothingOpened}</p>}
         {shown === "sequence" && text !== "" && composed === null && (
           <p className={pageStyles.empty}>
-            {preview.error === null ? "Its text is being read …" : "It is no sequence yet: mend its text."}
+            {preview.error === null ? TEXTS.readingText : TEXTS.notASequence}
           </p>
         )}
         {shown === "sequence" && composed !== null && (
@@ -433,8 +438,8 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperi
         )}
         {shown === "text" && (
           <Textarea
-            aria-label="Text of the experiment"
-            placeholder="Begin with an experiment there is, give it another name, and change it."
+            aria-label={TEXTS.text}
+            placeholder={TEXTS.textHint}
             value={text}
             onChange={(event) => change(event.currentTarget.value)}
             autosize
@@ -456,7 +461,7 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperi
                 loading={check.isPending}
                 onClick={() => check.mutate(text)}
               >
-                Check
+                {TEXTS.check}
               </Button>
             )}
             <OperatorsOnly>
@@ -466,7 +471,7 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperi
                 loading={keep.isPending}
                 onClick={() => void save(meanwhile !== null)}
               >
-                {meanwhile === null ? "Keep" : "Keep anyway"}
+                {meanwhile === null ? TEXTS.save : TEXTS.saveAnyway}
               </Button>
             </OperatorsOnly>
           </div>
@@ -497,5 +502,5 @@ function isShownAs(value: unknown): value is "sequence" | "text" {
 }
 
 function describeSaved(kept: { readonly name: string; readonly version: number }): string {
-  return `Kept as ${kept.name}@${kept.version}: it can be chosen as a new experiment now.`;
+  return fillText(TEXTS.saved, { name: kept.name, version: kept.version });
 }

@@ -1,13 +1,15 @@
 import { expect, test } from "vitest";
+import { fillText } from "../../samples/texts";
 import { SAMPLE } from "./document";
 import { differences } from "./OwnExperiments";
 import { describePart, describePlayed, partOf } from "./PartList";
+import { TEXTS } from "./texts";
 
 const RAD = Math.PI / 180;
 
 test("a ramp says where it goes, and from where and how fast once it is laid out", () => {
   const ramp = { do: "ramp", q_ref: 60 * RAD, duration_s: 4 };
-  expect(describePart(ramp, "deg")).toBe("ramps q to 60° in 4 s");
+  expect(describePart(ramp, "deg")).toBe("Ramp q to 60° in 4 s");
   const played = {
     path: [],
     start_s: 6,
@@ -19,27 +21,25 @@ test("a ramp says where it goes, and from where and how fast once it is laid out
     q_to: 60 * RAD,
     S_to: 10,
   };
-  expect(describePlayed(ramp, played, "deg")).toBe("at 6 to 10 s, q from −60°, 30°/s");
+  expect(describePlayed(ramp, played, "deg")).toBe("t = 6 to 10 s, q from −60°, 30°/s");
 });
 
 test("a sine says its turns and how fast it is at most, a·2π/T", () => {
   const sine = { do: "sine", q_amplitude: 0.5, period_s: 4, duration_s: 8 };
-  expect(describePart(sine, "rad")).toBe(
-    "swings q by ±0.5 rad with a period of 4 s, 2 turns, for 8 s, 0.785 rad/s at most",
-  );
+  expect(describePart(sine, "rad")).toBe("Sine on q: ±0.5 rad, period 4 s, 8 s (2 cycles), max 0.785 rad/s");
 });
 
 test("a sine may say its crest, and a motion the push beside it", () => {
   const sine = { do: "sine", q_ref: -0.1, S_ref: 12, period_s: 4, duration_s: 4, F_push: -3 };
   expect(describePart(sine, "rad")).toBe(
-    "swings q to −0.1 rad at the crest and S to 12 N·m/rad at the crest with a period of 4 s, 1 turn, for 4 s, " +
-      "pushed with −3 N, on the simulator",
+    "Sine on q: crest at −0.1 rad, S: crest at 12 N·m/rad, period 4 s, 4 s (1 cycle), " +
+      "push −3 N (simulator only)",
   );
   expect(describePart({ do: "ramp", q_ref: 0.2, duration_s: 1, F_push: "depth" }, "rad")).toBe(
-    "ramps q to 0.2 rad in 1 s, pushed with depth, on the simulator",
+    "Ramp q to 0.2 rad in 1 s, push depth (simulator only)",
   );
   expect(describePart({ do: "step", q_ref: 0.2, duration_s: 1, F_push: 0 }, "rad")).toBe(
-    "jumps q to 0.2 rad, stays 1 s",
+    "Step q to 0.2 rad; hold 1 s",
   );
 });
 
@@ -54,7 +54,7 @@ test("where a step went is no crest of the sine that takes its place", () => {
 
 test("an expression stands as it is written", () => {
   expect(describePart({ do: "hold", duration_s: "2 * hold_s" }, "deg")).toBe(
-    "holds the references for 2 * hold_s",
+    fillText(TEXTS.describeHold, { time: "2 * hold_s" }),
   );
 });
 
@@ -72,10 +72,10 @@ test("versions differ by what came, what went and what has to hold", () => {
     criteria: [{ figure: "min_tension_N", above: 3 }],
   };
   expect(differences(SAMPLE, next, "deg")).toEqual([
-    "without “holds the references for 2 s”",
-    "with “holds the references for 3 s”",
-    "without “min_tension_N above 2”",
-    "with “min_tension_N above 3”",
+    fillText(TEXTS.removed, { line: fillText(TEXTS.describeHold, { time: "2 s" }) }),
+    fillText(TEXTS.added, { line: fillText(TEXTS.describeHold, { time: "3 s" }) }),
+    fillText(TEXTS.removed, { line: "min_tension_N above 2" }),
+    fillText(TEXTS.added, { line: "min_tension_N above 3" }),
   ]);
   expect(differences(SAMPLE, SAMPLE, "deg")).toEqual([]);
 });

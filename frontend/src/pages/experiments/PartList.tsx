@@ -1,14 +1,16 @@
 import { ActionIcon, Button, NativeSelect } from "@mantine/core";
 import type { DragEvent } from "react";
 import { TbArrowDown, TbArrowUp, TbCopy, TbGripVertical, TbPlus, TbRepeat, TbX } from "react-icons/tb";
-import { pluralized, short } from "../../samples/format";
+import { short } from "../../samples/format";
 import { type AngleUnit, formatWithUnit } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { useAngleUnit } from "../../service/api/preferences";
 import { useRefusedInput, useRefusedWithin } from "../../service/forms/refusals";
 import type { PartPlayed } from "../../wire/types";
 import { ExpressionField } from "./CriteriaEditor";
 import { innerOf, numberOf, type Part, type Place, type Value } from "./document";
 import styles from "./SequenceEditor.module.css";
+import { TEXTS } from "./texts";
 
 /** The parts that an experiment may have, as forms: which boxes each has, and how a new one begins. Pure. */
 
@@ -31,118 +33,118 @@ interface PartForm {
 const box = (name: string, words: string, unit: string): Box => ({ name, words, unit });
 const maybe = (name: string, words: string, unit: string): Box => ({ name, words, unit, optional: true });
 
-const TIME = box("duration_s", "Time", "s");
+const TIME = box("duration_s", TEXTS.time, "s");
 const AIM = [maybe("q_ref", "q_ref", "rad"), maybe("S_ref", "S_ref", "N·m/rad")];
-const PUSH = maybe("F_push", "Push", "N");
+const PUSH = maybe("F_push", TEXTS.push, "N");
 const AMPLITUDES = [
-  maybe("q_amplitude", "Amplitude of q", "rad"),
-  maybe("S_amplitude", "Amplitude of S", "N·m/rad"),
+  maybe("q_amplitude", TEXTS.qAmplitude, "rad"),
+  maybe("S_amplitude", TEXTS.SAmplitude, "N·m/rad"),
 ];
 
 export const PART_FORMS: Readonly<Record<string, PartForm>> = {
-  hold: { words: "Hold", boxes: [TIME], begins: { duration_s: 2 } },
-  step: { words: "Step", boxes: [...AIM, TIME, PUSH], begins: { q_ref: 0, duration_s: 2 } },
-  ramp: { words: "Ramp", boxes: [...AIM, TIME, PUSH], begins: { q_ref: 0, duration_s: 2 } },
+  hold: { words: TEXTS.hold, boxes: [TIME], begins: { duration_s: 2 } },
+  step: { words: TEXTS.step, boxes: [...AIM, TIME, PUSH], begins: { q_ref: 0, duration_s: 2 } },
+  ramp: { words: TEXTS.ramp, boxes: [...AIM, TIME, PUSH], begins: { q_ref: 0, duration_s: 2 } },
   pulse: {
-    words: "Pulse",
-    boxes: [...AIM, TIME, box("rest_s", "Rest", "s")],
+    words: TEXTS.pulse,
+    boxes: [...AIM, TIME, box("rest_s", TEXTS.rest, "s")],
     begins: { q_ref: 0.2, duration_s: 2, rest_s: 2 },
   },
   sine: {
-    words: "Sine",
+    words: TEXTS.sine,
     boxes: [
       ...AMPLITUDES,
-      maybe("q_ref", "Crest of q", "rad"),
-      maybe("S_ref", "Crest of S", "N·m/rad"),
-      box("period_s", "Period", "s"),
+      maybe("q_ref", TEXTS.qCrest, "rad"),
+      maybe("S_ref", TEXTS.SCrest, "N·m/rad"),
+      box("period_s", TEXTS.period, "s"),
       TIME,
       PUSH,
     ],
     begins: { q_amplitude: 0.2, period_s: 4, duration_s: 8 },
   },
   sweep: {
-    words: "Sweep",
-    boxes: [...AMPLITUDES, box("from_Hz", "From", "Hz"), box("to_Hz", "To", "Hz"), TIME],
+    words: TEXTS.sweep,
+    boxes: [...AMPLITUDES, box("from_Hz", TEXTS.from, "Hz"), box("to_Hz", TEXTS.to, "Hz"), TIME],
     begins: { q_amplitude: 0.05, from_Hz: 0.1, to_Hz: 1, duration_s: 20 },
   },
   prbs: {
-    words: "PRBS",
+    words: TEXTS.prbs,
     boxes: [
       ...AMPLITUDES,
-      box("chip_s", "Chip", "s"),
-      box("bits", "Bits", "1"),
-      maybe("periods", "Periods", "1"),
+      box("chip_s", TEXTS.chip, "s"),
+      box("bits", TEXTS.bits, "1"),
+      maybe("periods", TEXTS.periods, "1"),
     ],
     begins: { q_amplitude: 0.05, chip_s: 0.2, bits: 6 },
   },
   multisine: {
-    words: "Multisine",
+    words: TEXTS.multisine,
     boxes: [
       ...AMPLITUDES,
-      box("period_s", "Period", "s"),
-      box("lines", "Lines", "1"),
-      maybe("periods", "Periods", "1"),
+      box("period_s", TEXTS.period, "s"),
+      box("lines", TEXTS.lines, "1"),
+      maybe("periods", TEXTS.periods, "1"),
     ],
     begins: { q_amplitude: 0.05, period_s: 8, lines: 10 },
   },
   push: {
-    words: "Push",
+    words: TEXTS.push,
     boxes: [
-      box("F_push", "Force", "N"),
+      box("F_push", TEXTS.force, "N"),
       TIME,
-      { name: "shape", words: "Shape", unit: "1", choices: ["step", "ramp", "smooth"] },
+      { name: "shape", words: TEXTS.shape, unit: "1", choices: ["step", "ramp", "smooth"] },
     ],
     begins: { F_push: 5, duration_s: 2, shape: "step" },
   },
   hand: {
-    words: "Hand",
+    words: TEXTS.manualPush,
     boxes: [
-      box("F_push", "Force", "N"),
-      box("pushes", "Pushes", "1"),
-      box("pause_s", "Pause", "s"),
-      maybe("seed", "Seed", "1"),
+      box("F_push", TEXTS.force, "N"),
+      box("pushes", TEXTS.pushes, "1"),
+      box("pause_s", TEXTS.pause, "s"),
+      maybe("seed", TEXTS.seed, "1"),
     ],
     begins: { F_push: 5, pushes: 3, pause_s: 2 },
   },
   load: {
-    words: "Load of the shafts",
-    boxes: [maybe("load_A", "Load A", "N·m"), maybe("load_B", "Load B", "N·m"), TIME],
+    words: TEXTS.shaftLoad,
+    boxes: [maybe("load_A", TEXTS.loadA, "N·m"), maybe("load_B", TEXTS.loadB, "N·m"), TIME],
     begins: { load_A: 0.05, duration_s: 2 },
   },
   wall: {
-    words: "Wall",
+    words: TEXTS.wall,
     boxes: [
       box("q_wall", "q_wall", "rad"),
-      { name: "side", words: "Stands", unit: "1", choices: ["above", "below"] },
-      maybe("k_wall", "Stiffness", "N/m"),
-      maybe("c_wall", "Damping", "s/m"),
+      { name: "side", words: TEXTS.wallSide, unit: "1", choices: ["above", "below"] },
+      maybe("k_wall", TEXTS.stiffness, "N/m"),
+      maybe("c_wall", TEXTS.damping, "s/m"),
     ],
     begins: { q_wall: 0.5, side: "above" },
   },
-  no_wall: { words: "No wall", boxes: [], begins: {} },
+  no_wall: { words: TEXTS.removeWall, boxes: [], begins: {} },
   tuning: {
-    words: "Tuning",
+    words: TEXTS.tuning,
     boxes: [
       maybe("lam_q", "λ_q", "s"),
       maybe("lam_S", "λ_S", "s"),
       maybe("lam_motor", "λ_motor", "s"),
       maybe("b", "b", "1"),
-      maybe("bank", "Bank", "1"),
-      { name: "motion", words: "Motion", unit: "1", choices: ["lambda", "time-optimal"], optional: true },
-      maybe("u_plan", "Voltage limit", "V"),
+      maybe("bank", TEXTS.bankOfTuning, "1"),
+      { name: "motion", words: TEXTS.motion, unit: "1", choices: ["lambda", "time-optimal"], optional: true },
+      maybe("u_plan", TEXTS.voltageLimit, "V"),
       maybe("k_ext", "k_ext", "1"),
     ],
     begins: { lam_q: 0.8 },
   },
-  learn: { words: "Learn", boxes: [maybe("duration_s", "Time", "s")], begins: { duration_s: 2 } },
+  learn: { words: TEXTS.calibrate, boxes: [maybe("duration_s", TEXTS.time, "s")], begins: { duration_s: 2 } },
   until_contact: {
-    words: "Until contact",
-    boxes: [maybe("contact_N", "Contact", "N")],
+    words: TEXTS.untilContact,
+    boxes: [maybe("contact_N", TEXTS.contactForce, "N")],
     begins: { contact_N: 1.5, parts: [{ do: "hold", duration_s: 2 }] },
   },
   repeat: {
-    words: "Repeat",
-    boxes: [box("times", "Times", "1")],
+    words: TEXTS.repeat,
+    boxes: [box("times", TEXTS.repetitions, "1")],
     begins: { times: 2, parts: [{ do: "hold", duration_s: 2 }] },
   },
 };
@@ -187,10 +189,11 @@ function said(part: Part, name: string, unit: string, angles: AngleUnit): string
 function aim(part: Part, angles: AngleUnit): string {
   const q = said(part, "q_ref", "rad", angles);
   const S = said(part, "S_ref", "N·m/rad", angles);
-  const named = [q === null ? null : `q to ${q}`, S === null ? null : `S to ${S}`].filter(
-    (one) => one !== null,
-  );
-  return named.length === 0 ? "nothing" : named.join(" and ");
+  const named = [
+    q === null ? null : fillText(TEXTS.referenceTo, { symbol: "q", value: q }),
+    S === null ? null : fillText(TEXTS.referenceTo, { symbol: "S", value: S }),
+  ].filter((one) => one !== null);
+  return named.length === 0 ? TEXTS.noReference : named.join(", ");
 }
 
 function swing(part: Part, angles: AngleUnit): string {
@@ -198,78 +201,124 @@ function swing(part: Part, angles: AngleUnit): string {
   const S = part.S_amplitude === 0 ? null : said(part, "S_amplitude", "N·m/rad", angles);
   const q_crest = said(part, "q_ref", "rad", angles);
   const S_crest = said(part, "S_ref", "N·m/rad", angles);
-  const named = [
-    q === null ? null : `q by ±${q}`,
-    S === null ? null : `S by ±${S}`,
-    q_crest === null ? null : `q to ${q_crest} at the crest`,
-    S_crest === null ? null : `S to ${S_crest} at the crest`,
+  const named = [oscillation("q", q, q_crest), oscillation("S", S, S_crest)].filter((one) => one !== null);
+  return named.length === 0 ? TEXTS.noReference : named.join(", ");
+}
+
+/** Amplitude and crest of q or S; null where it has neither. */
+function oscillation(symbol: string, amplitude: string | null, crest: string | null): string | null {
+  const values = [
+    amplitude === null ? null : fillText(TEXTS.amplitude, { value: amplitude }),
+    crest === null ? null : fillText(TEXTS.crest, { value: crest }),
   ].filter((one) => one !== null);
-  return named.length === 0 ? "nothing" : named.join(" and ");
+  return values.length === 0 ? null : fillText(TEXTS.oscillation, { symbol, values: values.join(", ") });
 }
 
 /** The push beside a motion; "" where there is none. */
 function push(part: Part, angles: AngleUnit): string {
   const force = part.F_push === 0 ? null : said(part, "F_push", "N", angles);
-  return force === null ? "" : `, pushed with ${force}, on the simulator`;
+  return force === null ? "" : fillText(TEXTS.withPush, { force });
 }
 
 /** What is written. */
 export function describePart(part: Part, angles: AngleUnit): string {
   const time = said(part, "duration_s", "s", angles) ?? "";
-  const of = (name: string, unit: string) => said(part, name, unit, angles) ?? "…";
+  const of = (name: string, unit: string) => said(part, name, unit, angles) ?? TEXTS.missing;
   switch (part.do) {
     case "hold":
-      return `holds the references for ${time}`;
+      return fillText(TEXTS.describeHold, { time });
     case "step":
-      return `jumps ${aim(part, angles)}, stays ${time}${push(part, angles)}`;
+      return fillText(TEXTS.describeStep, {
+        references: aim(part, angles),
+        time,
+        push: push(part, angles),
+      });
     case "ramp":
-      return `ramps ${aim(part, angles)} in ${time}${push(part, angles)}`;
+      return fillText(TEXTS.describeRamp, {
+        references: aim(part, angles),
+        time,
+        push: push(part, angles),
+      });
     case "pulse":
-      return `jumps ${aim(part, angles)} for ${time}, and back for ${of("rest_s", "s")}`;
+      return fillText(TEXTS.describePulse, {
+        references: aim(part, angles),
+        time,
+        rest: of("rest_s", "s"),
+      });
     case "sine":
-      return `swings ${swing(part, angles)} with a period of ${of("period_s", "s")}${turns(part)} for ${time}${fastest(part, angles)}${push(part, angles)}`;
+      return fillText(TEXTS.describeSine, {
+        oscillations: swing(part, angles),
+        period: of("period_s", "s"),
+        time,
+        cycles: cycles(part),
+        speed: fastest(part, angles),
+        push: push(part, angles),
+      });
     case "sweep":
-      return `swings ${swing(part, angles)} from ${of("from_Hz", "Hz")} to ${of("to_Hz", "Hz")} in ${time}`;
+      return fillText(TEXTS.describeSweep, {
+        oscillations: swing(part, angles),
+        from: of("from_Hz", "Hz"),
+        to: of("to_Hz", "Hz"),
+        time,
+      });
     case "prbs":
-      return `jumps ${swing(part, angles)} by a binary sequence of ${of("bits", "1")} bits, ${of("chip_s", "s")} each`;
+      return fillText(TEXTS.describePrbs, {
+        oscillations: swing(part, angles),
+        bits: of("bits", "1"),
+        chip: of("chip_s", "s"),
+      });
     case "multisine":
-      return `swings ${swing(part, angles)} by ${of("lines", "1")} harmonics of ${of("period_s", "s")}`;
+      return fillText(TEXTS.describeMultisine, {
+        oscillations: swing(part, angles),
+        lines: of("lines", "1"),
+        period: of("period_s", "s"),
+      });
     case "push":
-      return `pushes the joint with ${of("F_push", "N")} for ${time}, on the simulator`;
+      return fillText(TEXTS.describePush, { force: of("F_push", "N"), time });
     case "hand":
-      return `pushes ${of("pushes", "1")} times like a hand, up to ${of("F_push", "N")}, on the simulator`;
+      return fillText(TEXTS.describeManualPush, { pushes: of("pushes", "1"), force: of("F_push", "N") });
     case "load":
-      return `loads the motors' shafts for ${time}, on the simulator`;
+      return fillText(TEXTS.describeShaftLoad, { time });
     case "wall":
-      return `puts a wall ${part.side ?? "above"} ${of("q_wall", "rad")}, on the simulator`;
+      return fillText(part.side === "below" ? TEXTS.describeWallBelow : TEXTS.describeWallAbove, {
+        angle: of("q_wall", "rad"),
+      });
     case "no_wall":
-      return "takes the wall away";
+      return TEXTS.describeRemoveWall;
     case "tuning":
       return tuning(part, angles);
     case "learn":
-      return `rests ${time || "2 s"}: what the outside force reads is taken off from then on`;
+      return fillText(TEXTS.describeCalibrate, { time: time || TEXTS.usualCalibration });
     case "until_contact":
-      return `plays its parts until a force above ${said(part, "contact_N", "N", angles) ?? "1.5 N"} is felt`;
+      return fillText(TEXTS.describeUntilContact, {
+        force: said(part, "contact_N", "N", angles) ?? TEXTS.usualContact,
+      });
     case "repeat":
-      return `plays its parts ${of("times", "1")} times; ${part.index ?? "i"} counts from 0`;
+      return fillText(TEXTS.describeRepeat, {
+        times: of("times", "1"),
+        index: String(part.index ?? TEXTS.usualIndex),
+      });
     case "choose":
-      return `plays the parts under the value of ${part.by}`;
+      return fillText(TEXTS.describeChoose, { setting: String(part.by) });
     default:
-      return "is not known";
+      return TEXTS.describeUnknown;
   }
 }
 
-function turns({ duration_s, period_s }: Part): string {
+function cycles({ duration_s, period_s }: Part): string {
   if (typeof duration_s !== "number" || typeof period_s !== "number" || period_s <= 0) return "";
   const count = Number((duration_s / period_s).toPrecision(3));
-  return `, ${Number.isInteger(count) ? pluralized(count, "turn") : `${short(count)} turns`},`;
+  return fillText(TEXTS.cycles, {
+    cycles: count === 1 ? TEXTS.cycle : fillText(TEXTS.cycleCount, { count: short(count) }),
+  });
 }
 
 /** The largest rate of a sine of q, a·2π/T. */
 function fastest({ q_amplitude, period_s }: Part, angles: AngleUnit): string {
   if (typeof q_amplitude !== "number" || typeof period_s !== "number" || period_s <= 0 || q_amplitude === 0)
     return "";
-  return `, ${rate((Math.abs(q_amplitude) * 2 * Math.PI) / period_s, "rad/s", angles)} at most`;
+  const speed = rate((Math.abs(q_amplitude) * 2 * Math.PI) / period_s, "rad/s", angles);
+  return fillText(TEXTS.speed, { speed });
 }
 
 function tuning(part: Part, angles: AngleUnit): string {
@@ -283,15 +332,26 @@ function tuning(part: Part, angles: AngleUnit): string {
   const units: Record<string, string> = { lam_q: "s", lam_S: "s", lam_motor: "s", u_plan: "V" };
   const parts = named.map(([name, value]) => {
     const shown =
-      typeof value === "boolean" ? (value ? "yes" : "no") : said(part, name, units[name] ?? "1", angles);
-    return `${words[name] ?? name} = ${shown}`;
+      typeof value === "boolean"
+        ? value
+          ? TEXTS.yes
+          : TEXTS.no
+        : said(part, name, units[name] ?? "1", angles);
+    return fillText(TEXTS.tuningValue, { symbol: words[name] ?? name, value: String(shown) });
   });
-  return parts.length === 0 ? "changes nothing of the tuning" : `from the next motion on ${parts.join(", ")}`;
+  return parts.length === 0
+    ? TEXTS.describeSameTuning
+    : fillText(TEXTS.describeTuning, { changes: parts.join(", ") });
 }
 
 /** What the service has laid out of it: when, and how fast a ramp is. */
 export function describePlayed(part: Part, played: PartPlayed, angles: AngleUnit): string {
-  const words = [`at ${short(played.start_s)} to ${formatWithUnit(played.end_s, "s", angles)}`];
+  const words = [
+    fillText(TEXTS.scheduled, {
+      start: short(played.start_s),
+      end: formatWithUnit(played.end_s, "s", angles),
+    }),
+  ];
   if (part.do === "ramp" && played.piece_s > 0) {
     for (const [name, from, to, unit] of [
       ["q", played.q_from, played.q_to, "rad"],
@@ -299,7 +359,9 @@ export function describePlayed(part: Part, played: PartPlayed, angles: AngleUnit
     ] as const) {
       if (from === null || from === to) continue;
       const speed = rate((to - from) / played.piece_s, unit === "rad" ? "rad/s" : "N·m/rad/s", angles);
-      words.push(`${name} from ${formatWithUnit(from, unit, angles)}, ${speed}`);
+      words.push(
+        fillText(TEXTS.startsFrom, { symbol: name, value: formatWithUnit(from, unit, angles), speed }),
+      );
     }
   }
   return words.join(", ");
@@ -365,10 +427,10 @@ export function PartList({ place, parts, composing }: PartListProps) {
           variant="default"
           size="compact-xs"
           leftSection={<TbPlus size={13} />}
-          aria-label={`Add part ${numberOf(end)}`}
+          aria-label={fillText(TEXTS.addPartAt, { number: numberOf(end) })}
           onClick={() => composing.insert(end, parts.at(-1) ?? partOf("hold"))}
         >
-          Add part
+          {TEXTS.addPart}
         </Button>
       </li>
     </ol>
@@ -386,7 +448,7 @@ function PartRow({ part, place, alone, composing }: PartRowProps) {
   const angles = useAngleUnit();
   const key = place.join(".");
   const number = numberOf(place);
-  const whose = `of part ${number}`;
+  const whose = fillText(TEXTS.ofPart, { number });
   const messageId = `refused-${key.replaceAll(".", "-")}`;
   const form = PART_FORMS[part.do];
   const kinds = Object.entries(PART_FORMS).map(([value, { words }]) => ({ value, label: words }));
@@ -398,7 +460,7 @@ function PartRow({ part, place, alone, composing }: PartRowProps) {
     <li
       className={styles.part}
       data-place={key}
-      aria-label={`Part ${number}`}
+      aria-label={fillText(TEXTS.part, { number })}
       onDragOver={(event) => {
         event.preventDefault();
         event.stopPropagation();
@@ -414,7 +476,7 @@ function PartRow({ part, place, alone, composing }: PartRowProps) {
         <span
           className={styles.grip}
           draggable
-          title="Drag"
+          title={TEXTS.dragPart}
           onDragStart={(event) => composing.drag(place, event)}
         >
           <TbGripVertical size={14} aria-hidden />
@@ -423,7 +485,7 @@ function PartRow({ part, place, alone, composing }: PartRowProps) {
         <NativeSelect
           ref={ref}
           size="xs"
-          aria-label={`Kind ${whose}`}
+          aria-label={fillText(TEXTS.kindOfPart, { number })}
           error={said !== null}
           data={form === undefined ? [{ value: part.do, label: part.do }, ...kinds] : kinds}
           value={part.do}
@@ -435,7 +497,7 @@ function PartRow({ part, place, alone, composing }: PartRowProps) {
         </span>
         <span className={styles.buttons}>
           <RowButton
-            words={`Move up part ${number}`}
+            words={fillText(TEXTS.movePartUp, { number })}
             name="up"
             off={!composing.canShift(place, -1)}
             onClick={() => composing.shift(place, -1)}
@@ -443,7 +505,7 @@ function PartRow({ part, place, alone, composing }: PartRowProps) {
             <TbArrowUp size={14} />
           </RowButton>
           <RowButton
-            words={`Move down part ${number}`}
+            words={fillText(TEXTS.movePartDown, { number })}
             name="down"
             off={!composing.canShift(place, 1)}
             onClick={() => composing.shift(place, 1)}
@@ -451,17 +513,21 @@ function PartRow({ part, place, alone, composing }: PartRowProps) {
             <TbArrowDown size={14} />
           </RowButton>
           <RowButton
-            words={`Repeat part ${number}`}
+            words={fillText(TEXTS.repeatPart, { number })}
             name="repeat"
             onClick={() => composing.replace(place, { do: "repeat", times: 2, parts: [part] })}
           >
             <TbRepeat size={14} />
           </RowButton>
-          <RowButton words={`Copy part ${number}`} name="copy" onClick={() => composing.insert(place, part)}>
+          <RowButton
+            words={fillText(TEXTS.copyPart, { number })}
+            name="copy"
+            onClick={() => composing.insert(place, part)}
+          >
             <TbCopy size={14} />
           </RowButton>
           <RowButton
-            words={`Remove part ${number}`}
+            words={fillText(TEXTS.removePart, { number })}
             name="remove"
             off={alone}
             onClick={() => composing.remove(place)}
@@ -490,8 +556,8 @@ function PartRow({ part, place, alone, composing }: PartRowProps) {
                 key={name}
                 size="xs"
                 label={words}
-                aria-label={`${words} ${whose}`}
-                data={optional ? [{ value: "", label: "unchanged" }, ...choices] : [...choices]}
+                aria-label={fillText(TEXTS.labelOf, { label: words, owner: whose })}
+                data={optional ? [{ value: "", label: TEXTS.unchanged }, ...choices] : [...choices]}
                 value={String(part[name] ?? (optional ? "" : choices[0]))}
                 onChange={(event) => set(name, event.currentTarget.value || undefined)}
               />

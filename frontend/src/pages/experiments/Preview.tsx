@@ -3,13 +3,15 @@ import { useEffect, useState } from "react";
 import { Outcome } from "../../components/RunState";
 import { LocalizedText } from "../../components/values";
 import { useLive } from "../../live/react";
-import { duration, pluralized } from "../../samples/format";
+import { duration } from "../../samples/format";
+import { countThings, fillText } from "../../samples/texts";
 import { checkedExperimentQuery, composedPreviewQuery } from "../../service/api/experiments";
 import type { CheckedExperiment } from "../../wire/types";
 import page from "../Page.module.css";
 import { DryRunCurves } from "./DryRun";
 import { Figures } from "./ExperimentRuns";
 import styles from "./SequenceEditor.module.css";
+import { TEXTS } from "./texts";
 
 /** What an experiment that is being composed would give on the simulator, and whether that is of what stands there now. */
 
@@ -22,8 +24,8 @@ interface PreviewProps {
 
 export function Preview({ checked, current, problem }: PreviewProps) {
   return (
-    <section aria-label="Preview" className={page.fields} aria-busy={!current && problem === null}>
-      <output className={page.dim} aria-label="State of the preview">
+    <section aria-label={TEXTS.preview} className={page.fields} aria-busy={!current && problem === null}>
+      <output className={page.dim} aria-label={TEXTS.previewStatus}>
         {stateOf(checked, current, problem)}
       </output>
       {checked !== null && (
@@ -33,7 +35,7 @@ export function Preview({ checked, current, problem }: PreviewProps) {
             <>
               <LocalizedText text={checked.dry_run.message} />
               <Outcome of={checked.dry_run} />
-              <Figures criteria={checked.dry_run.criteria} metrics={[]} of="preview" />
+              <Figures criteria={checked.dry_run.criteria} metrics={[]} of={TEXTS.previewSource} />
               {checked.dry_run.samples && (
                 <DryRunCurves
                   samples={checked.dry_run.samples}
@@ -50,30 +52,31 @@ export function Preview({ checked, current, problem }: PreviewProps) {
 }
 
 function stateOf(checked: CheckedExperiment | null, current: boolean, problem: string | null): string {
-  if (problem !== null) return checked === null ? "No preview." : "Below: the last one that could be played.";
-  if (!current)
-    return checked === null ? "Being played …" : "Being played anew; below is what it was before.";
-  return checked?.busy
-    ? "Waits for a place on the simulator."
-    : "Preview of what stands here; nothing moves.";
+  if (problem !== null) return checked === null ? TEXTS.noPreview : TEXTS.lastValidPreview;
+  if (!current) return checked === null ? TEXTS.simulatingPreview : TEXTS.updatingPreview;
+  return checked?.busy ? TEXTS.previewWaits : TEXTS.previewCurrent;
 }
 
 /** What a check came to, in a sentence or two. */
 export function describeCheck(checked: CheckedExperiment): string {
-  const parts = [duration(checked.duration_s), pluralized(checked.parts.length, "part")];
+  const parts = [duration(checked.duration_s), countThings(checked.parts.length, TEXTS.partCount)];
   if (checked.changes_of_tuning > 0)
-    parts.push(`${pluralized(checked.changes_of_tuning, "change")} of the tuning`);
-  parts.push(checked.criteria === 1 ? "1 criterion" : `${checked.criteria} criteria`);
-  return `${checked.title} can be run: ${parts.join(", ")}. ${describePeaks(checked)}`;
+    parts.push(countThings(checked.changes_of_tuning, TEXTS.tuningChangeCount));
+  parts.push(countThings(checked.criteria, TEXTS.criterionCount, TEXTS.criteriaCount));
+  return fillText(TEXTS.valid, {
+    experiment: checked.title,
+    contents: parts.join(", "),
+    peaks: describePeaks(checked),
+  });
 }
 
 function describePeaks(checked: CheckedExperiment): string {
   const { peak_voltage_V: volts, min_tension_N: least, max_tension_N: most } = checked;
   if (volts === null || least === null || most === null) {
-    return `Its peaks are not known: ${checked.not_predicted || "a dry run did not complete"}.`;
+    return fillText(TEXTS.peaksUnknown, { reason: checked.not_predicted || TEXTS.dryRunIncomplete });
   }
-  const [u, low, high] = [volts, least, most].map((figure) => figure.toPrecision(3));
-  return `On the simulator: ${u} V at most, tensions ${low} to ${high} N.`;
+  const [voltage, low, high] = [volts.toPrecision(3), least.toPrecision(3), most.toPrecision(3)];
+  return fillText(TEXTS.peaks, { voltage, low, high });
 }
 
 /**

@@ -7,6 +7,7 @@ import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
+import { fillText } from "../../samples/texts";
 import { queueQuery, useQueueCommand } from "../../service/api/experiments";
 import { useWhyNoControl } from "../../service/control/control";
 import type { ExperimentKind } from "../../wire/types";
@@ -14,6 +15,7 @@ import { NextMode } from "../operate/ModeCard";
 import { whyNoStart } from "../operate/ReferencesCard";
 import page from "../Page.module.css";
 import { RunSummary, tuningOf } from "./ExperimentForm";
+import { TEXTS } from "./texts";
 
 export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
   const { data: queue } = useQuery(queueQuery);
@@ -26,21 +28,20 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
   const title = (name: string) => kinds.find((kind) => kind.name === name)?.title ?? name;
   return (
     <Card
-      title="Queue"
-      aside={<span className={page.dim}>{queue?.running ? "goes on by itself" : "waits for a start"}</span>}
+      title={TEXTS.queue}
+      aside={<span className={page.dim}>{queue?.running ? TEXTS.queueRunning : TEXTS.queueIdle}</span>}
     >
       <div className={page.fields}>
-        {items.length === 0 && <span className={page.dim}>Nothing waits.</span>}
+        {items.length === 0 && <span className={page.dim}>{TEXTS.queueEmpty}</span>}
         {items.length > 0 && (
-          <ol aria-label="Queue" style={{ margin: 0, paddingLeft: 20 }}>
+          <ol aria-label={TEXTS.queue} style={{ margin: 0, paddingLeft: 20 }}>
             {items.map((item, place) => (
               <li key={item.id}>
                 <div className={page.actions} style={{ justifyContent: "space-between", flexWrap: "nowrap" }}>
                   <span>
                     {title(item.name)}{" "}
                     <span className={page.dim}>
-                      by {item.who}
-                      {item.kept && ", kept from before the restart"}
+                      {fillText(item.kept ? TEXTS.queuedBeforeRestart : TEXTS.queuedBy, { person: item.who })}
                     </span>
                     <br />
                     <RunSummary name={item.name} settings={item.settings} inForce={tuningOf(state)} />
@@ -50,7 +51,7 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
                       variant="subtle"
                       color="gray"
                       disabled={place === 0}
-                      aria-label={`Move experiment ${item.id} ahead`}
+                      aria-label={fillText(TEXTS.moveUpInQueue, { id: item.id })}
                       onClick={() => command.mutate({ do: "move", id: item.id, place: place - 1 })}
                     >
                       <TbArrowUp size={14} />
@@ -58,7 +59,7 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
                     <ActionIcon
                       variant="subtle"
                       color="gray"
-                      aria-label={`Remove experiment ${item.id} from the queue`}
+                      aria-label={fillText(TEXTS.removeFromQueue, { id: item.id })}
                       onClick={() => command.mutate({ do: "remove", id: item.id })}
                     >
                       <TbX size={14} />
@@ -74,10 +75,10 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
             {queue?.running ? (
               <Button
                 variant="default"
-                title="What runs goes on to its end: there the references stand still and the tendons are taut."
+                title={TEXTS.pauseQueueHint}
                 onClick={() => command.mutate({ do: "hold" })}
               >
-                Pause after this run
+                {TEXTS.pauseQueue}
               </Button>
             ) : (
               <Button
@@ -87,7 +88,7 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
                 loading={command.isPending}
                 onClick={() => command.mutate({ do: "run" })}
               >
-                {queue?.problem ? "Start queue again" : "Start queue"}
+                {queue?.problem ? TEXTS.startQueueAgain : TEXTS.startQueue}
               </Button>
             )}
           </div>

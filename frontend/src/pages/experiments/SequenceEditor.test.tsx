@@ -6,9 +6,11 @@ import { useState } from "react";
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
+import { fillText } from "../../samples/texts";
 import { RefusedFields } from "../../service/forms/refusals";
 import { type Document, SAMPLE } from "./document";
 import { SequenceEditor } from "./SequenceEditor";
+import { TEXTS } from "./texts";
 
 describe("SequenceEditor", () => {
   let document: Document = SAMPLE;
@@ -43,19 +45,23 @@ describe("SequenceEditor", () => {
 
   it("moves a part by its button, which keeps the focus where the part is then", () => {
     opened();
-    fireEvent.click(button("Move down part 1.1"));
+    fireEvent.click(button(fillText(TEXTS.movePartDown, { number: "1.1" })));
     expect(kinds()).toEqual(["ramp", "step", "hold"]);
-    expect(globalThis.document.activeElement).toBe(button("Move down part 1.2"));
-    expect(screen.getByRole("status", { name: "Moved" }).textContent).toBe("Part 1.1 is part 1.2 now.");
+    expect(globalThis.document.activeElement).toBe(button(fillText(TEXTS.movePartDown, { number: "1.2" })));
+    expect(screen.getByRole("status", { name: TEXTS.moved }).textContent).toBe(
+      fillText(TEXTS.partMoved, { from: "1.1", to: "1.2" }),
+    );
   });
 
   it("takes a part that is dropped into a loop", () => {
     opened();
-    fireEvent.click(button("Repeat part 1.2"));
-    const row = screen.getByRole("listitem", { name: "Part 1.3" });
+    fireEvent.click(button(fillText(TEXTS.repeatPart, { number: "1.2" })));
+    const row = screen.getByRole("listitem", { name: fillText(TEXTS.part, { number: "1.3" }) });
     const dataTransfer = { setData() {}, effectAllowed: "" };
     fireEvent.dragStart(row.querySelector("[draggable]") as Element, { dataTransfer });
-    fireEvent.drop(button("Add part 1.2.2").closest("li") as Element, { dataTransfer });
+    fireEvent.drop(button(fillText(TEXTS.addPartAt, { number: "1.2.2" })).closest("li") as Element, {
+      dataTransfer,
+    });
     expect(document.phases[0]?.parts[1]).toEqual({
       do: "repeat",
       times: 2,
@@ -65,7 +71,8 @@ describe("SequenceEditor", () => {
 
   it("keeps a number as it is read in SI, an expression as it is, and leaves out what is empty", () => {
     opened();
-    const box = () => screen.getByRole("textbox", { name: "q_ref [°] of part 1.2" });
+    const box = () =>
+      screen.getByRole("textbox", { name: `q_ref [°] ${fillText(TEXTS.ofPart, { number: "1.2" })}` });
     fireEvent.change(box(), { target: { value: "60" } });
     expect(document.phases[0]?.parts[1]?.q_ref).toBeCloseTo(Math.PI / 3, 12);
     fireEvent.change(box(), { target: { value: "2 * pi / 9" } });

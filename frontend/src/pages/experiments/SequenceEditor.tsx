@@ -1,5 +1,6 @@
 import { TextInput } from "@mantine/core";
 import { useEffect, useMemo, useRef, useState } from "react";
+import { fillText } from "../../samples/texts";
 import { useRefusedInput } from "../../service/forms/refusals";
 import type { PartPlayed } from "../../wire/types";
 import pageStyles from "../Page.module.css";
@@ -16,6 +17,7 @@ import {
 } from "./document";
 import { type Composing, PartList } from "./PartList";
 import sequenceEditorStyles from "./SequenceEditor.module.css";
+import { TEXTS } from "./texts";
 
 /** The sequence of an experiment, part by part: by drag, by keyboard, in loops as deep as they go. */
 
@@ -42,7 +44,7 @@ export function SequenceEditor({ document, played, onChange }: SequenceEditorPro
   function move(from: Place, to: Place, button: string | null): void {
     const [next, where] = moved(document, from, to);
     onChange(next);
-    tell(`Part ${numberOf(from)} is part ${numberOf(where)} now.`);
+    tell(fillText(TEXTS.partMoved, { from: numberOf(from), to: numberOf(where) }));
     if (button !== null) setFocus({ place: where, button });
   }
 
@@ -72,13 +74,13 @@ export function SequenceEditor({ document, played, onChange }: SequenceEditorPro
     <div className={pageStyles.fields} ref={box}>
       <div className={pageStyles.actions}>
         <Text
-          label="Name"
+          label={TEXTS.name}
           place="name"
           value={document.name}
           onChange={(name) => onChange({ ...document, name })}
         />
         <Text
-          label="Title"
+          label={TEXTS.experimentTitle}
           place="title"
           value={document.title}
           onChange={(title) => onChange({ ...document, title })}
@@ -86,9 +88,7 @@ export function SequenceEditor({ document, played, onChange }: SequenceEditorPro
       </div>
       {document.phases.map((phase, index) => (
         <fieldset key={phase.name} className={sequenceEditorStyles.phase}>
-          <legend>
-            {index + 1} {phase.title}
-          </legend>
+          <legend>{fillText(TEXTS.phase, { number: index + 1, title: phase.title })}</legend>
           <PartList
             place={["phases", index, "parts"]}
             parts={phase.parts as readonly Part[]}
@@ -96,7 +96,7 @@ export function SequenceEditor({ document, played, onChange }: SequenceEditorPro
           />
         </fieldset>
       ))}
-      <output className={sequenceEditorStyles.unseen} aria-label="Moved">
+      <output className={sequenceEditorStyles.unseen} aria-label={TEXTS.moved}>
         {told}
       </output>
     </div>

@@ -1,3 +1,5 @@
+import { TEXTS } from "./texts";
+
 /** An experiment as the composer edits it: its document as the service reads it, changed by place. Pure. */
 
 /** A number in SI, or an expression of the experiment's settings. */
@@ -36,11 +38,11 @@ export interface Document {
 export const SAMPLE: Document = {
   format: 1,
   name: "mine",
-  title: "Own sequence",
+  title: TEXTS.sampleTitle,
   phases: [
     {
       name: "sequence",
-      title: "Sequence",
+      title: TEXTS.samplePhase,
       parts: [
         { do: "step", q_ref: 0, S_ref: 10, duration_s: 2 },
         { do: "ramp", q_ref: 0.5, duration_s: 2 },
@@ -48,7 +50,7 @@ export const SAMPLE: Document = {
       ],
     },
   ],
-  criteria: [{ figure: "min_tension_N", above: 2, title: "Smallest tendon tension" }],
+  criteria: [{ figure: "min_tension_N", above: 2, title: TEXTS.sampleCriterion }],
 };
 
 /** A document that the composer can show: whatever else is wrong with it the service tells, at its place. */

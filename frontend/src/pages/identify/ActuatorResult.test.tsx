@@ -2,6 +2,7 @@ import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { cleanup, render, screen, within } from "@testing-library/react";
 import { afterEach, describe, expect, it, test, vi } from "vitest";
+import { fillText } from "../../samples/texts";
 import type { Identification, Model } from "../../wire/types";
 import {
   ActuatorResult,
@@ -12,6 +13,7 @@ import {
   residualOutcome,
   sessionOf,
 } from "./ActuatorResult";
+import { TEXTS } from "./texts";
 
 // the REST client takes hold of fetch when it is made, the charts of the screen
 vi.hoisted(() => {
@@ -57,8 +59,8 @@ it.each([
     </QueryClientProvider>,
   );
   for (const [name, words] of [
-    ["Model G_q", ofG_q],
-    ["Model G_S", ofG_S],
+    [fillText(TEXTS.model, { name: "G_q" }), ofG_q],
+    [fillText(TEXTS.model, { name: "G_S" }), ofG_S],
   ] as const)
     expect(within(screen.getByRole("region", { name })).getByText(words)).toBeTruthy();
 });
@@ -142,12 +144,8 @@ describe("candidates", () => {
   });
 
   test("where the predicted samples come from is said for each kind", () => {
-    expect(describeRecord("actuator", 7, true)).toBe(
-      "The last third of run 7, by a model fitted to its first two thirds.",
-    );
-    expect(describeRecord("motor", 7, false)).toBe(
-      "Each step of run 7, by a model that has not seen that run.",
-    );
+    expect(describeRecord("actuator", 7, true)).toBe(fillText(TEXTS.ownThird, { run: 7 }));
+    expect(describeRecord("motor", 7, false)).toBe(fillText(TEXTS.otherSteps, { run: 7 }));
   });
 });
 
@@ -164,7 +162,13 @@ describe("residuals", () => {
 
   test("a residual test says which test, its statistic and its level", () => {
     expect(residualOutcome(TEST, "white", "coloured")).toBe(
-      "coloured: largest of 2 correlations 3.0 standard deviations, bound 2.8 at the 1 % level for all lags together",
+      fillText(TEXTS.testOutcome, {
+        outcome: "coloured",
+        count: 2,
+        statistic: "3.0",
+        bound: "2.8",
+        level: "1 %",
+      }),
     );
     expect(residualOutcome({ ...TEST, passed: true }, "white", "coloured")).toMatch(/^white: /);
   });

@@ -6,7 +6,8 @@ import { Verdict } from "../../components/RunState";
 import { SignalName, ValueOrReason } from "../../components/values";
 import { useLive } from "../../live/react";
 import { capital, describeStructure, fixed, percent, significant, spacedName } from "../../samples/format";
-import { formatWithUnit, labelWith, readingOf } from "../../samples/quantity";
+import { formatWithUnit, labelWith, readingOf, withUnit } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { differenceInUseQuery } from "../../service/api/banks";
 import { curvesQuery } from "../../service/api/identifications";
 import { useAngleUnit } from "../../service/api/preferences";
@@ -17,6 +18,7 @@ import type { ChannelCurves, Correlation, Identification, Model, UnseenOutput } 
 import { DifferenceTable } from "../banks/BankComparison";
 import pageStyles from "../Page.module.css";
 import identifyStyles from "./Identify.module.css";
+import { TEXTS } from "./texts";
 
 /** What is set side by side of several identifications of one kind. Pure. */
 
@@ -93,28 +95,25 @@ export function change(value: number, from: number): string | null {
 
 /** Where the predicted samples came from, in a sentence. */
 export function describeRecord(kind: string, of: number, own: boolean): string {
-  if (kind === "motor") {
-    return own
-      ? `Each step of run ${of}, by a model fitted to its other steps.`
-      : `Each step of run ${of}, by a model that has not seen that run.`;
-  }
-  return own
-    ? `The last third of run ${of}, by a model fitted to its first two thirds.`
-    : `The last third of run ${of}, by a model that has not seen that run.`;
+  if (kind === "motor") return fillText(own ? TEXTS.ownSteps : TEXTS.otherSteps, { run: of });
+  return fillText(own ? TEXTS.ownThird : TEXTS.otherThird, { run: of });
 }
 
 export function outputTitle(output: UnseenOutput): string {
-  return output.name.startsWith("G_") ? output.name : `Motor ${output.name}`;
+  return output.name.startsWith("G_") ? output.name : fillText(TEXTS.motor, { side: output.name });
 }
 
 /** A residual test in words: which test, its statistic, its level. */
 
 export function residualOutcome(test: Correlation, good: string, bad: string): string {
   const { correlation, statistic, critical, level, passed } = test;
-  return (
-    `${passed ? good : bad}: largest of ${correlation.length} correlations ${fixed(statistic, 1)} standard ` +
-    `deviations, bound ${fixed(critical, 1)} at the ${fixed(100 * level, 0)} % level for all lags together`
-  );
+  return fillText(TEXTS.testOutcome, {
+    outcome: passed ? good : bad,
+    count: correlation.length,
+    statistic: fixed(statistic, 1),
+    bound: fixed(critical, 1),
+    level: `${fixed(100 * level, 0)} %`,
+  });
 }
 
 /** One fitted model with its quality: gain against geometry, lag, fit, parameters, verdict. */
@@ -136,46 +135,48 @@ function ModelView({
   const deviation = 100 * (model.K / model.gain_geometry - 1);
   const sign = deviation > 0 ? "+" : "";
   return (
-    <section className={identifyStyles.model} aria-label={`Model ${name}`}>
+    <section className={identifyStyles.model} aria-label={fillText(TEXTS.model, { name })}>
       <h3 className={identifyStyles.heading}>
         <SignalName name={name} /> <span className={pageStyles.dim}>{path}</span>
       </h3>
       <dl className={identifyStyles.figures}>
         <div>
           <dt>
-            <Explained of="quantity:K">Gain K</Explained> {unit !== "" && `[${unit}]`}
+            <Explained of="quantity:K">{TEXTS.gain}</Explained> {unit !== "" && `[${unit}]`}
           </dt>
           <dd>{significant(model.K, 4)}</dd>
           <dd className={identifyStyles.beside}>
-            geometry {significant(model.gain_geometry, 3)}, {sign}
-            {fixed(deviation, 1)} %
+            {fillText(TEXTS.gainGeometry, {
+              gain: significant(model.gain_geometry, 3),
+              deviation: `${sign}${fixed(deviation, 1)} %`,
+            })}
           </dd>
         </div>
         <div>
           <dt>
-            <Explained of="quantity:T">Sum of lags T</Explained> [s]
+            <Explained of="quantity:T">{TEXTS.lags}</Explained> [s]
           </dt>
           <dd>{significant(model.T, 3)}</dd>
-          <dd className={identifyStyles.beside}>first-order reduction</dd>
+          <dd className={identifyStyles.beside}>{TEXTS.firstOrderReduction}</dd>
         </div>
         <div>
           <dt>
-            <Explained of="quantity:fit_percent">Fit</Explained> [%]
+            <Explained of="quantity:fit_percent">{TEXTS.fit}</Explained> [%]
           </dt>
           <dd>
-            <ValueOrReason value={model.fit_percent} why="not measured: no data was left aside">
+            <ValueOrReason value={model.fit_percent} why={TEXTS.noValidationData}>
               {(fit) => percent(fit, 1)}
             </ValueOrReason>
           </dd>
-          <dd className={identifyStyles.beside}>on data not used</dd>
+          <dd className={identifyStyles.beside}>{TEXTS.onValidationData}</dd>
         </div>
       </dl>
-      <Table withRowBorders={false} verticalSpacing={2} aria-label={`Parameters of ${name}`}>
+      <Table withRowBorders={false} verticalSpacing={2} aria-label={fillText(TEXTS.parametersOf, { name })}>
         <Table.Thead>
           <Table.Tr>
             <Table.Th>{describeStructure(model.structure)}</Table.Th>
-            <Table.Th className={pageStyles.number}>Value</Table.Th>
-            <Table.Th className={pageStyles.number}>Standard error</Table.Th>
+            <Table.Th className={pageStyles.number}>{TEXTS.value}</Table.Th>
+            <Table.Th className={pageStyles.number}>{TEXTS.standardError}</Table.Th>
           </Table.Tr>
         </Table.Thead>
         <Table.Tbody>
@@ -186,7 +187,7 @@ function ModelView({
               </Table.Td>
               <Table.Td className={pageStyles.number}>{significant(value, 4)}</Table.Td>
               <Table.Td className={pageStyles.number}>
-                <ValueOrReason value={model.std_errors[parameter]} why="not determined by this record">
+                <ValueOrReason value={model.std_errors[parameter]} why={TEXTS.notDetermined}>
                   {(error) => significant(error, 2)}
                 </ValueOrReason>
               </Table.Td>
@@ -194,7 +195,9 @@ function ModelView({
           ))}
         </Table.Tbody>
       </Table>
-      <span className={pageStyles.dim}>Estimated by {spacedName(model.method)}.</span>
+      <span className={pageStyles.dim}>
+        {fillText(TEXTS.estimatedBy, { method: spacedName(model.method) })}
+      </span>
       <Verdict good={model.grade === "usable"} of={`grade:${model.grade}`}>
         {isExplained ? capital(model.grade) : model.verdict}
       </Verdict>
@@ -262,74 +265,76 @@ function Channel({ channel }: { channel: ChannelCurves }) {
     measured === null
       ? []
       : values.map((value, index) => ((measured.coherence[index] ?? 0) >= COHERENT ? value : null));
-  const data = { label: "data, coherence above 0.9", line: "none", points: true, colour: hue } as const;
-  const reduced = { label: "first order", colour: "limit", line: "dashed" } as const;
+  const data = { label: TEXTS.coherentData, line: "none", points: true, colour: hue } as const;
+  const reduced = { label: TEXTS.firstOrderCurve, colour: "limit", line: "dashed" } as const;
   const omega = "ω [rad/s]";
   return (
-    <section className={identifyStyles.model} aria-label={`Curves of ${channel.name}`}>
+    <section className={identifyStyles.model} aria-label={fillText(TEXTS.curvesOf, { name: channel.name })}>
       <CurvePlot
-        title={`Magnitude of ${channel.name}`}
+        title={fillText(TEXTS.magnitudeOf, { name: channel.name })}
         xLabel={omega}
         yLabel={unit}
         xLog
         yLog
-        summary={`Static gain ${significant(model.magnitude[0] ?? Number.NaN, 3)} ${unit}.`}
+        summary={fillText(TEXTS.staticGain, {
+          gain: withUnit(significant(model.magnitude[0] ?? Number.NaN, 3), unit),
+        })}
         curves={[
           { ...data, x: measured?.omega ?? [], y: trusted(measured?.magnitude ?? []) },
-          { label: "model", colour: "text", x: model.omega, y: model.magnitude },
+          { label: TEXTS.modelCurve, colour: "text", x: model.omega, y: model.magnitude },
           { ...reduced, x: first_order.omega, y: first_order.magnitude },
         ]}
       />
       <CurvePlot
-        title={`Phase of ${channel.name}`}
+        title={fillText(TEXTS.phaseOf, { name: channel.name })}
         xLabel={omega}
         yLabel="deg"
         xLog
         height={150}
-        summary="Phase of model, data and first-order reduction."
+        summary={TEXTS.phaseSummary}
         curves={[
           { ...data, quiet: true, x: measured?.omega ?? [], y: trusted(measured?.phase_deg ?? []) },
-          { label: "model", quiet: true, colour: "text", x: model.omega, y: model.phase_deg },
+          { label: TEXTS.modelCurve, quiet: true, colour: "text", x: model.omega, y: model.phase_deg },
           { ...reduced, quiet: true, x: first_order.omega, y: first_order.phase_deg },
         ]}
       />
       {measured && (
         <CurvePlot
-          title="Coherence"
+          title={TEXTS.coherence}
           xLabel={omega}
           yLabel=""
           xLog
           height={110}
-          summary="How much of the output follows the input, by frequency."
+          summary={TEXTS.coherenceSummary}
           curves={[
-            { label: "coherence", quiet: true, colour: hue, x: measured.omega, y: measured.coherence },
+            { label: TEXTS.coherence, quiet: true, colour: hue, x: measured.omega, y: measured.coherence },
           ]}
         />
       )}
       <CurvePlot
-        title={`Step of θ_A by ${formatWithUnit(STEP[angles], "rad", angles)}`}
+        title={fillText(TEXTS.stepOf, { step: formatWithUnit(STEP[angles], "rad", angles) })}
         xLabel="t [s]"
         yLabel={labelWith(output, outputUnit, angles)}
         height={150}
-        summary="Step response of the model and of its first-order reduction."
+        summary={TEXTS.stepSummary}
         curves={[
-          { label: "model", colour: hue, x: channel.step_t, y: channel.step_model.map(stepped) },
+          { label: TEXTS.modelCurve, colour: hue, x: channel.step_t, y: channel.step_model.map(stepped) },
           { ...reduced, x: channel.step_t, y: channel.step_first_order.map(stepped) },
         ]}
       />
       <Residuals
-        title="Residual with itself"
+        title={TEXTS.autocorrelation}
         test={channel.whiteness}
         hue={hue}
-        good="white"
-        bad="not white: it follows a pattern that the model does not have"
+        good={TEXTS.white}
+        bad={TEXTS.notWhite}
       />
       <Residuals
-        title="Residual with input"
+        title={TEXTS.crossCorrelation}
         test={channel.input_correlation}
         hue={hue}
-        good="free of the input"
-        bad="depends on the input"
+        good={TEXTS.uncorrelated}
+        bad={TEXTS.correlated}
       />
       <Candidates channel={channel} />
     </section>
@@ -352,14 +357,14 @@ function Residuals({ title, test, hue, good, bad }: ResidualsProps) {
     <div>
       <CurvePlot
         title={title}
-        xLabel="lag [s]"
-        yLabel="correlation"
+        xLabel={TEXTS.lag}
+        yLabel={TEXTS.correlation}
         height={120}
         summary={outcome}
         curves={[
-          { ...edge, label: "bound of the test", y: bound },
-          { ...edge, label: "bound below", quiet: true, y: bound.map((value) => -value) },
-          { label: "correlation", quiet: true, colour: hue, points: true, x: lags_s, y: correlation },
+          { ...edge, label: TEXTS.testBound, y: bound },
+          { ...edge, label: TEXTS.lowerBound, quiet: true, y: bound.map((value) => -value) },
+          { label: TEXTS.correlation, quiet: true, colour: hue, points: true, x: lags_s, y: correlation },
         ]}
       />
       <Verdict good={test.passed}>{outcome}</Verdict>
@@ -370,16 +375,20 @@ function Residuals({ title, test, hue, good, bad }: ResidualsProps) {
 function Candidates({ channel }: { channel: ChannelCurves }) {
   return (
     <div className={pageStyles.tableScroll} style={{ marginBottom: 0 }}>
-      <Table withRowBorders={false} verticalSpacing={2} aria-label={`Candidates for ${channel.name}`}>
-        <Table.Caption>Structures tried on the same record, best first</Table.Caption>
+      <Table
+        withRowBorders={false}
+        verticalSpacing={2}
+        aria-label={fillText(TEXTS.structuresFor, { name: channel.name })}
+      >
+        <Table.Caption>{TEXTS.structuresTried}</Table.Caption>
         <Table.Thead>
           <Table.Tr>
-            <Table.Th>Structure</Table.Th>
+            <Table.Th>{TEXTS.structure}</Table.Th>
             <Table.Th className={pageStyles.number}>K</Table.Th>
             <Table.Th className={pageStyles.number}>T [s]</Table.Th>
-            <Table.Th className={pageStyles.number}>Fit [%]</Table.Th>
+            <Table.Th className={pageStyles.number}>{TEXTS.fitPercent}</Table.Th>
             <Table.Th className={pageStyles.number}>BIC</Table.Th>
-            <Table.Th>Grade</Table.Th>
+            <Table.Th>{TEXTS.grade}</Table.Th>
           </Table.Tr>
         </Table.Thead>
         <Table.Tbody>
@@ -421,7 +430,7 @@ interface TriedProps {
 function Tried({ value, problem, told }: TriedProps) {
   return (
     <Table.Td className={pageStyles.number}>
-      <ValueOrReason value={value} why={problem === "" ? "not determined by this record" : problem}>
+      <ValueOrReason value={value} why={problem === "" ? TEXTS.notDetermined : problem}>
         {told}
       </ValueOrReason>
     </Table.Td>
@@ -432,10 +441,10 @@ function AgainstBankInUse({ run }: { run: number }) {
   const lambdas = useLive((live) => tuningKey(live.state?.tuning));
   const difference = useQuery(differenceInUseQuery(run, lambdas));
   return (
-    <section aria-label="Against the models in use">
-      <h3 className={identifyStyles.heading}>What using this model would change</h3>
+    <section aria-label={TEXTS.againstActive}>
+      <h3 className={identifyStyles.heading}>{TEXTS.effect}</h3>
       {difference.error && <p className={pageStyles.empty}>{difference.error.message}</p>}
-      {difference.isPending && <p className={pageStyles.empty}>Comparing …</p>}
+      {difference.isPending && <p className={pageStyles.empty}>{TEXTS.comparing}</p>}
       {difference.data && <DifferenceTable difference={difference.data} />}
     </section>
   );

@@ -1,6 +1,8 @@
 import { describe, expect, it } from "vitest";
+import { fillText } from "../../samples/texts";
 import type { IdentificationKind } from "../../wire/types";
 import { originOf, requestOf, valuesOf } from "./IdentificationForm";
+import { SETTING_LABELS, TEXTS } from "./texts";
 
 const ACTUATOR: IdentificationKind = {
   kind: "actuator",
@@ -21,8 +23,8 @@ describe("requestOf", () => {
       problem: null,
     });
     expect(ACTUATOR.settings.map((setting) => originOf(setting, { tension_N: 30 }, "deg"))).toEqual([
-      "default: 20",
-      "default",
+      fillText(TEXTS.defaultIs, { value: "20" }),
+      TEXTS.usesDefault,
     ]);
   });
 
@@ -40,8 +42,8 @@ describe("requestOf", () => {
     const arx = { estimator: "arx" };
     expect(requestOf(kind, valuesOf(kind, arx, "deg"), "").request).toMatchObject(arx);
     expect([originOf(estimator, {}, "deg"), originOf(estimator, arx, "deg")]).toEqual([
-      "default",
-      "default: default",
+      TEXTS.usesDefault,
+      fillText(TEXTS.defaultIs, { value: "default" }),
     ]);
   });
 
@@ -63,12 +65,14 @@ describe("requestOf", () => {
   it("says what is no number instead of asking", () => {
     expect(requestOf(ACTUATOR, { chip_s: "" }, "")).toMatchObject({
       request: null,
-      problem: "Chip length: needs a number.",
+      problem: fillText(TEXTS.notANumber, { label: SETTING_LABELS.chip_s ?? "", problem: "needs a number" }),
       place: "chip_s",
     });
     for (const text of ["10, twenty", "0x10", "1e"]) {
       expect(requestOf(ACTUATOR, {}, text)).toMatchObject({ request: null });
     }
-    expect(requestOf(ACTUATOR, {}, "8 9 10 11 12 13 14 15 16").problem).toContain("at most 8");
+    expect(requestOf(ACTUATOR, {}, "8 9 10 11 12 13 14 15 16").problem).toBe(
+      fillText(TEXTS.tooManyTensions, { most: 8 }),
+    );
   });
 });

@@ -10,7 +10,7 @@ import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/RunState";
 import { ValueOrReason } from "../../components/values";
 import { useLive, useLiveStore } from "../../live/react";
-import { duration, fixed, notANumber, numberIn, significant } from "../../samples/format";
+import { capital, duration, fixed, notANumber, numberIn, significant } from "../../samples/format";
 import {
   type AngleUnit,
   angleText,
@@ -20,7 +20,9 @@ import {
   offeredDefault,
   rangeText,
   readingOf,
+  withUnit,
 } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { banksQuery } from "../../service/api/banks";
 import {
   identificationKindsQuery,
@@ -43,6 +45,7 @@ import { useBankEntries } from "../operate/TuningCard";
 import pageStyles from "../Page.module.css";
 import identifyStyles from "./Identify.module.css";
 import { SpringTableForm } from "./SpringResult";
+import { SETTING_LABELS, TEXTS } from "./texts";
 
 /** From what stands in the form to what is asked of the service. Pure. */
 
@@ -59,28 +62,8 @@ interface Asked {
 
 const MAX_TENSIONS = 8;
 
-/** Short labels; the setting's own meaning stands below the box. */
-const LABELS: Record<string, string> = {
-  tension_N: "Tension",
-  amplitude_rad: "PRBS amplitude",
-  chip_s: "Chip length",
-  bits: "Register bits",
-  periods: "Periods",
-  settle_s: "Settling",
-  estimator: "Estimator",
-  u_low: "Smallest step",
-  u_high: "Largest step",
-  levels: "Voltages",
-  travel_rad: "Travel",
-  step_s: "Longest step",
-  F_low: "Lowest tension",
-  F_high: "Highest tension",
-  sweep_s: "One way",
-  cycles: "Times up and down",
-};
-
 function labelOf({ name, meaning }: Setting): string {
-  return LABELS[name] ?? meaning;
+  return SETTING_LABELS[name] ?? meaning;
 }
 
 /** Every setting: what a person changed, else its default. All of it is shown, and sent. */
@@ -95,8 +78,9 @@ export function valuesOf(kind: IdentificationKind, changed: Values, angles: Angl
 /** Where the value of a setting comes from. */
 export function originOf(setting: Setting, changed: Values, angles: AngleUnit): string {
   const [value, usual] = [changed[setting.name], usualOf(setting, angles)];
-  if (value === undefined || value === usual) return "default";
-  return `default: ${typeof usual === "number" ? boxText(usual, setting.unit, angles) : usual}`;
+  if (value === undefined || value === usual) return TEXTS.usesDefault;
+  const shown = typeof usual === "number" ? boxText(usual, setting.unit, angles) : usual;
+  return fillText(TEXTS.defaultIs, { value: shown });
 }
 
 function usualOf(setting: Setting, angles: AngleUnit): number | string {
@@ -114,17 +98,21 @@ export function requestOf(kind: IdentificationKind, values: Values, tensions: st
     const [place, value] = odd;
     const setting = kind.settings.find(({ name }) => name === place);
     const label = setting === undefined ? place : labelOf(setting);
-    return { request: null, problem: `${label}: ${notANumber(String(value))}.`, place };
+    return {
+      request: null,
+      problem: fillText(TEXTS.notANumber, { label, problem: notANumber(String(value)) }),
+      place,
+    };
   }
   const numbers = list.map(numberIn).filter((number) => number !== null);
   const place = "tensions_N";
   const word = list.find((one) => numberIn(one) === null);
   if (word !== undefined) {
-    const problem = `Several tensions: ${notANumber(word)}; write numbers separated by commas.`;
+    const problem = fillText(TEXTS.tensionNotANumber, { problem: notANumber(word) });
     return { request: null, problem, place };
   }
   if (numbers.length > MAX_TENSIONS) {
-    return { request: null, problem: `Several tensions: at most ${MAX_TENSIONS} in turn.`, place };
+    return { request: null, problem: fillText(TEXTS.tooManyTensions, { most: MAX_TENSIONS }), place };
   }
   const several = numbers.length > 0 ? { tensions_N: numbers } : {};
   return {
@@ -157,16 +145,16 @@ export function IdentificationForm({ onStarted, onTable, onForecast }: FormProps
   const { value: kind, set: setKind } = useDraft<Kind>("kind of identification", "actuator", isKind);
   const chosen = kinds.data?.find((entry) => entry.kind === kind);
   return (
-    <Card title="New identification">
+    <Card title={TEXTS.newIdentification}>
       <div className={pageStyles.fields}>
         <SegmentedControl
-          aria-label="What to identify"
+          aria-label={TEXTS.kind}
           fullWidth
           value={kind}
           data={(kinds.data ?? []).map((entry) => ({ value: entry.kind, label: entry.title }))}
           onChange={(value) => setKind(value as Kind)}
         />
-        <span className={pageStyles.dim}>{chosen?.description ?? kinds.error?.message ?? "Loading …"}</span>
+        <span className={pageStyles.dim}>{chosen?.description ?? kinds.error?.message ?? TEXTS.loading}</span>
         {chosen && <KindForm key={kind} kind={chosen} onStarted={onStarted} onForecast={onForecast} />}
         {kind === "spring" && <SpringTableForm onTable={onTable} />}
       </div>
@@ -195,8 +183,7 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
   const [request] = useDebouncedValue(asked.request, 300);
   const [from] = useDebouncedValue(useWhereabouts(), 300);
   const prediction = useQuery(predictionQuery(request, from));
-  const leaves =
-    prediction.data?.within_range === false ? "The run would leave the range, see the forecast." : null;
+  const leaves = prediction.data?.within_range === false ? TEXTS.leavesRange : null;
   const reason = asked.problem ?? whyNoStart(state, "identify", noControl) ?? leaves;
 
   const problem = asked.problem ?? prediction.error?.message;
@@ -218,12 +205,12 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
 
   return (
     <RefusedFields error={start.error} foreseen={prediction.error} about={[changed, tensions]}>
-      <form className={pageStyles.fields} aria-label="New identification" onSubmit={submit}>
+      <form className={pageStyles.fields} aria-label={TEXTS.newIdentification} onSubmit={submit}>
         <DraftMark
           draft={draft}
-          of="identification"
-          words="Changed settings"
-          back="The defaults come back."
+          of={TEXTS.draftOf}
+          words={TEXTS.changedSettings}
+          back={TEXTS.defaultsRestored}
           onDiscard={draft.discard}
         />
         {kind.kind === "actuator" && (
@@ -265,7 +252,9 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
             )}
         </div>
         {state !== null && (
-          <span className={pageStyles.dim}>Runs with what is in force: {describeTuning(tuning, banks)}.</span>
+          <span className={pageStyles.dim}>
+            {fillText(TEXTS.currentSettings, { settings: describeTuning(tuning, banks) })}
+          </span>
         )}
         <div className={pageStyles.decide}>
           <Button
@@ -275,7 +264,7 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
             data-disabled={reason !== null || undefined}
             loading={start.isPending}
           >
-            Start identification
+            {TEXTS.start}
           </Button>
           <Refusal error={start.error} about={[changed, tensions]} text={reason}>
             {asked.problem === null && <NextMode need="start" />}
@@ -298,7 +287,9 @@ function isChanges(value: unknown): value is Changes {
 /** What a setting means, its range and where its value comes from, below its box. */
 function describe({ meaning, minimum, maximum, unit }: Setting, origin: string, angles: AngleUnit): string {
   const range = minimum == null || maximum == null ? "" : rangeText(minimum, maximum, unit, angles);
-  return [meaning, range.replaceAll(" ", "\u00a0"), origin].filter((part) => part !== "").join("; ");
+  return [capital(meaning), range.replaceAll(" ", "\u00a0"), origin]
+    .filter((part) => part !== "")
+    .join(" · ");
 }
 
 /** Where the joint is, to a degree, as far as a forecast depends on it: what is told holds from there. */
@@ -330,7 +321,7 @@ function TensionFields({ tension_N, tensions, problem, onTension, onTensions }: 
       <div className={identifyStyles.tension}>
         <NumberField
           name="tension_N"
-          label="Tension [N]"
+          label={TEXTS.tension}
           entry={fieldEntry("identification.tension_N", angles)}
           value={tension_N}
           disabled={inTurn}
@@ -341,7 +332,7 @@ function TensionFields({ tension_N, tensions, problem, onTension, onTensions }: 
             <Button
               key={tension}
               variant={!inTurn && tension_N === tension ? "light" : "default"}
-              aria-label={`Tension ${tension} N`}
+              aria-label={fillText(TEXTS.tensionButton, { tension: withUnit(String(tension), "N") })}
               aria-pressed={!inTurn && tension_N === tension}
               onClick={() => {
                 onTensions("");
@@ -358,9 +349,9 @@ function TensionFields({ tension_N, tensions, problem, onTension, onTensions }: 
       <div className={identifyStyles.tension}>
         <TextField
           name="tensions_N"
-          label="Several tensions in turn [N]"
+          label={TEXTS.tensionList}
           entry={fieldEntry("identification.tensions_N", angles)}
-          placeholder="none: the one above"
+          placeholder={TEXTS.tensionListHint}
           value={tensions}
           problem={problem}
           onChange={onTensions}
@@ -371,7 +362,7 @@ function TensionFields({ tension_N, tensions, problem, onTension, onTensions }: 
           h={30}
           onClick={() => onTensions(inTurn ? "" : NOMINAL_TENSIONS_N.join(", "))}
         >
-          All four
+          {TEXTS.allFour}
         </Button>
       </div>
     </>
@@ -395,16 +386,17 @@ function ForecastMap({ prediction }: { prediction: Prediction }) {
     };
   }, [store, entries, prediction, angles]);
   const canvas = useCanvas(drawing);
-  const [low, high] = [prediction.q_low, prediction.q_high].map((q) => angleText(q, 1, angles));
+  const low = angleText(prediction.q_low, 1, angles);
+  const high = angleText(prediction.q_high, 1, angles);
   return (
     <figure className={identifyStyles.map}>
       <canvas
         ref={canvas}
         role="img"
-        aria-label={`Way of the joint, ${labelWith(`within ${low} to ${high}`, "rad", angles)}`}
+        aria-label={labelWith(fillText(TEXTS.pathWithin, { low, high }), "rad", angles)}
       />
       <figcaption className={pageStyles.dim}>
-        Way of the joint and the band it stays in: S [N·m/rad] over {labelWith("q", "rad", angles)}
+        {fillText(TEXTS.pathAndRange, { q: labelWith("q", "rad", angles) })}
       </figcaption>
     </figure>
   );
@@ -422,21 +414,19 @@ export function PredictionView({ prediction, problem }: LocalizedText) {
   const isRunning = useLive((live) => live.state?.task != null);
   if (isRunning) {
     return (
-      <Card title="Forecast">
-        <output className={identifyStyles.prediction} aria-label="Prediction">
-          <span className={pageStyles.dim}>
-            A task is running. The forecast of the next run starts from where the joint is after it.
-          </span>
+      <Card title={TEXTS.forecast}>
+        <output className={identifyStyles.prediction} aria-label={TEXTS.forecastStatus}>
+          <span className={pageStyles.dim}>{TEXTS.runInProgress}</span>
         </output>
       </Card>
     );
   }
   return (
-    <Card title="Forecast">
-      <output className={identifyStyles.prediction} aria-label="Prediction">
+    <Card title={TEXTS.forecast}>
+      <output className={identifyStyles.prediction} aria-label={TEXTS.forecastStatus}>
         {problem !== undefined && <Verdict good={false}>{problem}</Verdict>}
         {problem === undefined && prediction === undefined && (
-          <span className={pageStyles.dim}>Predicting …</span>
+          <span className={pageStyles.dim}>{TEXTS.predicting}</span>
         )}
         {problem === undefined && prediction !== undefined && (
           <>
@@ -444,25 +434,33 @@ export function PredictionView({ prediction, problem }: LocalizedText) {
               <ForecastMap prediction={prediction} />
               <dl className={pageStyles.facts}>
                 <dt>
-                  {labelWith("Joint", "rad", angles)}, now at {angleText(prediction.q_start, 1, angles)}
+                  {fillText(TEXTS.jointNow, {
+                    joint: labelWith(TEXTS.joint, "rad", angles),
+                    q: angleText(prediction.q_start, 1, angles),
+                  })}
                 </dt>
                 <dd>
                   <strong>
-                    {angleText(prediction.q_low, 1, angles)} to {angleText(prediction.q_high, 1, angles)}
+                    {fillText(TEXTS.fromTo, {
+                      low: angleText(prediction.q_low, 1, angles),
+                      high: angleText(prediction.q_high, 1, angles),
+                    })}
                   </strong>
                 </dd>
-                <dt>Tendons</dt>
+                <dt>{TEXTS.tendons}</dt>
                 <dd>
                   <strong>
-                    {prediction.F_low === 0 ? "slack" : fixed(prediction.F_low, 1)} to{" "}
-                    {fixed(prediction.F_high, 1)}
+                    {fillText(TEXTS.fromTo, {
+                      low: prediction.F_low === 0 ? TEXTS.slack : fixed(prediction.F_low, 1),
+                      high: fixed(prediction.F_high, 1),
+                    })}
                   </strong>{" "}
                   N
                 </dd>
                 {prediction.figures.map((figure) => (
                   <Figure key={figure.name} {...figure} />
                 ))}
-                <dt>Until back in pretension</dt>
+                <dt>{TEXTS.totalDuration}</dt>
                 <dd>{duration(prediction.duration_s)}</dd>
               </dl>
             </div>
@@ -482,7 +480,7 @@ function Figure({ label, value, unit }: Prediction["figures"][number]) {
       <dt>{label}</dt>
       <dd>
         <strong>
-          <ValueOrReason value={value} why="cannot be foreseen">
+          <ValueOrReason value={value} why={TEXTS.notPredictable}>
             {(some) => (counts ? fixed(some, 0) : significant(some * factor, 3))}
           </ValueOrReason>
         </strong>{" "}

@@ -10,6 +10,8 @@ import { RunState, Verdict } from "../../components/RunState";
 import { Absent, SignalName, ValueOrReason } from "../../components/values";
 import { useLive } from "../../live/react";
 import { dateTime, fixed, heading, significant } from "../../samples/format";
+import { withUnit } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { useActivateBank, useBuildBank } from "../../service/api/banks";
 import { identificationQuery } from "../../service/api/identifications";
 import { isRunning } from "../../service/api/polling";
@@ -23,6 +25,7 @@ import identifyStyles from "./Identify.module.css";
 import { MotorResult } from "./MotorResult";
 import { ApplyParameters } from "./ParametersCard";
 import { SpringRunResult } from "./SpringResult";
+import { TEXTS } from "./texts";
 
 /** All identification runs; a tick chooses one for a bank. */
 
@@ -40,37 +43,33 @@ export function IdentificationList(props: IdentificationListProps) {
   const may = useMayCommand();
   const session = sessionOf(identifications ?? []);
   return (
-    <Card title="Identification runs">
-      {identifications?.length === 0 && (
-        <p className={pageStyles.empty}>
-          No identification yet. Bring the loop to pretension, then start one at each tension.
-        </p>
-      )}
-      {identifications === undefined && <p className={pageStyles.empty}>Loading …</p>}
+    <Card title={TEXTS.runs}>
+      {identifications?.length === 0 && <p className={pageStyles.empty}>{TEXTS.noRuns}</p>}
+      {identifications === undefined && <p className={pageStyles.empty}>{TEXTS.loading}</p>}
       {identifications !== undefined && identifications.length > 0 && (
         <div className={pageStyles.tableScroll}>
-          <Table aria-label="Identification runs" highlightOnHover className={pageStyles.cards ?? ""}>
+          <Table aria-label={TEXTS.runs} highlightOnHover className={pageStyles.cards ?? ""}>
             <Table.Thead>
               <Table.Tr>
-                <Table.Th>{may === false ? "" : "Bank"}</Table.Th>
-                <Table.Th>Run</Table.Th>
-                <Table.Th>Of</Table.Th>
-                <Table.Th>When</Table.Th>
-                <Table.Th className={pageStyles.number}>Tension [N]</Table.Th>
+                <Table.Th>{may === false ? "" : TEXTS.bank}</Table.Th>
+                <Table.Th>{TEXTS.run}</Table.Th>
+                <Table.Th>{TEXTS.kindColumn}</Table.Th>
+                <Table.Th>{TEXTS.time}</Table.Th>
+                <Table.Th className={pageStyles.number}>{TEXTS.tension}</Table.Th>
                 <Table.Th className={pageStyles.number}>S [N·m/rad]</Table.Th>
                 <Table.Th className={pageStyles.number}>
-                  K of <SignalName name="G_q" />
+                  {TEXTS.gainOf} <SignalName name="G_q" />
                 </Table.Th>
                 <Table.Th className={pageStyles.number}>
-                  T of <SignalName name="G_q" /> [s]
+                  {TEXTS.lagOf} <SignalName name="G_q" /> [s]
                 </Table.Th>
                 <Table.Th className={pageStyles.number}>
-                  K of <SignalName name="G_S" />
+                  {TEXTS.gainOf} <SignalName name="G_S" />
                 </Table.Th>
                 <Table.Th className={pageStyles.number}>
-                  T of <SignalName name="G_S" /> [s]
+                  {TEXTS.lagOf} <SignalName name="G_S" /> [s]
                 </Table.Th>
-                <Table.Th>End</Table.Th>
+                <Table.Th>{TEXTS.status}</Table.Th>
               </Table.Tr>
             </Table.Thead>
             <Table.Tbody>
@@ -87,7 +86,7 @@ export function IdentificationList(props: IdentificationListProps) {
                     {may !== false && (
                       <Checkbox
                         size="xs"
-                        aria-label={`Use run ${row.id}`}
+                        aria-label={fillText(TEXTS.useRun, { run: row.id })}
                         checked={chosen.has(row.id)}
                         disabled={row.kind !== "actuator" || !row.usable}
                         onChange={() => onChoose(row.id)}
@@ -95,12 +94,12 @@ export function IdentificationList(props: IdentificationListProps) {
                     )}
                   </Table.Td>
                   <Table.Td style={{ whiteSpace: "nowrap" }}>
-                    <Link href={`/identify/${row.id}`}>Run {row.id}</Link>
+                    <Link href={`/identify/${row.id}`}>{fillText(TEXTS.runLink, { run: row.id })}</Link>
                   </Table.Td>
                   <Table.Td>{heading(row.kind)}</Table.Td>
                   <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(row.created)}</Table.Td>
                   <Table.Td className={pageStyles.number}>
-                    <ValueOrReason value={row.tension_N} why="not at one tension">
+                    <ValueOrReason value={row.tension_N} why={TEXTS.noSingleTension}>
                       {(tension_N) => fixed(tension_N, 0)}
                     </ValueOrReason>
                   </Table.Td>
@@ -129,10 +128,8 @@ export function IdentificationList(props: IdentificationListProps) {
         </div>
       )}
       {session.length > 1 && (
-        <section className={identifyStyles.report} aria-label="Report of the session">
-          <span className={pageStyles.dim}>
-            The {session.length} identifications of this day in one report:
-          </span>
+        <section className={identifyStyles.report} aria-label={TEXTS.sessionReport}>
+          <span className={pageStyles.dim}>{fillText(TEXTS.sessionRuns, { count: session.length })}</span>
           <SeriesReports runs={session} />
         </section>
       )}
@@ -142,7 +139,7 @@ export function IdentificationList(props: IdentificationListProps) {
 
 /** Motors and springs have no such columns; an actuator's run without a model says so. */
 function noModel({ kind }: Identification): ReactNode {
-  return kind === "actuator" ? "no model" : <Absent why={`a ${kind} has none`} />;
+  return kind === "actuator" ? TEXTS.noModel : <Absent why={fillText(TEXTS.notForKind, { kind })} />;
 }
 
 /** Makes a bank of controllers from the ticked runs, and activates it. */
@@ -160,17 +157,19 @@ export function BankBuilder({ chosen, onBuilt }: { chosen: ReadonlySet<number>; 
   }
 
   return (
-    <Card title="Bank from runs" className={inSight ? identifyStyles.builder : undefined}>
+    <Card title={TEXTS.bankFromRuns} className={inSight ? identifyStyles.builder : undefined}>
       <RefusedFields error={build.error} about={name}>
-        <form className={identifyStyles.build} aria-label="Bank from runs" onSubmit={submit}>
-          <TextField name="name" label="Bank name" value={name} onChange={setName} />
+        <form className={identifyStyles.build} aria-label={TEXTS.bankFromRuns} onSubmit={submit}>
+          <TextField name="name" label={TEXTS.bankName} value={name} onChange={setName} />
           <Button type="submit" variant="default" disabled={!ready} loading={build.isPending}>
-            Build bank
+            {TEXTS.buildBank}
           </Button>
           <span className={pageStyles.dim}>
             {runs.length === 0
-              ? "Tick the runs to use in the list above."
-              : `Chosen: ${runs.map((run) => `run ${run}`).join(", ")}`}
+              ? TEXTS.selectRuns
+              : fillText(TEXTS.selectedRuns, {
+                  runs: runs.map((run) => fillText(TEXTS.runItem, { run })).join(", "),
+                })}
           </span>
         </form>
         {build.data && <Built bank={build.data} />}
@@ -189,19 +188,19 @@ function Built({ bank }: { bank: Bank }) {
   return (
     <div className={identifyStyles.built}>
       <span>
-        Built <Link href={`/banks/${bank.id}`}>{name}</Link>.
+        {TEXTS.bankBuiltBefore} <Link href={`/banks/${bank.id}`}>{name}</Link> {TEXTS.bankBuiltAfter}
       </span>
       {active ? (
-        <output>It is active: the loop uses its gains.</output>
+        <output>{TEXTS.bankActive}</output>
       ) : (
         <Button
           size="compact-sm"
-          aria-label={`Activate ${name}`}
+          aria-label={fillText(TEXTS.activateBank, { bank: name })}
           disabled={locked !== null}
           loading={activate.isPending}
           onClick={() => activate.mutate(bank.id)}
         >
-          Activate
+          {TEXTS.activate}
         </Button>
       )}
       <Refusal error={activate.error} text={active ? null : locked} />
@@ -215,25 +214,27 @@ export function IdentificationResult({ id }: { id: number }) {
   const { data, error } = useQuery(identificationQuery(id));
   if (error) {
     return (
-      <Card title="Result">
+      <Card title={TEXTS.result}>
         <p className={pageStyles.empty}>{error.message}</p>
       </Card>
     );
   }
   if (data === undefined) {
     return (
-      <Card title="Result">
-        <p className={pageStyles.empty}>Loading …</p>
+      <Card title={TEXTS.result}>
+        <p className={pageStyles.empty}>{TEXTS.loading}</p>
       </Card>
     );
   }
   return (
-    <Card title="Result" aside={<RunState state={data.status} reason={data.message} />}>
+    <Card title={TEXTS.result} aside={<RunState state={data.status} reason={data.message} />}>
       <p className={pageStyles.lead}>
-        Run {data.run}
-        {data.tension_N !== null && <> at {fixed(data.tension_N, 0)} N</>}
-        {data.S_nominal !== null && <>, stiffness {fixed(data.S_nominal, 2)} N·m/rad</>},{" "}
-        {dateTime(data.created)}. <Link href={`/runs/${data.run}`}>Data of the run</Link>
+        {fillText(TEXTS.runLink, { run: data.run })}
+        {data.tension_N !== null &&
+          ` ${fillText(TEXTS.resultAt, { tension: withUnit(fixed(data.tension_N, 0), "N") })}`}
+        {data.S_nominal !== null &&
+          `, ${fillText(TEXTS.resultStiffness, { stiffness: withUnit(fixed(data.S_nominal, 2), "N·m/rad") })}`}
+        , {dateTime(data.created)}. <Link href={`/runs/${data.run}`}>{TEXTS.runData}</Link>
       </p>
       {isRunning(data.status) ? <RunProgress identification={data} /> : <Models identification={data} />}
     </Card>
@@ -243,17 +244,13 @@ export function IdentificationResult({ id }: { id: number }) {
 function RunProgress({ identification }: { identification: Identification }) {
   const task = useLive((live) => live.state?.task ?? null);
   const mine = task !== null && task.run === identification.run && task.phase !== "evaluation";
-  return (
-    <p className={pageStyles.empty}>
-      {mine ? "It runs; its models stand here afterwards." : "estimating models …"}
-    </p>
-  );
+  return <p className={pageStyles.empty}>{mine ? TEXTS.running : TEXTS.estimating}</p>;
 }
 
 function Models({ identification }: { identification: Identification }) {
   const { kind, estimate, message } = identification;
   if (estimate === null) {
-    return <p className={pageStyles.empty}>{message === "" ? "No model came out of this run." : message}</p>;
+    return <p className={pageStyles.empty}>{message === "" ? TEXTS.noResult : message}</p>;
   }
   const parts = [identification.G_q, identification.G_S, ...identification.motors];
   const good = identification.usable && parts.every((part) => part === null || part.grade === "usable");

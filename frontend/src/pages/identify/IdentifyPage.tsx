@@ -12,6 +12,7 @@ import { BankBuilder, IdentificationList, IdentificationResult } from "./Identif
 import { ParametersCard } from "./ParametersCard";
 import { SpringTableList, SpringTableResult } from "./SpringResult";
 import { TrendCard } from "./TrendCard";
+import { TEXTS } from "./texts";
 import { UnseenCard } from "./UnseenCard";
 
 export default function IdentifyPage() {
@@ -37,17 +38,11 @@ export default function IdentifyPage() {
 
   return (
     <div className={styles.page}>
-      <h1 className={styles.title}>Identify</h1>
+      <h1 className={styles.title}>{TEXTS.title}</h1>
       <RunningCard place="above" />
       <div className={styles.columns}>
         <div className={styles.column}>
-          <OperatorsOnly
-            otherwise={
-              <p className={styles.empty}>
-                You are signed in as a viewer: operators identify and build banks.
-              </p>
-            }
-          >
+          <OperatorsOnly otherwise={<p className={styles.empty}>{TEXTS.forOperators}</p>}>
             <IdentificationForm
               onStarted={(started) => {
                 setTable(null);

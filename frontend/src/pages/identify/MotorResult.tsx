@@ -7,13 +7,15 @@ import { type Curve, CurvePlot } from "../../charts/CurvePlot";
 import { Verdict } from "../../components/RunState";
 import { Absent, SignalName } from "../../components/values";
 import { capital, fixed, significant } from "../../samples/format";
-import { readingOf } from "../../samples/quantity";
+import { readingOf, withUnit } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { curvesQuery } from "../../service/api/identifications";
 import { useAngleUnit } from "../../service/api/preferences";
 import { HUES } from "../../theme/signals";
 import type { Identification, Motor, MotorCurves } from "../../wire/types";
 import page from "../Page.module.css";
 import styles from "./Identify.module.css";
+import { TEXTS } from "./texts";
 
 const SIDE_HUES = { A: HUES.u_A, B: HUES.u_B };
 
@@ -22,8 +24,12 @@ export function MotorResult({ identification }: { identification: Identification
   return (
     <div className={page.halves}>
       {identification.motors.map((motor) => (
-        <section key={motor.side} className={styles.model} aria-label={`Motor ${motor.side}`}>
-          <h3 className={styles.heading}>Motor {motor.side}</h3>
+        <section
+          key={motor.side}
+          className={styles.model}
+          aria-label={fillText(TEXTS.motor, { side: motor.side })}
+        >
+          <h3 className={styles.heading}>{fillText(TEXTS.motor, { side: motor.side })}</h3>
           <Estimates motor={motor} />
           <Verdict good={motor.grade === "usable"} of={`grade:${motor.grade}`}>
             {capital(motor.grade)}
@@ -45,7 +51,11 @@ function Estimates({ motor }: { motor: Motor }) {
   const change = (now: number, then: number) =>
     `${now > then ? "+" : ""}${fixed(100 * (now / then - 1), 1)} %`;
   return (
-    <Table withRowBorders={false} verticalSpacing={2} aria-label={`Estimates of motor ${motor.side}`}>
+    <Table
+      withRowBorders={false}
+      verticalSpacing={2}
+      aria-label={fillText(TEXTS.estimatesOf, { side: motor.side })}
+    >
       <Table.Thead>
         <Table.Tr>
           <Table.Th />
@@ -62,37 +72,37 @@ function Estimates({ motor }: { motor: Motor }) {
       </Table.Thead>
       <Table.Tbody>
         <Line
-          title="Least squares"
+          title={TEXTS.leastSquares}
           K={significant(fitted.K_m, 4)}
           T={significant(fitted.T_m, 4)}
           u={significant(motor.u_c, 3)}
         />
         <Line
-          title="Standard error"
+          title={TEXTS.motorStandardError}
           K={significant(std_errors.K_m, 2)}
           T={significant(std_errors.T_m, 2)}
           u={significant(motor.u_c_std, 2)}
         />
         <Line
-          title="63.21 % rule, mean"
+          title={TEXTS.ruleMean}
           K={significant(rule_mean.K_m, 4)}
           T={significant(rule_mean.T_m, 4)}
           u={BY_THE_RULE}
         />
         <Line
-          title="Spread"
+          title={TEXTS.ruleSpread}
           K={significant(rule_spread.K_m, 2)}
           T={significant(rule_spread.T_m, 2)}
           u={BY_THE_RULE}
         />
         <Line
-          title="In force at the run"
+          title={TEXTS.usedDuringRun}
           K={significant(before.K_m, 4)}
           T={significant(before.T_m, 4)}
           u={NOT_IN_FORCE}
         />
         <Line
-          title="Least squares against it"
+          title={TEXTS.deviation}
           K={change(fitted.K_m, before.K_m)}
           T={change(fitted.T_m, before.T_m)}
           u={NOT_IN_FORCE}
@@ -102,8 +112,8 @@ function Estimates({ motor }: { motor: Motor }) {
   );
 }
 
-const BY_THE_RULE = <Absent why="the rule does not tell it" />;
-const NOT_IN_FORCE = <Absent why="no gain is computed from it" />;
+const BY_THE_RULE = <Absent why={TEXTS.notByRule} />;
+const NOT_IN_FORCE = <Absent why={TEXTS.notForGains} />;
 
 function Line({ title, K, T, u }: { title: string; K: string; T: string; u: ReactNode }) {
   return (
@@ -123,11 +133,18 @@ function Steps({ curves }: { curves: MotorCurves | undefined }) {
   const read = (value: number) => value * turn.factor;
   const hue = SIDE_HUES[curves.side];
   const turns = curves.steps.flatMap((step, index): Curve[] => [
-    { label: "measured", quiet: index > 0, colour: hue, x: step.t, y: step.measured.map(read) },
-    { label: "model", quiet: index > 0, colour: "text", line: "dashed", x: step.t, y: step.model.map(read) },
+    { label: TEXTS.measured, quiet: index > 0, colour: hue, x: step.t, y: step.measured.map(read) },
+    {
+      label: TEXTS.modelCurve,
+      quiet: index > 0,
+      colour: "text",
+      line: "dashed",
+      x: step.t,
+      y: step.model.map(read),
+    },
   ]);
   const left = curves.steps.map((step) => ({
-    label: `${step.voltage} V`,
+    label: withUnit(String(step.voltage), "V"),
     quiet: true,
     colour: hue,
     x: step.t,
@@ -136,18 +153,20 @@ function Steps({ curves }: { curves: MotorCurves | undefined }) {
   return (
     <>
       <CurvePlot
-        title={`Turn of θ_${curves.side} after each step`}
-        xLabel="t from the step [s]"
+        title={fillText(TEXTS.motorAngle, { side: curves.side })}
+        xLabel={TEXTS.timeFromStep}
         yLabel={turn.unit}
-        summary={`Steps to ${curves.steps.map((step) => `${step.voltage} V`).join(", ")}.`}
+        summary={fillText(TEXTS.stepsTo, {
+          voltages: curves.steps.map((step) => withUnit(String(step.voltage), "V")).join(", "),
+        })}
         curves={turns}
       />
       <CurvePlot
-        title="Measured minus model"
-        xLabel="t from the step [s]"
+        title={TEXTS.measuredMinusModel}
+        xLabel={TEXTS.timeFromStep}
         yLabel={apart.unit}
         height={130}
-        summary="Difference between the measured turn and the model."
+        summary={TEXTS.differenceSummary}
         curves={left}
       />
     </>

@@ -7,12 +7,14 @@ import { Refusal } from "../../components/Refusal";
 import { SignalName, ValueOrReason } from "../../components/values";
 import { useLive } from "../../live/react";
 import { dateTime, fixed, significant } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import { parametersQuery, useApplyParameters, useUndoParameters } from "../../service/api/identifications";
 import { useMayCommand, useWhyNoControl } from "../../service/control/control";
 import type { ParameterChange, Parameters } from "../../wire/types";
 import { NextMode } from "../operate/ModeCard";
 import pageStyles from "../Page.module.css";
 import identifyStyles from "./Identify.module.css";
+import { TEXTS } from "./texts";
 
 /** A button that changes the parameters in force, and why it cannot at present. */
 
@@ -32,11 +34,8 @@ function ChangeButton({ children, error, pending, about, onPress }: ChangeButton
   const noControl = useWhyNoControl();
   const reason =
     may === false
-      ? "Operators change the parameters."
-      : (noControl ??
-        (mode === "off" || mode === undefined
-          ? null
-          : `Parameters change in off only; the mode is ${mode}: switch it off first.`));
+      ? TEXTS.changeOperators
+      : (noControl ?? (mode === "off" || mode === undefined ? null : fillText(TEXTS.changeOff, { mode })));
   return (
     <>
       <Button
@@ -65,24 +64,25 @@ export function ApplyParameters({ estimate }: { estimate: number }) {
   const onCard = useLive((live) => ["rig", "virtual_card"].includes(live.state?.plant.kind ?? ""));
   const proposal = asked.data?.proposal;
   return (
-    <section className={identifyStyles.model} aria-label="Apply to the parameters">
-      <h3 className={identifyStyles.heading}>What applying it would change</h3>
+    <section className={identifyStyles.model} aria-label={TEXTS.applySection}>
+      <h3 className={identifyStyles.heading}>{TEXTS.parameterChanges}</h3>
       {asked.error && <p className={pageStyles.empty}>{asked.error.message}</p>}
-      {asked.isPending && <p className={pageStyles.empty}>Comparing …</p>}
-      {proposal && proposal.problem !== "" && <p className={pageStyles.empty}>{proposal.problem}.</p>}
+      {asked.isPending && <p className={pageStyles.empty}>{TEXTS.comparing}</p>}
+      {proposal && proposal.problem !== "" && (
+        <p className={pageStyles.empty}>{fillText(TEXTS.problem, { problem: proposal.problem })}</p>
+      )}
       {apply.data && (
         <output className={pageStyles.dim}>
-          Version {apply.data.versions[0]?.number} is in force. <NextMode need="start" />
+          {fillText(TEXTS.versionActive, { version: apply.data.versions[0]?.number ?? "" })}{" "}
+          <NextMode need="start" />
         </output>
       )}
       {proposal && proposal.problem === "" && (
         <>
-          <ChangeTable label="Parameters that would change" changes={proposal.changes} />
+          <ChangeTable label={TEXTS.proposedChanges} changes={proposal.changes} />
           <span className={pageStyles.dim}>
-            Controller, forecasts and predictions go by it then; a simulated plant stays as it is. The control
-            loop starts anew, and a bank made with the former parameters is put aside with them.
-            {onCard &&
-              " The encoders lose their zero with the loop: do Zero or Homing of the bring-up anew after it."}
+            {TEXTS.applyEffect}
+            {onCard && ` ${TEXTS.applyEffectOnCard}`}
           </span>
           <ChangeButton
             error={apply.error}
@@ -90,7 +90,7 @@ export function ApplyParameters({ estimate }: { estimate: number }) {
             about={estimate}
             onPress={() => apply.mutate(estimate)}
           >
-            Apply to the parameters
+            {TEXTS.applyParameters}
           </ChangeButton>
         </>
       )}
@@ -109,32 +109,33 @@ function ChangeTable({ label, changes }: ChangeTableProps) {
       <Table withRowBorders={false} verticalSpacing={2} aria-label={label}>
         <Table.Thead>
           <Table.Tr>
-            <Table.Th>Of</Table.Th>
-            <Table.Th className={pageStyles.number}>before</Table.Th>
-            <Table.Th className={pageStyles.number}>after</Table.Th>
-            <Table.Th>Unit</Table.Th>
-            <Table.Th className={pageStyles.number}>change [%]</Table.Th>
+            <Table.Th>{TEXTS.parameter}</Table.Th>
+            <Table.Th className={pageStyles.number}>{TEXTS.before}</Table.Th>
+            <Table.Th className={pageStyles.number}>{TEXTS.after}</Table.Th>
+            <Table.Th>{TEXTS.unit}</Table.Th>
+            <Table.Th className={pageStyles.number}>{TEXTS.change}</Table.Th>
           </Table.Tr>
         </Table.Thead>
         <Table.Tbody>
           {changes.map((one) => (
             <Table.Tr key={`${one.name} ${one.side}`}>
               <Table.Td>
-                <Named name={one.name} /> {one.name.startsWith("k") ? "of spring" : "of motor"} {one.side}
+                <Named name={one.name} />{" "}
+                {fillText(one.name.startsWith("k") ? TEXTS.ofSpring : TEXTS.ofMotor, { side: one.side })}
               </Table.Td>
               <Table.Td className={pageStyles.number}>
-                <ValueOrReason value={one.before} why="it had none">
+                <ValueOrReason value={one.before} why={TEXTS.noValueBefore}>
                   {(value) => significant(value, 5)}
                 </ValueOrReason>
               </Table.Td>
               <Table.Td className={pageStyles.number}>
-                <ValueOrReason value={one.after} why="it has none any more">
+                <ValueOrReason value={one.after} why={TEXTS.noValueAfter}>
                   {(value) => significant(value, 5)}
                 </ValueOrReason>
               </Table.Td>
               <Table.Td>{one.unit}</Table.Td>
               <Table.Td className={pageStyles.number}>
-                <ValueOrReason value={one.percent} why="there is nothing to compare with">
+                <ValueOrReason value={one.percent} why={TEXTS.noPercent}>
                   {(percent) => `${percent > 0 ? "+" : ""}${fixed(percent, 2)}`}
                 </ValueOrReason>
               </Table.Td>
@@ -168,23 +169,24 @@ export function ParametersCard() {
   const undo = useUndoParameters();
   const newest = data?.versions[0];
   return (
-    <Card title="Parameters in force">
+    <Card title={TEXTS.activeParameters}>
       {error && <p className={pageStyles.empty}>{error.message}</p>}
       {data && newest && (
         <>
           <p className={pageStyles.lead}>
-            {data.name}, {newest.number === 0 ? "as the file says" : `version ${newest.number}`},{" "}
+            {data.name},{" "}
+            {newest.number === 0 ? TEXTS.fromFile : fillText(TEXTS.version, { version: newest.number })},{" "}
             <code title={newest.digest}>{newest.digest.slice(0, DIGEST_SHOWN)}</code>
           </p>
           <div className={identifyStyles.scroll}>
-            <Table aria-label="Versions of the parameters">
+            <Table aria-label={TEXTS.versions}>
               <Table.Thead>
                 <Table.Tr>
-                  <Table.Th>Version</Table.Th>
-                  <Table.Th>When</Table.Th>
-                  <Table.Th>Who</Table.Th>
-                  <Table.Th>From</Table.Th>
-                  <Table.Th>Numbers</Table.Th>
+                  <Table.Th>{TEXTS.versionColumn}</Table.Th>
+                  <Table.Th>{TEXTS.versionTime}</Table.Th>
+                  <Table.Th>{TEXTS.versionPerson}</Table.Th>
+                  <Table.Th>{TEXTS.versionSource}</Table.Th>
+                  <Table.Th>{TEXTS.checksum}</Table.Th>
                 </Table.Tr>
               </Table.Thead>
               <Table.Tbody>
@@ -192,9 +194,13 @@ export function ParametersCard() {
                   <Table.Tr key={version.number}>
                     <Table.Td>{version.number}</Table.Td>
                     <Table.Td className={identifyStyles.together}>
-                      {version.at === null ? "at the start" : dateTime(version.at)}
+                      {version.at === null ? TEXTS.atStart : dateTime(version.at)}
                     </Table.Td>
-                    <Table.Td>{version.who || "nobody"}</Table.Td>
+                    <Table.Td>
+                      <ValueOrReason value={version.who || null} why={TEXTS.noPerson}>
+                        {(who) => who}
+                      </ValueOrReason>
+                    </Table.Td>
                     <Table.Td>
                       <Origin version={version} />
                     </Table.Td>
@@ -207,16 +213,18 @@ export function ParametersCard() {
             </Table>
           </div>
           {newest.number > 0 && (
-            <section className={identifyStyles.model} aria-label="Newest change">
-              <h3 className={identifyStyles.heading}>What version {newest.number} changed</h3>
-              <ChangeTable label="Parameters that changed" changes={newest.changes} />
+            <section className={identifyStyles.model} aria-label={TEXTS.newestChange}>
+              <h3 className={identifyStyles.heading}>
+                {fillText(TEXTS.changedBy, { version: newest.number })}
+              </h3>
+              <ChangeTable label={TEXTS.changedParameters} changes={newest.changes} />
               <ChangeButton
                 error={undo.error}
                 pending={undo.isPending}
                 about={newest.number}
                 onPress={() => undo.mutate(newest.number)}
               >
-                {`Undo version ${newest.number}`}
+                {fillText(TEXTS.undo, { version: newest.number })}
               </ChangeButton>
             </section>
           )}
@@ -230,11 +238,19 @@ function Origin({ version }: { version: Version }) {
   const { number, run, estimate, undone } = version;
   const from =
     run !== null ? (
-      <Link href={`/identify/${run}`}>Run {run}</Link>
+      <Link href={`/identify/${run}`}>{fillText(TEXTS.runLink, { run })}</Link>
     ) : estimate === null ? (
-      "the parameter file"
+      TEXTS.parameterFile
     ) : (
-      "a measured table"
+      TEXTS.measuredTableSource
     );
-  return undone ? <>back to {from}</> : number === 0 ? "the parameter file" : from;
+  return undone ? (
+    <>
+      {TEXTS.backTo} {from}
+    </>
+  ) : number === 0 ? (
+    TEXTS.parameterFile
+  ) : (
+    from
+  );
 }

@@ -8,6 +8,8 @@ import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/RunState";
 import { ValueOrReason } from "../../components/values";
 import { dateTime, fixed, withError } from "../../samples/format";
+import { withUnit } from "../../samples/quantity";
+import { countThings, fillText } from "../../samples/texts";
 import { curvesQuery, springTableCurvesQuery, useAddSpringTable } from "../../service/api/identifications";
 import { RefusedFields, useRefusedInput } from "../../service/forms/refusals";
 import { HUES } from "../../theme/signals";
@@ -15,6 +17,7 @@ import type { Identification, Spring, SpringCurves, SpringTable, SpringTableRead
 import pageStyles from "../Page.module.css";
 import identifyStyles from "./Identify.module.css";
 import { ApplyParameters } from "./ParametersCard";
+import { TEXTS } from "./texts";
 
 /** Springs: polynomials of several orders, which one to use and why, with pairs and error curves. */
 
@@ -33,7 +36,7 @@ export function SpringRunResult({ identification }: { identification: Identifica
       {identification.springs.map((spring) => (
         <SpringView
           key={spring.name}
-          title={`Spring ${spring.name}`}
+          title={fillText(TEXTS.spring, { name: spring.name })}
           hue={spring.name === "A" ? HUES.F_A : HUES.F_B}
           spring={spring}
           curves={curves.data?.springs.find((drawn) => drawn.name === spring.name)}
@@ -46,9 +49,14 @@ export function SpringRunResult({ identification }: { identification: Identifica
 export function SpringTableResult({ table }: { table: SpringTable }) {
   const curves = useQuery(springTableCurvesQuery(table.id));
   return (
-    <Card title="Spring from a table">
+    <Card title={TEXTS.springFromTable}>
       <p className={pageStyles.lead}>
-        {table.file}, {dateTime(table.created)} by {table.who}. Digest {table.sha256.slice(0, 12)}.
+        {fillText(TEXTS.tableLead, {
+          file: table.file,
+          time: dateTime(table.created),
+          person: table.who,
+          checksum: table.sha256.slice(0, 12),
+        })}
       </p>
       {table.read && <p className={pageStyles.lead}>{readingOf(table.read)}</p>}
       <Verdict good={table.usable}>{table.message}</Verdict>
@@ -60,15 +68,22 @@ export function SpringTableResult({ table }: { table: SpringTable }) {
 
 /** What was read of the file, in a few sentences. */
 function readingOf(read: SpringTableReading): string {
-  const above =
-    read.lines_above_heading > 0 ? ` ${read.lines_above_heading} lines above it are not read.` : "";
-  const comments = read.comment_lines > 0 ? ` ${read.comment_lines} lines of comments are not read.` : "";
-  const others = read.not_read.map(({ name, reason }) => ` Not read: ${name} (${reason}).`).join("");
-  const notes = read.notes.map((note) => ` Note: ${note}.`).join("");
-  return (
-    `Read: x [${read.x_unit}] and F [${read.F_unit}], ${read.rows} rows; names in line ${read.heading_line}, ` +
-    `separator ${read.separator}, decimal ${read.decimal_mark}.${above}${comments}${others}${notes}`
-  );
+  const lines = (count: number) => countThings(count, "line");
+  const sentences = [
+    fillText(TEXTS.tableRead, {
+      x_unit: read.x_unit,
+      F_unit: read.F_unit,
+      rows: countThings(read.rows, "row"),
+      line: read.heading_line,
+      separator: read.separator,
+      mark: read.decimal_mark,
+    }),
+    read.lines_above_heading > 0 && fillText(TEXTS.linesAbove, { lines: lines(read.lines_above_heading) }),
+    read.comment_lines > 0 && fillText(TEXTS.commentLines, { lines: lines(read.comment_lines) }),
+    ...read.not_read.map(({ name, reason }) => fillText(TEXTS.columnNotRead, { name, reason })),
+    ...read.notes.map((note) => fillText(TEXTS.tableNote, { note })),
+  ];
+  return sentences.filter((sentence) => sentence !== false).join(" ");
 }
 
 interface SpringViewProps {
@@ -79,22 +94,27 @@ interface SpringViewProps {
 }
 
 function SpringView({ title, hue, spring, curves }: SpringViewProps) {
+  const pairs = countThings(spring.pairs, "pair");
   return (
     <section className={identifyStyles.model} aria-label={title}>
       <h3 className={identifyStyles.heading}>{title}</h3>
-      <Table withRowBorders={false} verticalSpacing={2} aria-label={`Polynomials of ${title}`}>
+      <Table withRowBorders={false} verticalSpacing={2} aria-label={fillText(TEXTS.polynomialsOf, { title })}>
         <Table.Thead>
           <Table.Tr>
-            <Table.Th>Order</Table.Th>
-            <Table.Th className={pageStyles.number}>RMS [N]</Table.Th>
-            <Table.Th className={pageStyles.number}>Largest [N]</Table.Th>
-            <Table.Th className={pageStyles.number}>Left out [N]</Table.Th>
+            <Table.Th>{TEXTS.order}</Table.Th>
+            <Table.Th className={pageStyles.number}>{TEXTS.rms}</Table.Th>
+            <Table.Th className={pageStyles.number}>{TEXTS.maxError}</Table.Th>
+            <Table.Th className={pageStyles.number}>{TEXTS.crossValidation}</Table.Th>
           </Table.Tr>
         </Table.Thead>
         <Table.Tbody>
           {spring.fits.map((fit) => (
             <Table.Tr key={fit.order} fw={fit.order === spring.recommended ? 600 : undefined}>
-              <Table.Td>{fit.order === spring.recommended ? `${fit.order}, use this` : fit.order}</Table.Td>
+              <Table.Td>
+                {fit.order === spring.recommended
+                  ? fillText(TEXTS.recommended, { order: fit.order })
+                  : fit.order}
+              </Table.Td>
               <Table.Td className={pageStyles.number}>{errorText(fit.rms_N, 3)}</Table.Td>
               <Table.Td className={pageStyles.number}>{errorText(fit.max_N, 3)}</Table.Td>
               <Table.Td className={pageStyles.number}>{errorText(fit.cross_validation_N, 3)}</Table.Td>
@@ -103,10 +123,13 @@ function SpringView({ title, hue, spring, curves }: SpringViewProps) {
         </Table.Tbody>
       </Table>
       <span className={pageStyles.dim}>
-        {spring.reason}; {spring.pairs} pairs
-        {spring.hysteresis_N !== null &&
-          `; the ways up and down differ by up to ${fixed(spring.hysteresis_N, 2)} N`}
-        .
+        {spring.hysteresis_N === null
+          ? fillText(TEXTS.fitReason, { reason: spring.reason, pairs })
+          : fillText(TEXTS.fitReasonHysteresis, {
+              reason: spring.reason,
+              pairs,
+              hysteresis: withUnit(fixed(spring.hysteresis_N, 2), "N"),
+            })}
       </span>
       <Coefficients title={title} spring={spring} />
       {curves && <Drawings spring={spring} curves={curves} hue={hue} />}
@@ -118,8 +141,8 @@ function Coefficients({ title, spring }: { title: string; spring: Spring }) {
   const highest = Math.max(...spring.fits.map((fit) => fit.order));
   const powers = Array.from({ length: highest + 1 }, (_, power) => power);
   return (
-    <Table withRowBorders={false} verticalSpacing={2} aria-label={`Coefficients of ${title}`}>
-      <Table.Caption>Coefficients with standard errors</Table.Caption>
+    <Table withRowBorders={false} verticalSpacing={2} aria-label={fillText(TEXTS.coefficientsOf, { title })}>
+      <Table.Caption>{TEXTS.coefficients}</Table.Caption>
       <Table.Thead>
         <Table.Tr>
           <Table.Th>
@@ -127,7 +150,7 @@ function Coefficients({ title, spring }: { title: string; spring: Spring }) {
           </Table.Th>
           {spring.fits.map((fit) => (
             <Table.Th key={fit.order} className={pageStyles.number}>
-              order {fit.order}
+              {fillText(TEXTS.orderItem, { order: fit.order })}
             </Table.Th>
           ))}
         </Table.Tr>
@@ -140,7 +163,7 @@ function Coefficients({ title, spring }: { title: string; spring: Spring }) {
             </Table.Td>
             {spring.fits.map((fit) => (
               <Table.Td key={fit.order} className={pageStyles.number} style={{ whiteSpace: "nowrap" }}>
-                <ValueOrReason value={fit.k[power]} why={`order ${fit.order} has none`}>
+                <ValueOrReason value={fit.k[power]} why={fillText(TEXTS.noCoefficient, { order: fit.order })}>
                   {(k) => withError(k, fit.std_errors[power] ?? Number.NaN)}
                 </ValueOrReason>
               </Table.Td>
@@ -158,14 +181,17 @@ function Drawings({ spring, curves, hue }: { spring: Spring; curves: SpringCurve
   return (
     <>
       <CurvePlot
-        title="Force over elongation"
+        title={TEXTS.forceOverElongation}
         xLabel="x [mm]"
         yLabel="F [N]"
-        summary={`${spring.pairs} pairs and the polynomial of order ${spring.recommended}.`}
+        summary={fillText(TEXTS.forceSummary, {
+          pairs: countThings(spring.pairs, "pair"),
+          order: spring.recommended,
+        })}
         curves={[
-          { label: "pairs", colour: hue, line: "none", points: true, x: millimetres, y: curves.F },
+          { label: TEXTS.pairs, colour: hue, line: "none", points: true, x: millimetres, y: curves.F },
           {
-            label: `order ${spring.recommended}`,
+            label: fillText(TEXTS.orderItem, { order: spring.recommended }),
             colour: "text",
             x: curves.curve_x.map((x) => MILLI * x),
             y: recommended?.force ?? [],
@@ -173,12 +199,18 @@ function Drawings({ spring, curves, hue }: { spring: Spring; curves: SpringCurve
         ]}
       />
       <CurvePlot
-        title="Measured minus fitted"
+        title={TEXTS.measuredMinusFitted}
         xLabel="x [mm]"
         yLabel="N"
-        summary={`Largest error ${spring.fits.map((fit) => `${errorText(fit.max_N, 2)} N at order ${fit.order}`).join(", ")}.`}
+        summary={fillText(TEXTS.errorsSummary, {
+          errors: spring.fits
+            .map(({ max_N, order }) =>
+              fillText(TEXTS.errorAtOrder, { error: withUnit(errorText(max_N, 2), "N"), order }),
+            )
+            .join(", "),
+        })}
         curves={curves.orders.map((order) => ({
-          label: `order ${order.order}`,
+          label: fillText(TEXTS.orderItem, { order: order.order }),
           colour: ORDER_COLOURS[order.order] ?? "limit",
           line: "none",
           points: true,
@@ -193,9 +225,9 @@ function Drawings({ spring, curves, hue }: { spring: Spring; curves: SpringCurve
 /** A spring measured elsewhere: a CSV file in, its characteristic out. */
 
 const DECIMALS = [
-  { value: "", label: "found from the numbers" },
-  { value: "point", label: "point, as in 8.5" },
-  { value: "comma", label: "comma, as in 8,5" },
+  { value: "", label: TEXTS.decimalDetected },
+  { value: "point", label: TEXTS.decimalPoint },
+  { value: "comma", label: TEXTS.decimalComma },
 ];
 
 export function SpringTableForm({ onTable }: { onTable: (id: number) => void }) {
@@ -222,28 +254,28 @@ export function SpringTableForm({ onTable }: { onTable: (id: number) => void }) 
     <RefusedFields error={add.error} only="table">
       <form
         className={pageStyles.fields}
-        aria-label="Measured table"
+        aria-label={TEXTS.measuredTable}
         onSubmit={(event) => event.preventDefault()}
       >
         <TableFile reading={add.isPending} onChange={read} />
         <ChoiceField
           name="decimal"
-          label="Decimal mark of the table"
+          label={TEXTS.decimalMark}
           data={DECIMALS}
           value={decimal}
           onChange={setDecimal}
         />
         <TextField
           name="header"
-          label="Line that names the columns"
-          description="found where it is left empty"
+          label={TEXTS.headingLine}
+          description={TEXTS.headingDetected}
           value={header}
-          problem={isLine ? null : "a whole number from 1"}
+          problem={isLine ? null : TEXTS.notALine}
           onChange={(text) => setHeader(text.trim())}
         />
         {add.isError && file !== null && (
           <Button variant="default" loading={add.isPending} onClick={() => read(file)}>
-            Read {file.name} again
+            {fillText(TEXTS.readAgain, { file: file.name })}
           </Button>
         )}
         <Refusal error={add.error} />
@@ -257,10 +289,10 @@ function TableFile({ reading, onChange }: { reading: boolean; onChange: (file: F
   return (
     <FileInput
       ref={ref}
-      label="Or a table measured elsewhere (CSV)"
-      description="columns x [m] or x [mm], and F [N]; units in the heading"
+      label={TEXTS.tableFile}
+      description={TEXTS.tableColumns}
       inputWrapperOrder={["label", "input", "description", "error"]}
-      placeholder="Choose a file"
+      placeholder={TEXTS.chooseFile}
       accept=".csv,text/csv,text/plain"
       value={null}
       error={said}
@@ -281,24 +313,26 @@ interface SpringTableListProps {
 export function SpringTableList({ tables, selected, onSelect }: SpringTableListProps) {
   if (tables.length === 0) return null;
   return (
-    <Card title="Springs from tables">
+    <Card title={TEXTS.springsFromTables}>
       <div className={pageStyles.tableScroll}>
-        <Table aria-label="Springs from tables">
+        <Table aria-label={TEXTS.springsFromTables}>
           <Table.Tbody>
             {tables.map((table) => (
               <Table.Tr key={table.id} bg={table.id === selected ? "var(--accent-soft)" : undefined}>
                 <Table.Td>{table.file}</Table.Td>
                 <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(table.created)}</Table.Td>
-                <Table.Td>order {table.spring.recommended}</Table.Td>
-                <Table.Td>{table.usable ? "usable" : "not usable"}</Table.Td>
+                <Table.Td>{fillText(TEXTS.orderItem, { order: table.spring.recommended })}</Table.Td>
+                <Table.Td>{table.usable ? TEXTS.usable : TEXTS.notUsable}</Table.Td>
                 <Table.Td className={pageStyles.number}>
                   <Button
                     size="compact-xs"
                     variant="default"
-                    aria-label={table.id === selected ? `Close ${table.file}` : `Show ${table.file}`}
+                    aria-label={fillText(table.id === selected ? TEXTS.closeTable : TEXTS.showTable, {
+                      file: table.file,
+                    })}
                     onClick={() => onSelect(table.id === selected ? null : table.id)}
                   >
-                    {table.id === selected ? "Close" : "Show"}
+                    {table.id === selected ? TEXTS.close : TEXTS.show}
                   </Button>
                 </Table.Td>
               </Table.Tr>

@@ -8,12 +8,14 @@ import { Card } from "../../components/Card";
 import { SignalName } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed, significant } from "../../samples/format";
+import { countThings, fillText } from "../../samples/texts";
 import { trendQuery } from "../../service/api/identifications";
 import { tuningKey } from "../../service/api/tuning";
 import { HUES } from "../../theme/signals";
 import type { Identification, Trend, TrendRow } from "../../wire/types";
 import page from "../Page.module.css";
 import styles from "./Identify.module.css";
+import { TEXTS } from "./texts";
 
 const CHANNELS = ["G_q", "G_S"] as const;
 const FIGURES = ["K", "T"] as const;
@@ -30,13 +32,10 @@ export function TrendCard({ identifications }: { identifications: readonly Ident
   });
   if (made.length === 0) return null;
   return (
-    <Card title="Gains and lags over S">
-      <p className={page.lead}>
-        Each point beside what geometry, springs and motor loops predict with the parameters of its own run;
-        the curves are those of the parameters in force now.
-      </p>
+    <Card title={TEXTS.trend}>
+      <p className={page.lead}>{TEXTS.trendLead}</p>
       {trend.error && <p className={page.empty}>{trend.error.message}</p>}
-      {trend.data === undefined && !trend.error && <p className={page.empty}>Predicting …</p>}
+      {trend.data === undefined && !trend.error && <p className={page.empty}>{TEXTS.predicting}</p>}
       {trend.data && <Shown trend={trend.data} />}
     </Card>
   );
@@ -46,7 +45,11 @@ function Shown({ trend }: { trend: Trend }) {
   return (
     <>
       {CHANNELS.map((channel) => (
-        <section key={channel} className={styles.model} aria-label={`${channel} over S`}>
+        <section
+          key={channel}
+          className={styles.model}
+          aria-label={fillText(TEXTS.channelOverS, { channel })}
+        >
           <h3 className={styles.heading}>
             <SignalName name={channel} />
           </h3>
@@ -54,21 +57,23 @@ function Shown({ trend }: { trend: Trend }) {
             {FIGURES.map((figure) => (
               <CurvePlot
                 key={figure}
-                title={`${figure} of ${channel} over S`}
+                title={fillText(TEXTS.figureOverS, { figure, channel })}
                 xLabel="S [N·m/rad]"
                 yLabel={UNITS[channel][figure]}
                 height={160}
-                summary={`${trend.rows.length} identified points and the prediction.`}
+                summary={fillText(TEXTS.trendSummary, {
+                  points: countThings(trend.rows.length, "identified point"),
+                })}
                 curves={[
                   {
-                    label: "predicted",
+                    label: TEXTS.predictedCurve,
                     colour: "text",
                     line: "dashed",
                     x: trend.predicted.S,
                     y: trend.predicted[CURVES[channel][figure]],
                   },
                   {
-                    label: "identified",
+                    label: TEXTS.identifiedCurve,
                     colour: HUE[channel],
                     line: "none",
                     points: true,
@@ -84,21 +89,18 @@ function Shown({ trend }: { trend: Trend }) {
           </div>
         </section>
       ))}
-      <section className={styles.model} aria-label="Friction over the load">
-        <h3 className={styles.heading}>Friction over the load</h3>
-        <p className={page.lead}>
-          {trend.friction.sentence}. Motor B is held still in this experiment, so its friction is not
-          measured.
-        </p>
+      <section className={styles.model} aria-label={TEXTS.friction}>
+        <h3 className={styles.heading}>{TEXTS.friction}</h3>
+        <p className={page.lead}>{fillText(TEXTS.frictionLead, { friction: trend.friction.sentence })}</p>
         {trend.friction.left_out.map((reason) => (
           <p key={reason} className={page.empty}>
-            Not used: {reason}
+            {fillText(TEXTS.frictionNotUsed, { reason })}
           </p>
         ))}
       </section>
       {trend.left_out.map((reason) => (
         <p key={reason} className={page.empty}>
-          Left out: {reason}
+          {fillText(TEXTS.leftOut, { reason })}
         </p>
       ))}
     </>
@@ -107,10 +109,14 @@ function Shown({ trend }: { trend: Trend }) {
 
 function Rows({ channel, rows }: { channel: "G_q" | "G_S"; rows: readonly TrendRow[] }) {
   return (
-    <Table withRowBorders={false} verticalSpacing={2} aria-label={`${channel} against geometry`}>
+    <Table
+      withRowBorders={false}
+      verticalSpacing={2}
+      aria-label={fillText(TEXTS.againstGeometry, { channel })}
+    >
       <Table.Thead>
         <Table.Tr>
-          <Table.Th>Run</Table.Th>
+          <Table.Th>{TEXTS.run}</Table.Th>
           <Table.Th className={page.number}>S [N·m/rad]</Table.Th>
           {FIGURES.map((figure) => {
             const unit = UNITS[channel][figure];
@@ -119,10 +125,10 @@ function Rows({ channel, rows }: { channel: "G_q" | "G_S"; rows: readonly TrendR
                 <SignalName name={figure} /> {unit !== "" && `[${unit}]`}
               </Table.Th>,
               <Table.Th key={`${figure} predicted`} className={page.number}>
-                Predicted
+                {TEXTS.predicted}
               </Table.Th>,
               <Table.Th key={`${figure} off`} className={page.number}>
-                Difference [%]
+                {TEXTS.difference}
               </Table.Th>,
             ];
           })}
@@ -132,7 +138,7 @@ function Rows({ channel, rows }: { channel: "G_q" | "G_S"; rows: readonly TrendR
         {rows.map((row) => (
           <Table.Tr key={row.run}>
             <Table.Td className={styles.together}>
-              <Link href={`/identify/${row.run}`}>Run {row.run}</Link>
+              <Link href={`/identify/${row.run}`}>{fillText(TEXTS.runLink, { run: row.run })}</Link>
             </Table.Td>
             <Table.Td className={page.number}>{fixed(row.S, 2)}</Table.Td>
             {FIGURES.map((figure) => {

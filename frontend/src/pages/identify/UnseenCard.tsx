@@ -10,6 +10,7 @@ import { Explained } from "../../components/Explained";
 import { Absent, SignalName, ValueOrReason } from "../../components/values";
 import { percent, significant, withError } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { unseenQuery } from "../../service/api/identifications";
 import { useAngleUnit } from "../../service/api/preferences";
 import { HUES } from "../../theme/signals";
@@ -17,6 +18,7 @@ import type { Identification, Unseen, UnseenOutput } from "../../wire/types";
 import page from "../Page.module.css";
 import { candidateOf, change, comparable, describeRecord, outputTitle } from "./ActuatorResult";
 import styles from "./Identify.module.css";
+import { TEXTS } from "./texts";
 
 const MOST_CANDIDATES = 4;
 const MODEL_HUES = ["text", HUES.u_B, HUES.F_B, HUES.u_A] as const;
@@ -43,23 +45,26 @@ export function UnseenCard({ identification, all }: UnseenCardProps) {
   }
 
   return (
-    <Card title="Measured beside model">
+    <Card title={TEXTS.validation}>
       <div className={styles.choices}>
         <NativeSelect
-          label="Record to predict"
+          label={TEXTS.validationData}
           value={String(record)}
           onChange={(event) => setRecord(Number(event.currentTarget.value))}
-          data={[identification, ...others].map(({ run }) => ({ value: String(run), label: `run ${run}` }))}
+          data={[identification, ...others].map(({ run }) => ({
+            value: String(run),
+            label: fillText(TEXTS.runItem, { run }),
+          }))}
         />
         {others.length > 0 && (
-          <Fieldset legend="Candidates beside it" variant="unstyled">
+          <Fieldset legend={TEXTS.compareWith} variant="unstyled">
             <div className={styles.ticks}>
               {others.map(({ run }) => (
                 <Checkbox
                   key={run}
                   size="xs"
-                  label={`run ${run}`}
-                  aria-label={`Compare run ${run}`}
+                  label={fillText(TEXTS.runItem, { run })}
+                  aria-label={fillText(TEXTS.compareRun, { run })}
                   checked={beside.has(run)}
                   disabled={!beside.has(run) && shown.length >= MOST_CANDIDATES}
                   onChange={() => toggle(run)}
@@ -70,7 +75,7 @@ export function UnseenCard({ identification, all }: UnseenCardProps) {
         )}
       </div>
       {problem && <p className={page.empty}>{problem.message}</p>}
-      {views[0] === undefined && problem === undefined && <p className={page.empty}>Predicting …</p>}
+      {views[0] === undefined && problem === undefined && <p className={page.empty}>{TEXTS.predicting}</p>}
       {views[0] && (
         <>
           {shown.map(({ run }, index) => {
@@ -78,7 +83,7 @@ export function UnseenCard({ identification, all }: UnseenCardProps) {
             return (
               view && (
                 <p key={run} className={page.lead}>
-                  <Link href={`/identify/${run}`}>Run {run}</Link>:{" "}
+                  <Link href={`/identify/${run}`}>{fillText(TEXTS.runLink, { run })}</Link>:{" "}
                   {describeRecord(view.kind, view.of, view.own)}
                 </p>
               )
@@ -107,8 +112,9 @@ function Output({ name, shown, views }: OutputProps) {
   const reading = readingOf(first.unit, angles);
   const read = (values: readonly number[]) => values.map((value) => value * reading.factor);
   const title = outputTitle(first);
+  const time = first.name.startsWith("G_") ? TEXTS.timeInRun : TEXTS.timeFromStep;
   return (
-    <section className={styles.model} aria-label={`${title} on data not seen`}>
+    <section className={styles.model} aria-label={fillText(TEXTS.onData, { title })}>
       <h3 className={styles.heading}>{name.startsWith("G_") ? <SignalName name={name} /> : title}</h3>
       <div className={styles.scroll}>
         <Side
@@ -123,8 +129,8 @@ function Output({ name, shown, views }: OutputProps) {
       {first.problem !== "" && <p className={page.empty}>{first.problem}</p>}
       <div className={page.halves}>
         <CurvePlot
-          title={`${title}: measured and predicted`}
-          xLabel={first.name.startsWith("G_") ? "t in the run [s]" : "t from the step [s]"}
+          title={fillText(TEXTS.measuredAndPredicted, { title })}
+          xLabel={time}
           yLabel={reading.unit}
           summary={outputs.map((one, index) => describeFit(shown[index]?.run, one)).join(" ")}
           curves={[
@@ -133,10 +139,10 @@ function Output({ name, shown, views }: OutputProps) {
           ]}
         />
         <CurvePlot
-          title={`${title}: measured minus predicted`}
-          xLabel={first.name.startsWith("G_") ? "t in the run [s]" : "t from the step [s]"}
+          title={fillText(TEXTS.measuredMinusPredicted, { title })}
+          xLabel={time}
           yLabel={reading.unit}
-          summary="What the models leave over."
+          summary={TEXTS.residualsSummary}
           curves={outputs.flatMap((one, index) => residuals(shown[index]?.run, one, index, read))}
         />
       </div>
@@ -145,15 +151,16 @@ function Output({ name, shown, views }: OutputProps) {
 }
 
 function describeFit(run: number | undefined, output: UnseenOutput | undefined): string {
-  if (output?.fit_percent === null || output === undefined) return `Run ${run}: nothing to compare.`;
-  return `Run ${run}: fit ${percent(output.fit_percent, 1)} %.`;
+  if (output?.fit_percent === null || output === undefined)
+    return fillText(TEXTS.noComparison, { run: run ?? "" });
+  return fillText(TEXTS.fitOfRun, { run: run ?? "", fit: `${percent(output.fit_percent, 1)} %` });
 }
 
 type Read = (values: readonly number[]) => number[];
 
 function measuredCurves(output: UnseenOutput, read: Read): Curve[] {
   return output.stretches.map((stretch, index) => ({
-    label: "measured",
+    label: TEXTS.measured,
     quiet: index > 0,
     colour: MEASURED_HUES[output.signal] ?? "text",
     x: stretch.t,
@@ -168,7 +175,7 @@ function predicted(
   read: Read,
 ): Curve[] {
   return (output?.stretches ?? []).map((stretch, index) => ({
-    label: `model of run ${run}`,
+    label: fillText(TEXTS.modelOfRun, { run: run ?? "" }),
     quiet: index > 0,
     colour: MODEL_HUES[place] ?? "text",
     line: "dashed",
@@ -184,7 +191,7 @@ function residuals(
   read: Read,
 ): Curve[] {
   return (output?.stretches ?? []).map((stretch, index) => ({
-    label: `run ${run}`,
+    label: fillText(TEXTS.runLink, { run: run ?? "" }),
     quiet: index > 0,
     colour: MODEL_HUES[place] ?? "text",
     x: stretch.t,
@@ -207,20 +214,20 @@ function Side({ name, title, shown, outputs, unit, factor }: SideProps) {
   const first = candidates[0];
   if (first === null || first === undefined) return null;
   return (
-    <Table withRowBorders={false} verticalSpacing={2} aria-label={`Candidates of ${title}`}>
+    <Table withRowBorders={false} verticalSpacing={2} aria-label={fillText(TEXTS.comparedModels, { title })}>
       <Table.Thead>
         <Table.Tr>
-          <Table.Th>Run</Table.Th>
+          <Table.Th>{TEXTS.run}</Table.Th>
           {first.estimates.map((one) => (
             <Table.Th key={one.name} className={page.number}>
               <SignalName name={one.name} /> {one.unit !== "1" && `[${one.unit}]`}
             </Table.Th>
           ))}
           <Table.Th className={page.number}>
-            <Explained of="quantity:fit_percent">Fit</Explained> [%]
+            <Explained of="quantity:fit_percent">{TEXTS.fit}</Explained> [%]
           </Table.Th>
-          <Table.Th className={page.number}>Residual, RMS [{unit}]</Table.Th>
-          <Table.Th>Grade</Table.Th>
+          <Table.Th className={page.number}>{fillText(TEXTS.residualRms, { unit })}</Table.Th>
+          <Table.Th>{TEXTS.grade}</Table.Th>
         </Table.Tr>
       </Table.Thead>
       <Table.Tbody>
@@ -237,24 +244,24 @@ function Side({ name, title, shown, outputs, unit, factor }: SideProps) {
                       {one.std === null && (
                         <>
                           {" ± "}
-                          <Absent why="its standard error was not determined" />
+                          <Absent why={TEXTS.noStandardError} />
                         </>
                       )}
                     </span>
                     {index > 0 && (
                       <small className={styles.apart}>
-                        {change(one.value, first.estimates[at]?.value ?? 0) ?? "nothing to divide by"}
+                        {change(one.value, first.estimates[at]?.value ?? 0) ?? TEXTS.noChange}
                       </small>
                     )}
                   </Table.Td>
                 ))}
                 <Table.Td className={page.number}>
-                  <ValueOrReason value={output?.fit_percent} why={output?.problem || "being computed"}>
+                  <ValueOrReason value={output?.fit_percent} why={output?.problem || TEXTS.computing}>
                     {(fit) => percent(fit, 2)}
                   </ValueOrReason>
                 </Table.Td>
                 <Table.Td className={page.number}>
-                  <ValueOrReason value={output?.rms} why={output?.problem || "being computed"}>
+                  <ValueOrReason value={output?.rms} why={output?.problem || TEXTS.computing}>
                     {(rms) => significant(rms * factor, 3)}
                   </ValueOrReason>
                 </Table.Td>

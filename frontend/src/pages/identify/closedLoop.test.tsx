@@ -14,9 +14,11 @@ vi.hoisted(() => {
 
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
+import { fillText } from "../../samples/texts";
 import { parametersQuery, unseenQuery } from "../../service/api/identifications";
 import type { Identification, Parameters, Unseen } from "../../wire/types";
 import { ApplyParameters, ParametersCard } from "./ParametersCard";
+import { TEXTS } from "./texts";
 import { UnseenCard } from "./UnseenCard";
 
 afterEach(() => {
@@ -87,14 +89,17 @@ it("sets candidates beside each other on one record, with how far each is from t
     client.setQueryData(unseenQuery(7, 5).queryKey, unseen(7, 5, 88));
     client.setQueryData(unseenQuery(5, 5).queryKey, unseen(5, 5, 97));
   });
-  expect(rows("Candidates of G_q").map((row) => row[0])).toEqual(["7"]);
-  fireEvent.click(screen.getByRole("checkbox", { name: "Compare run 5" }));
-  const [own, beside] = rows("Candidates of G_q");
+  expect(rows(fillText(TEXTS.comparedModels, { title: "G_q" })).map((row) => row[0])).toEqual(["7"]);
+  fireEvent.click(screen.getByRole("checkbox", { name: fillText(TEXTS.compareRun, { run: 5 }) }));
+  const [own, beside] = rows(fillText(TEXTS.comparedModels, { title: "G_q" }));
   expect(own).toEqual(["7", "0.05000 ± 0.00010", "0.3420 ± –", "96.50", "0.573", "usable"]);
   expect(beside).toEqual(["5", "0.05250 ± 0.00010+5.0 %", "0.3420 ± –0.0 %", "91.25", "0.573", "usable"]);
-  expect(screen.getByText(/last third of run 7, by a model fitted to its first two thirds/)).toBeTruthy();
-  fireEvent.change(screen.getByRole("combobox", { name: "Record to predict" }), { target: { value: "5" } });
-  expect(rows("Candidates of G_q").map((row) => row[3])).toEqual(["88.00", "97.00"]);
+  expect(document.body.textContent?.includes(fillText(TEXTS.ownThird, { run: 7 }))).toBeTruthy();
+  fireEvent.change(screen.getByRole("combobox", { name: TEXTS.validationData }), { target: { value: "5" } });
+  expect(rows(fillText(TEXTS.comparedModels, { title: "G_q" })).map((row) => row[3])).toEqual([
+    "88.00",
+    "97.00",
+  ]);
 });
 
 it("tells what applying would change, or why it cannot be applied", () => {
@@ -103,16 +108,16 @@ it("tells what applying would change, or why it cannot be applied", () => {
   show(<ApplyParameters estimate={3} />, (client) =>
     client.setQueryData(parametersQuery(3).queryKey, parameters),
   );
-  expect(rows("Parameters that would change")).toEqual([
-    ["Km of motor B", "2.8600", "2.4000", "rad/(V·s)", "−16.08"],
+  expect(rows(TEXTS.proposedChanges)).toEqual([
+    [`Km ${fillText(TEXTS.ofMotor, { side: "B" })}`, "2.8600", "2.4000", "rad/(V·s)", "−16.08"],
   ]);
-  expect(screen.getByRole("button", { name: "Apply to the parameters" })).toBeTruthy();
+  expect(screen.getByRole("button", { name: TEXTS.applyParameters })).toBeTruthy();
   cleanup();
   const refused = { ...proposal, problem: "run 3 is not usable: hardly moved", changes: [] };
   show(<ApplyParameters estimate={3} />, (client) =>
     client.setQueryData(parametersQuery(3).queryKey, { ...parameters, proposal: refused }),
   );
-  expect(screen.getByText("run 3 is not usable: hardly moved.")).toBeTruthy();
+  expect(screen.getByText(fillText(TEXTS.problem, { problem: refused.problem }))).toBeTruthy();
   expect(screen.queryByRole("button", { name: /^(?!STOP)/ })).toBeNull();
 });
 
@@ -141,10 +146,10 @@ it("lists the versions with who, when and from what, and undoes the newest", () 
   show(<ParametersCard />, (client) =>
     client.setQueryData(parametersQuery(null).queryKey, { name: "lab", versions, proposal: null }),
   );
-  const shown = rows("Versions of the parameters").map((row) => [row[0], row[2], row[3], row[4]]);
+  const shown = rows(TEXTS.versions).map((row) => [row[0], row[2], row[3], row[4]]);
   expect(shown).toEqual([
-    ["1", "Ana", "Run 8", "111111111111"],
-    ["0", "nobody", "the parameter file", "000000000000"],
+    ["1", "Ana", fillText(TEXTS.runLink, { run: 8 }), "111111111111"],
+    ["0", "–", TEXTS.parameterFile, "000000000000"],
   ]);
-  expect(screen.getByRole("button", { name: "Undo version 1" })).toBeTruthy();
+  expect(screen.getByRole("button", { name: fillText(TEXTS.undo, { version: 1 }) })).toBeTruthy();
 });

@@ -6,11 +6,13 @@ import { useInfiniteQuery } from "@tanstack/react-query";
 import { useMemo, useState } from "react";
 import { TbSearch } from "react-icons/tb";
 import { Card } from "../../components/Card";
+import { fillText } from "../../samples/texts";
 import { type LogAsked, logQuery } from "../../service/api/log";
 import { useAngleUnit } from "../../service/api/preferences";
 import page from "../Page.module.css";
 import styles from "./Log.module.css";
 import { CHOICES, kindsOf, LogRows, midnight } from "./LogRows";
+import { TEXTS } from "./texts";
 
 interface Filters {
   readonly words: string;
@@ -43,13 +45,13 @@ export default function LogPage() {
   const narrowed = Object.values(asked).some((value) => value !== "");
   return (
     <div className={page.page}>
-      <h1 className={page.title}>Log</h1>
-      <Card title="Entries">
+      <h1 className={page.title}>{TEXTS.title}</h1>
+      <Card title={TEXTS.entries}>
         <LogSearch filters={filters} onFilter={setFilters} />
         {log.error && <p role="alert">{log.error.message}</p>}
-        {log.data === undefined && !log.error && <p className={page.empty}>Loading …</p>}
+        {log.data === undefined && !log.error && <p className={page.empty}>{TEXTS.loading}</p>}
         {log.data !== undefined && entries.length === 0 && (
-          <p className={page.empty}>{narrowed ? "Nothing like that happened." : "Nothing happened yet."}</p>
+          <p className={page.empty}>{narrowed ? TEXTS.noMatch : TEXTS.noEvents}</p>
         )}
         {entries.length > 0 && <LogRows entries={entries} />}
       </Card>
@@ -60,7 +62,7 @@ export default function LogPage() {
           loading={log.isFetchingNextPage}
           onClick={() => void log.fetchNextPage()}
         >
-          Older
+          {TEXTS.older}
         </Button>
         <span className={page.dim}>{shownOf(entries.length, log.data?.pages[0]?.total ?? 0)}</span>
       </div>
@@ -69,40 +71,40 @@ export default function LogPage() {
 }
 
 function shownOf(shown: number, total: number): string {
-  if (shown === 0) return "none";
-  return shown < total ? `newest ${shown} of ${total}` : `all ${shown}`;
+  if (shown === 0) return TEXTS.shownNone;
+  return shown < total ? fillText(TEXTS.shownNewest, { shown, total }) : fillText(TEXTS.shownAll, { shown });
 }
 
 function LogSearch({ filters, onFilter }: { filters: Filters; onFilter: (filters: Filters) => void }) {
   const set = (part: Partial<Filters>) => onFilter({ ...filters, ...part });
   return (
-    <search className={styles.filters} aria-label="Search and filters">
+    <search className={styles.filters} aria-label={TEXTS.filters}>
       <TextInput
         className={styles.box ?? ""}
         type="search"
-        label="Search"
-        aria-label="Search the log"
-        placeholder="words, numbers, a person, a tag"
+        label={TEXTS.search}
+        aria-label={TEXTS.searchLog}
+        placeholder={TEXTS.searchHint}
         maxLength={400}
         leftSection={<TbSearch size={14} />}
         value={filters.words}
         onChange={(event) => set({ words: event.currentTarget.value })}
       />
       <NativeSelect
-        label="Show"
+        label={TEXTS.show}
         data={CHOICES}
         value={filters.choice}
         onChange={(event) => set({ choice: event.currentTarget.value })}
       />
       <TextInput
         type="date"
-        label="From"
+        label={TEXTS.from}
         value={filters.from}
         onChange={(event) => set({ from: event.currentTarget.value })}
       />
       <TextInput
         type="date"
-        label="To"
+        label={TEXTS.to}
         value={filters.to}
         onChange={(event) => set({ to: event.currentTarget.value })}
       />
@@ -111,7 +113,7 @@ function LogSearch({ filters, onFilter }: { filters: Filters; onFilter: (filters
         disabled={Object.values(filters).every((value) => value === "")}
         onClick={() => onFilter(NONE)}
       >
-        Clear
+        {TEXTS.clear}
       </Button>
     </search>
   );

@@ -7,6 +7,7 @@ import { Refusal } from "../../components/Refusal";
 import { LocalizedText } from "../../components/values";
 import { fixed, instant } from "../../samples/format";
 import { localizeText } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { type LogKind, useRemark } from "../../service/api/log";
 import { useAngleUnit } from "../../service/api/preferences";
 import { isPlainRecord, isText, useDraft } from "../../service/forms/drafts";
@@ -14,6 +15,7 @@ import type { LogEntry } from "../../wire/types";
 import page from "../Page.module.css";
 import { addressOf } from "../runs/runAddress";
 import styles from "./Log.module.css";
+import { TEXTS } from "./texts";
 
 /** What a person says of an event: a note, and tags as words. */
 
@@ -34,7 +36,7 @@ export function RemarkForm({ entry, onDone }: { entry: LogEntry; onDone: () => v
   return (
     <form
       className={styles.form}
-      aria-label="Note and tags"
+      aria-label={TEXTS.noteAndTags}
       onSubmit={(event) => {
         event.preventDefault();
         save.mutate({ note, tags: tags.split(/\s+/).filter(Boolean) }, { onSuccess: close });
@@ -42,24 +44,24 @@ export function RemarkForm({ entry, onDone }: { entry: LogEntry; onDone: () => v
       onKeyDown={(event) => event.key === "Escape" && close()}
     >
       <TextInput
-        aria-label="Note of the event"
-        placeholder="Note"
+        aria-label={TEXTS.noteOfEvent}
+        placeholder={TEXTS.note}
         data-autofocus
         autoFocus
         value={note}
         onChange={(event) => set({ note: event.currentTarget.value })}
       />
       <TextInput
-        aria-label="Tags of the event"
-        placeholder="tags, between blanks"
+        aria-label={TEXTS.tagsOfEvent}
+        placeholder={TEXTS.tagsHint}
         value={tags}
         onChange={(event) => set({ tags: event.currentTarget.value })}
       />
       <Button type="submit" size="compact-sm" variant="default" loading={save.isPending}>
-        Keep
+        {TEXTS.save}
       </Button>
       <Button size="compact-sm" variant="subtle" onClick={close}>
-        Leave
+        {TEXTS.cancel}
       </Button>
       <Refusal error={save.error} about={`${note} ${tags}`} />
     </form>
@@ -80,7 +82,7 @@ export const NAMES: Readonly<Record<LogKind, string>> = {
   trigger: "Trigger",
   run: "Run",
   recording: "Recording",
-  retention: "Room for recordings",
+  retention: "Storage of recordings",
   flight_quota: "Flight records",
   backup: "Backup",
   access: "Sign-in",
@@ -96,11 +98,11 @@ export function kindsOf(choice: string): readonly LogKind[] {
 }
 
 export const CHOICES = [
-  { value: "", label: "everything" },
-  { value: "alarms", label: "alarms: trips, faults, lost samples" },
+  { value: "", label: TEXTS.everything },
+  { value: "alarms", label: TEXTS.alarms },
   ...Object.entries(NAMES).map(([value, label]) => ({
     value,
-    label: value === "refusal" ? "Refusals" : label,
+    label: value === "refusal" ? TEXTS.refusals : label,
   })),
 ];
 
@@ -121,15 +123,15 @@ function isKind(choice: string): choice is LogKind {
 export function LogRows({ entries }: { entries: readonly LogEntry[] }) {
   return (
     <div className={page.tableScroll}>
-      <Table aria-label="Log" verticalSpacing={3} className={styles.rows ?? ""}>
+      <Table aria-label={TEXTS.table} verticalSpacing={3} className={styles.rows ?? ""}>
         <Table.Thead>
           <Table.Tr>
-            <Table.Th>When</Table.Th>
-            <Table.Th>Kind</Table.Th>
-            <Table.Th>What happened</Table.Th>
-            <Table.Th>Who</Table.Th>
-            <Table.Th>Recording</Table.Th>
-            <Table.Th>Note and tags</Table.Th>
+            <Table.Th>{TEXTS.time}</Table.Th>
+            <Table.Th>{TEXTS.kind}</Table.Th>
+            <Table.Th>{TEXTS.event}</Table.Th>
+            <Table.Th>{TEXTS.person}</Table.Th>
+            <Table.Th>{TEXTS.recording}</Table.Th>
+            <Table.Th>{TEXTS.noteAndTags}</Table.Th>
           </Table.Tr>
         </Table.Thead>
         <Table.Tbody>
@@ -159,7 +161,7 @@ const Row = memo(({ entry }: { entry: LogEntry }) => {
         <LocalizedText text={entry.text} />
       </Table.Td>
       <Table.Td className={styles.who ?? ""}>
-        {entry.who || <span className={page.dim}>by itself</span>}
+        {entry.who || <span className={page.dim}>{TEXTS.bySystem}</span>}
       </Table.Td>
       <Table.Td className={styles.when ?? ""}>
         <Recording entry={entry} />
@@ -181,17 +183,16 @@ function Recording({ entry: { run, t, flight, event, kind } }: { entry: LogEntry
     <>
       {run !== null && (
         <Link href={addressOf(run, [], t)}>
-          Run {run}
-          {t !== null && ` at ${fixed(t, 3)} s`}
+          {t === null ? fillText(TEXTS.run, { run }) : fillText(TEXTS.runAt, { run, time: fixed(t, 3) })}
         </Link>
       )}
       {flight && (
         <>
           <Link className={styles.flight ?? ""} href={`/flights/${event}`}>
-            charts of the {kind === "trigger" ? "trigger" : "trip"}
+            {kind === "trigger" ? TEXTS.chartsOfTrigger : TEXTS.chartsOfTrip}
           </Link>
           <a className={styles.flight} href={`./api/flights/${event}/data.csv`} download>
-            flight record
+            {TEXTS.flightRecord}
           </a>
         </>
       )}
@@ -217,7 +218,7 @@ function RemarkLine({ entry }: { entry: LogEntry }) {
           size={20}
           variant="subtle"
           color="gray"
-          aria-label={`Say something of: ${localizeText(entry.text, angles)}`}
+          aria-label={fillText(TEXTS.edit, { event: localizeText(entry.text, angles) })}
           onClick={() => setWriting(true)}
         >
           <TbPencil size={13} />

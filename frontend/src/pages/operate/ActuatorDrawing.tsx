@@ -3,9 +3,11 @@ import { type Surface, useCanvas } from "../../charts/canvas";
 import { useLiveStore, useSampleAge } from "../../live/react";
 import { age, fixed } from "../../samples/format";
 import { type AngleUnit, angleWithUnit } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { useAngleUnit } from "../../service/api/preferences";
 import { DEGREES, HUES } from "../../theme/signals";
 import styles from "./ActuatorDrawing.module.css";
+import { TEXTS } from "./texts";
 
 /** From samples to the drawing of the actuator: angles and lengths in the drawing's own units. Pure. */
 
@@ -123,16 +125,17 @@ function paintActuator(surface: Surface, signals: Signals, pose: ActuatorPose, a
   pen.textAlign = "center";
   pen.font = `600 ${letters(scale, 13)}px system-ui, sans-serif`;
   pen.fillText(`q ${sampled(signals.q, (q) => angleWithUnit(q, 1, angles))}`, 0, 16);
-  const unknown =
-    Number.isFinite(signals.q) && Number.isNaN(signals.S) ? "not known before pretension" : null;
-  const stiffness = pose.slack ? "slack" : (unknown ?? sampled(signals.S, (S) => `${fixed(S, 2)} N·m/rad`));
+  const unknown = Number.isFinite(signals.q) && Number.isNaN(signals.S) ? TEXTS.stiffnessUnknown : null;
+  const stiffness = pose.slack
+    ? TEXTS.slack
+    : (unknown ?? sampled(signals.S, (S) => `${fixed(S, 2)} N·m/rad`));
   pen.fillText(`S ${stiffness}`, 0, HEIGHT - 4);
   pen.restore();
 }
 
 /** A picture has no room for a reason beside a dash: it says itself that nothing was sampled. */
 function sampled(value: number, told: (value: number) => string): string {
-  return Number.isFinite(value) ? told(value) : "not sampled";
+  return Number.isFinite(value) ? told(value) : TEXTS.noSample;
 }
 
 /** Height of letters in the picture's units so that they stay readable when it is small. */
@@ -199,7 +202,7 @@ function paintSide(
   pen.fillStyle = colours.text;
   pen.textAlign = outward < 0 ? "right" : "left";
   pen.fillText(
-    side.slack ? "slack" : sampled(force_N, (force) => `${fixed(force, 1)} N`),
+    side.slack ? TEXTS.slack : sampled(force_N, (force) => `${fixed(force, 1)} N`),
     outward * (PULLEY + 12),
     SPRING_TOP - 26,
   );
@@ -261,7 +264,7 @@ export function ActuatorDrawing({ read }: { read?: (name: string) => number }) {
       className={styles.drawing}
       data-stale={stale}
       role="img"
-      aria-label={stale ? `Actuator, ${age(1000 * old_s)} ago` : "Actuator"}
+      aria-label={stale ? fillText(TEXTS.actuatorOld, { age: age(1000 * old_s) }) : TEXTS.actuator}
     />
   );
 }

@@ -8,6 +8,7 @@ import { ValueBox } from "../../components/ValueBox";
 import { useLive, useLiveStore } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { rangeOf } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { useConfigureContact } from "../../service/api/actuator";
 import { useAngleUnit } from "../../service/api/preferences";
 import { useWhyNoControl } from "../../service/control/control";
@@ -16,10 +17,10 @@ import { RefusedFields } from "../../service/forms/refusals";
 import { fieldEntry } from "../../service/glossary";
 import type { State, TouchView } from "../../wire/types";
 import styles from "./Operate.module.css";
+import { TEXTS } from "./texts";
 
 const LOOK_MS = 100;
 const USUAL_N = 2;
-const NOT_IN_RUN = "Learned in run, where the joint is held";
 
 function isNumber(value: unknown): value is number {
   return typeof value === "number";
@@ -46,13 +47,13 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
   const refusal = problem === null ? order.error : null;
   const now = told(touch);
   return (
-    <Card title="Touch" aside={<ForceNow touch={touch} />}>
+    <Card title={TEXTS.touch} aside={<ForceNow touch={touch} />}>
       <RefusedFields error={refusal} about={about}>
         {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
-        <div className={styles.touchRows} role="group" aria-label="Touch">
+        <div className={styles.touchRows} role="group" aria-label={TEXTS.touch}>
           <ValueBox
             isInForm
-            label="Gives way from [N]"
+            label={TEXTS.threshold}
             unit="N"
             value={contact_N}
             decimals={1}
@@ -73,7 +74,7 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
             disabled={noControl !== null || problem !== null || touch.learned.length === 0 || sweeping}
             onClick={() => order.mutate({ contact_N })}
           >
-            {armed ? "Change" : "Give way"}
+            {armed ? TEXTS.updateThreshold : TEXTS.enableReaction}
           </Button>
           <Button
             size="compact-sm"
@@ -81,34 +82,34 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
             disabled={noControl !== null || !armed}
             onClick={() => order.mutate({ contact_N: 0 })}
           >
-            Hold on
+            {TEXTS.disableReaction}
           </Button>
           <Button
             size="compact-sm"
             variant="default"
             disabled={noControl !== null || sweeping || !running}
-            title={running ? "At rest, with nothing touching the joint" : NOT_IN_RUN}
+            title={running ? TEXTS.calibrateHint : TEXTS.calibrateInRun}
             onClick={() => order.mutate({ learn: true })}
           >
-            Learn here
+            {TEXTS.calibrate}
           </Button>
           <Button
             size="compact-sm"
             variant="default"
             disabled={noControl !== null || armed || !(running || sweeping)}
-            title={running || sweeping ? "At five stiffnesses, one after the other" : NOT_IN_RUN}
+            title={running || sweeping ? TEXTS.calibrateOverSHint : TEXTS.calibrateInRun}
             onClick={() => order.mutate({ sweep: sweeping ? "stop" : "begin" })}
           >
-            {sweeping ? "Stop learning" : "Learn over S"}
+            {sweeping ? TEXTS.stopCalibration : TEXTS.calibrateOverS}
           </Button>
           <Button
             size="compact-sm"
             variant="default"
             disabled={noControl !== null || touch.learned.length === 0 || armed || sweeping || rejects}
-            title={rejects ? "Pushes are rejected by what was learned: turn that off first" : undefined}
+            title={rejects ? TEXTS.biasInUse : undefined}
             onClick={() => order.mutate({ forget: true })}
           >
-            Forget
+            {TEXTS.clearBias}
           </Button>
         </div>
         <output id="told-of-touch" className={styles.touchNow} data-matters={now !== null}>
@@ -120,7 +121,9 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
           about={about}
           forFields
           text={problem ?? noControl}
-          hint={`Threshold ${rangeOf(limits.F_contact_min, limits.F_contact_max)} N.`}
+          hint={fillText(TEXTS.thresholdRange, {
+            range: rangeOf(limits.F_contact_min, limits.F_contact_max),
+          })}
         />
         <Learned points={touch.learned} />
       </RefusedFields>
@@ -132,12 +135,12 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
 function Learned({ points }: { points: TouchView["learned"] }) {
   if (points.length === 0) return null;
   return (
-    <table className={styles.learned} aria-label="Learned of the outside force">
+    <table className={styles.learned} aria-label={TEXTS.calibration}>
       <thead>
         <tr>
           <th scope="col">S [N·m/rad]</th>
-          <th scope="col">reads [N]</th>
-          <th scope="col">± [N]</th>
+          <th scope="col">{TEXTS.biasHead}</th>
+          <th scope="col">{TEXTS.deviationHead}</th>
         </tr>
       </thead>
       <tbody>
@@ -161,26 +164,28 @@ function ForceNow({ touch }: { touch: TouchView }) {
 /** What stands out: a contact that is given way to, how far learning over S is, or why it ended before its end. */
 function told({ felt, contact_N, sweep }: TouchView): string | null {
   if (felt) {
-    return `Contact: ${fixed(felt.F_ext_hat, 1)} N. The joint gives way; choose a mode to go on.`;
+    return fillText(TEXTS.contact, { force: fixed(felt.F_ext_hat, 1) });
   }
-  if (contact_N > 0) return `Gives way to contacts from ${fixed(contact_N, 1)} N on.`;
+  if (contact_N > 0) return fillText(TEXTS.reactionEnabled, { force: fixed(contact_N, 1) });
   if (!sweep?.under_way && !sweep?.why) return null;
-  const at = `${sweep.point} of ${sweep.points}: ${fixed(sweep.S_ref, 1)} N·m/rad`;
-  if (sweep.under_way) return `Learning over S, ${at}. Keep away from the joint.`;
-  return `Learning over S ended at ${at}. The reason: ${sweep.why}.`;
+  const at = { point: sweep.point, points: sweep.points, S: fixed(sweep.S_ref, 1) };
+  if (sweep.under_way) return fillText(TEXTS.sweepRunning, at);
+  return fillText(TEXTS.sweepEnded, { ...at, reason: sweep.why });
 }
 
 /** At which stiffnesses it is known what is estimated with nothing outside. */
 function learned({ learned: points }: TouchView): string {
-  if (points.length === 0) return "Nothing learned: let go of the joint at rest, and learn there.";
-  return `Learned at ${points.map((point) => fixed(point.S, 1)).join(", ")} N·m/rad.`;
+  if (points.length === 0) return TEXTS.notCalibrated;
+  return fillText(TEXTS.calibratedAt, { stiffnesses: points.map((point) => fixed(point.S, 1)).join(", ") });
 }
 
 /** The outside force with its standard deviation at rest, as far as that was learned. */
 function reading(force: number, { learned: points }: TouchView): string {
-  if (!Number.isFinite(force)) return "outside force not known before pretension";
-  const spread = Math.max(0, ...points.map((point) => point.std_N));
-  return `F_ext ${fixed(force, 1)}${points.length ? ` ± ${fixed(spread, 2)}` : ""} N`;
+  if (!Number.isFinite(force)) return TEXTS.forceUnknown;
+  const shown = fixed(force, 1);
+  if (points.length === 0) return fillText(TEXTS.force, { force: shown });
+  const spread = Math.max(...points.map((point) => point.std_N));
+  return fillText(TEXTS.forceWithDeviation, { force: shown, deviation: fixed(spread, 2) });
 }
 
 /** The outside force now [N], to a tenth, nan where it is not known. Only a change of it renders anew. */

@@ -15,6 +15,7 @@ import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { State } from "../../wire/types";
 import { DisturbanceCard } from "./DisturbanceCard";
+import { TEXTS } from "./texts";
 
 let store: LiveStore;
 
@@ -54,21 +55,21 @@ const button = (name: string) => screen.getByRole("button", { name });
 
 it("pushes with what stands in the boxes, and lets go", async () => {
   open("compliance", 30);
-  const force = screen.getByRole("textbox", { name: "Push [N]" });
+  const force = screen.getByRole("textbox", { name: TEXTS.pushForce });
   fireEvent.change(force, { target: { value: "-12.5" } });
   fireEvent.blur(force);
-  fireEvent.click(button("Push"));
+  fireEvent.click(button(TEXTS.applyPush));
   await waitFor(async () => expect(await pushed()).toEqual([{ F_push: -12.5, duration_s: 2 }]));
-  fireEvent.click(button("Let go"));
+  fireEvent.click(button(TEXTS.release));
   await waitFor(async () => expect((await pushed())[1]).toEqual({ F_push: 0, duration_s: 0 }));
 });
 
 it("pushes with nothing that is no number", async () => {
   open("run", 30);
-  const force = screen.getByRole("textbox", { name: "Push [N]" });
+  const force = screen.getByRole("textbox", { name: TEXTS.pushForce });
   fireEvent.change(force, { target: { value: "5-3" } });
   fireEvent.blur(force);
-  fireEvent.click(button("Push"));
+  fireEvent.click(button(TEXTS.applyPush));
   await act(() => new Promise((resolve) => setTimeout(resolve, 20)));
   expect(await pushed()).toEqual([]);
   expect(screen.getByRole("status", { name: "Refusal" }).textContent).toContain("nothing was sent");
@@ -79,9 +80,9 @@ it("is not offered where nothing can push, and says which modes it takes", async
   expect(screen.queryByRole("button")).toBeNull();
   cleanup();
   open("pretension", 30);
-  expect(button("Push").getAttribute("aria-disabled")).toBe("true");
-  fireEvent.click(button("Push"));
+  expect(button(TEXTS.applyPush).getAttribute("aria-disabled")).toBe("true");
+  fireEvent.click(button(TEXTS.applyPush));
   await act(() => new Promise((resolve) => setTimeout(resolve, 20)));
   expect(await pushed()).toEqual([]);
-  expect(screen.getByRole("status", { name: "Refusal" }).textContent).toContain("run or compliance");
+  expect(screen.getByRole("status", { name: "Refusal" }).textContent).toContain(TEXTS.pushNeedsMode);
 });

@@ -8,6 +8,7 @@ import { ValueBox } from "../../components/ValueBox";
 import { useLive, useLiveStore } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { rangeOf } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { usePush } from "../../service/api/actuator";
 import { useAngleUnit } from "../../service/api/preferences";
 import { useWhyNoControl } from "../../service/control/control";
@@ -16,6 +17,7 @@ import { RefusedFields } from "../../service/forms/refusals";
 import { fieldEntry } from "../../service/glossary";
 import type { State } from "../../wire/types";
 import styles from "./Operate.module.css";
+import { TEXTS } from "./texts";
 
 const LONGEST_S = 10;
 const LOOK_MS = 100;
@@ -45,13 +47,13 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
   const refusal = problem === null && reason === null ? push.error : null;
   const about = [F_push, duration_s];
   return (
-    <Card title="Push" aside={<span className={styles.bounds}>simulated plants only</span>}>
+    <Card title={TEXTS.push} aside={<span className={styles.bounds}>{TEXTS.simulatedOnly}</span>}>
       <RefusedFields error={refusal} about={about}>
         {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
-        <div className={styles.pushRow} role="group" aria-label="Push">
+        <div className={styles.pushRow} role="group" aria-label={TEXTS.push}>
           <ValueBox
             isInForm
-            label="Push [N]"
+            label={TEXTS.pushForce}
             unit="N"
             value={F_push}
             decimals={1}
@@ -65,7 +67,7 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
           />
           <ValueBox
             isInForm
-            label="Push for [s]"
+            label={TEXTS.pushDuration}
             unit="s"
             value={duration_s}
             decimals={1}
@@ -87,7 +89,7 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
               else event.preventDefault();
             }}
           >
-            Push
+            {TEXTS.applyPush}
           </Button>
           <Button
             size="compact-sm"
@@ -95,7 +97,7 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
             disabled={noControl !== null}
             onClick={() => push.mutate({ F_push: 0, duration_s: 0 })}
           >
-            Let go
+            {TEXTS.release}
           </Button>
         </div>
         <Refusal
@@ -103,8 +105,8 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
           error={refusal}
           about={about}
           forFields
-          text={problem ?? (felt !== 0 ? `Pushed with ${fixed(felt, 1)} N.` : reason)}
-          hint={`${rangeOf(-F_push_max, F_push_max)} N at the pulley, towards +q; at most ${LONGEST_S} s`}
+          text={problem ?? (felt !== 0 ? fillText(TEXTS.pushing, { force: fixed(felt, 1) }) : reason)}
+          hint={fillText(TEXTS.pushHint, { range: rangeOf(-F_push_max, F_push_max), time: LONGEST_S })}
         />
       </RefusedFields>
     </Card>
@@ -127,5 +129,5 @@ function useFelt(): number {
 
 /** Why the joint cannot be pushed now; null when it can. */
 function whyNoPush(mode: State["mode"] | undefined): string | null {
-  return mode === "run" || mode === "compliance" ? null : "A push takes the mode run or compliance.";
+  return mode === "run" || mode === "compliance" ? null : TEXTS.pushNeedsMode;
 }

@@ -5,6 +5,7 @@ import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { Pushed, State, Tuning, TuningPreview } from "../../wire/types";
 import { DisturbanceFeedforwardControl } from "./LambdaControl";
+import { TEXTS } from "./texts";
 
 beforeEach(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
@@ -45,7 +46,7 @@ function open(
   return { drafted, sent };
 }
 
-const said = () => screen.getByLabelText("Forecast of a push").textContent;
+const said = () => screen.getByLabelText(TEXTS.pushForecast).textContent;
 
 it("is offered only where it is known what the estimate reads with nothing outside", () => {
   open(0, false);
@@ -77,22 +78,22 @@ it("is switched on at the usual share, forecast before it is in force, and off a
 it("says what a push does without it", () => {
   open(0, true);
   expect(said()).toMatch(
-    /^5 N held: gives way 2\.9°, back within 0\.3° after 11\.90 s; feels like 9\.9 N·m\/rad at 0\.1 Hz, 9\.6 at 1 Hz$/,
+    /^5 N push: deflection 2\.9°, back within 0\.3° after 11\.90 s; apparent stiffness 9\.9 N·m\/rad at 0\.1 Hz, 9\.6 at 1 Hz$/,
   );
 });
 
 it("says both with it, and of a joint that does not come back that it does not", () => {
   open(1, true, REJECTED);
   expect(said()).toContain(
-    "back within 0.3° after 11.90 s → 1.42 s; feels like 9.9 → 44.9 N·m/rad at 0.1 Hz, 9.6 → 7.2 at 1 Hz",
+    "back within 0.3° after 11.90 s → 1.42 s; apparent stiffness 9.9 → 44.9 N·m/rad at 0.1 Hz, 9.6 → 7.2 at 1 Hz",
   );
   cleanup();
   open(1, true, { ...REJECTED, back_s: null });
-  expect(said()).toContain("after 11.90 s → never");
+  expect(said()).toContain(`after 11.90 s → ${TEXTS.never}`);
 });
 
 it("says of numbers that belong to an earlier value that they are being computed anew", () => {
-  const busy = () => screen.getByLabelText("Forecast of a push").getAttribute("aria-busy");
+  const busy = () => screen.getByLabelText(TEXTS.pushForecast).getAttribute("aria-busy");
   open(0, true);
   expect(busy()).toBe("false");
   cleanup();

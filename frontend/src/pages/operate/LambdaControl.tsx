@@ -8,6 +8,7 @@ import { SignalName, ValueOrReason } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { angleWithUnit } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { useAngleUnit } from "../../service/api/preferences";
 import { type Previewed, whyNoEstimate } from "../../service/api/tuning";
 import { useSentValue } from "../../service/forms/drafts";
@@ -17,6 +18,7 @@ import { LAMBDAS } from "../../wire/sample.gen";
 import type { Pushed, Tuning, TuningPreview } from "../../wire/types";
 import operateStyles from "./Operate.module.css";
 import { type LoopName, StepPreview } from "./StepPreview";
+import { TEXTS } from "./texts";
 
 /** One λ: slider with its safe range, box, − / + / reset, and the preview of the loop at the value in hand. */
 
@@ -54,9 +56,7 @@ export function LambdaControl(props: LambdaControlProps) {
   const max = tuning[`${name}_max`];
   const [problem, setProblem] = useState<string | null>(null);
   const [proposed, setProposed] = useState(false);
-  const target = proposed
-    ? `${fixed(sent.value, DECIMALS)} s is not sent yet: Enter takes it, Escape leaves it.`
-    : null;
+  const target = proposed ? fillText(TEXTS.lambdaNotSent, { value: fixed(sent.value, DECIMALS) }) : null;
   const refusal = problem === null && target === null ? sent.refusal : null;
   const refused = useErrorLifetime(refusal, value) !== null;
   const drafted = sent.editing ? sent.value : undefined;
@@ -76,11 +76,11 @@ export function LambdaControl(props: LambdaControlProps) {
           <SignalName name={symbol} />
         </span>
         <span className={operateStyles.bounds} />
-        <Small name={`Decrease ${symbol}`} disabled={disabled} onClick={() => nudge(-STEP_S)}>
+        <Small name={fillText(TEXTS.decrease, { symbol })} disabled={disabled} onClick={() => nudge(-STEP_S)}>
           <TbMinus size={14} />
         </Small>
         <ValueBox
-          label={`${symbol} value [s]`}
+          label={fillText(TEXTS.lambdaBox, { symbol })}
           unit="s"
           value={sent.value}
           decimals={DECIMALS}
@@ -93,13 +93,13 @@ export function LambdaControl(props: LambdaControlProps) {
           entry={fieldEntry(`tuning.${name}`, angles, { minimum: min, maximum: max })}
           refused={refused}
         />
-        <Small name={`Increase ${symbol}`} disabled={disabled} onClick={() => nudge(STEP_S)}>
+        <Small name={fillText(TEXTS.increase, { symbol })} disabled={disabled} onClick={() => nudge(STEP_S)}>
           <TbPlus size={14} />
         </Small>
         <Small
-          name={`Reset ${symbol}`}
+          name={fillText(TEXTS.reset, { symbol })}
           disabled={disabled}
-          title={`Back to the default, ${LAMBDAS[name]} s`}
+          title={fillText(TEXTS.resetTo, { time: LAMBDAS[name] })}
           onClick={() => sent.commit(Math.max(LAMBDAS[name], min))}
         >
           <TbRestore size={14} />
@@ -236,18 +236,18 @@ export function DisturbanceFeedforwardControl(props: DisturbanceFeedforwardContr
       <div className={operateStyles.row}>
         <Switch
           size="xs"
-          label="Reject pushes"
+          label={TEXTS.rejection}
           checked={rejects}
           disabled={disabled || (reason !== null && !rejects)}
           title={rejects ? undefined : (reason ?? undefined)}
           onChange={(event) => sent.commit(event.currentTarget.checked ? USUAL : 0)}
         />
         <span className={operateStyles.bounds}>
-          {rejects ? "share 0 to 1" : (reason ?? "left to the position loop")}
+          {rejects ? TEXTS.rejectionRange : (reason ?? TEXTS.rejectionOff)}
         </span>
         {rejects && (
           <ValueBox
-            label="Share of pushes that is fed forward"
+            label={TEXTS.rejectionGain}
             unit="1"
             value={sent.value}
             decimals={SHARE_DECIMALS}
@@ -288,18 +288,20 @@ function PushForecast({ previewed }: Pick<DisturbanceFeedforwardControlProps, "p
   return (
     <output
       className={operateStyles.pushForecast}
-      aria-label="Forecast of a push"
+      aria-label={TEXTS.pushForecast}
       aria-busy={stale}
       data-stale={stale}
     >
-      {fixed(forecast?.F ?? PUSH_N, 0)} N held: gives way{" "}
+      {fillText(TEXTS.pushDeflection, { force: fixed(forecast?.F ?? PUSH_N, 0) })}{" "}
       <ValueOrReason value={without?.give} why={missing}>
         {(give) => angleWithUnit(give, 1, angles)}
       </ValueOrReason>
-      , back within {forecast ? angleWithUnit(forecast.near, 1, angles) : "its band"} after{" "}
-      {figure(({ back_s }) => (back_s === null ? "never" : `${fixed(back_s, 2)} s`))}; feels like{" "}
-      {figure(({ felt_slow }) => fixed(felt_slow, 1))} N·m/rad at 0.1 Hz,{" "}
-      {figure(({ felt_fast }) => fixed(felt_fast, 1))} at 1 Hz
+      {fillText(TEXTS.pushBack, {
+        band: forecast ? angleWithUnit(forecast.near, 1, angles) : TEXTS.pushBand,
+      })}{" "}
+      {figure(({ back_s }) => (back_s === null ? TEXTS.never : `${fixed(back_s, 2)} s`))}
+      {TEXTS.apparentStiffness} {figure(({ felt_slow }) => fixed(felt_slow, 1))} {TEXTS.atSlow}{" "}
+      {figure(({ felt_fast }) => fixed(felt_fast, 1))} {TEXTS.atFast}
     </output>
   );
 }

@@ -11,10 +11,12 @@ import { plantWord } from "../../components/Header";
 import { useLive, useLiveStore, useSampleAge } from "../../live/react";
 import { age, fixed, short } from "../../samples/format";
 import { type AngleUnit, localizeText, readingOf } from "../../samples/quantity";
+import { countThings, fillText } from "../../samples/texts";
 import { useAngleUnit, usePreferences } from "../../service/api/preferences";
 import { usePanels } from "../../theme/useLayouts";
 import { PERIOD_S } from "../../wire/sample.gen";
 import type { Limits, Mark } from "../../wire/types";
+import { TEXTS } from "./texts";
 
 /** Where the operator's inputs end and what the plant can bear, as lines of the charts. Pure. */
 
@@ -33,12 +35,12 @@ export function limitLines(limits: Limits | undefined, angles: AngleUnit): reado
     alwaysInSight,
   });
   return [
-    line(["q", "q_ref"], q_min * factor, "lowest q_ref"),
-    line(["q", "q_ref"], q_max * factor, "highest q_ref"),
-    line(["S", "S_ref"], S_min, "lowest S_ref"),
-    line(["S", "S_ref"], S_max, "highest S_ref"),
-    line(FORCES, F_min, `slack ${short(F_min)} N`, true),
-    line(FORCES, F_max, `limit ${short(F_max)} N`, true),
+    line(["q", "q_ref"], q_min * factor, fillText(TEXTS.minimum, { signal: "q_ref" })),
+    line(["q", "q_ref"], q_max * factor, fillText(TEXTS.maximum, { signal: "q_ref" })),
+    line(["S", "S_ref"], S_min, fillText(TEXTS.minimum, { signal: "S_ref" })),
+    line(["S", "S_ref"], S_max, fillText(TEXTS.maximum, { signal: "S_ref" })),
+    line(FORCES, F_min, fillText(TEXTS.slackLimit, { force: short(F_min) }), true),
+    line(FORCES, F_max, fillText(TEXTS.forceLimit, { force: short(F_max) }), true),
     line(VOLTAGES, -u_max, `−${short(u_max)} V`, true),
     line(VOLTAGES, u_max, `+${short(u_max)} V`, true),
   ];
@@ -91,17 +93,19 @@ export function LiveCharts() {
       name="sinew-live"
       remark={
         <output
-          aria-label="View"
+          aria-label={TEXTS.view}
           className={old_s === null && missed === 0 ? "visually-hidden" : undefined} // the buttons tell the rest
         >
-          {old_s !== null && `values are ${age(1000 * old_s)} old, `}
-          {missed > 0 && `${missed} samples missed, `}
-          {isLive ? "following" : "held"}, {fixed(view.span_s, view.span_s < 1 ? 3 : 1)} s
+          {old_s !== null && `${fillText(TEXTS.valuesOld, { age: age(1000 * old_s) })} `}
+          {missed > 0 && `${fillText(TEXTS.samplesMissed, { samples: countThings(missed, "sample") })} `}
+          {fillText(isLive ? TEXTS.following : TEXTS.held, {
+            span: fixed(view.span_s, view.span_s < 1 ? 3 : 1),
+          })}
         </output>
       }
     >
       <NativeSelect
-        aria-label="Window"
+        aria-label={TEXTS.timeWindow}
         value={String(view.span_s)}
         onChange={(event) => {
           const span_s = Number(event.currentTarget.value);
@@ -117,7 +121,7 @@ export function LiveCharts() {
         aria-pressed={isLive}
         onClick={() => change(following(view))}
       >
-        Live
+        {TEXTS.live}
       </Button>
       <Button
         variant="default"
@@ -126,7 +130,7 @@ export function LiveCharts() {
         w={78}
         px={8}
       >
-        {isLive ? "Hold" : "Go on"}
+        {isLive ? TEXTS.hold : TEXTS.resumeCharts}
       </Button>
     </Charts>
   );
@@ -138,9 +142,11 @@ function useOrigin(): Origin {
   const run = useLive((live) => live.state?.recording_run);
   const bank = useLive((live) => live.state?.tuning.bank);
   return {
-    of: typeof run === "number" ? `run ${run}` : "live, not recorded",
-    plant: plant === undefined ? "plant not known" : plantWord(plant),
-    bank: bank ? `bank ${bank.name} v${bank.version}` : "gains from geometry",
+    of: typeof run === "number" ? fillText(TEXTS.originRun, { run }) : TEXTS.originLive,
+    plant: plant === undefined ? TEXTS.originPlantUnknown : plantWord(plant),
+    bank: bank
+      ? fillText(TEXTS.originBank, { bank: bank.name, version: bank.version })
+      : TEXTS.originGeometric,
   };
 }
 

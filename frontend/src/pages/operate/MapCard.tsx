@@ -8,6 +8,7 @@ import { Refusal } from "../../components/Refusal";
 import { useLive, useLiveStore, useSampleAge } from "../../live/react";
 import { age, fixed } from "../../samples/format";
 import { angleWithUnit, FINER, labelWith, readingOf, toSI } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { useReferenceOrders } from "../../service/api/actuator";
 import { useAngleUnit } from "../../service/api/preferences";
 import { useMayCommand, useWhyNoControl } from "../../service/control/control";
@@ -16,6 +17,7 @@ import styles from "./MapCard.module.css";
 import { type PlaneEntry, paintPlane, planeOver, pointAt } from "./operatingMap";
 import { whyNoReferences } from "./ReferencesCard";
 import { useBankEntries } from "./TuningCard";
+import { TEXTS } from "./texts";
 
 export function MapCard() {
   const store = useLiveStore();
@@ -66,12 +68,12 @@ export function MapCard() {
 
   return (
     <Card
-      title="Reachable map"
+      title={TEXTS.map}
       aside={
         <span className={styles.axes}>
           {old_s === null
-            ? `S [N·m/rad] over ${labelWith("q", "rad", angles)}`
-            : `joint as it was ${age(1000 * old_s)} ago`}
+            ? fillText(TEXTS.mapAxes, { position: labelWith("q", "rad", angles) })
+            : fillText(TEXTS.mapOld, { age: age(1000 * old_s) })}
         </span>
       }
       className={styles.card}
@@ -81,7 +83,7 @@ export function MapCard() {
         className={styles.map}
         data-stale={old_s !== null}
         role="img"
-        aria-label="Reachable map"
+        aria-label={TEXTS.map}
         data-aims={aims}
         onClick={aims ? aim : undefined}
       />
@@ -89,19 +91,22 @@ export function MapCard() {
         <Refusal
           error={send.error}
           about={references}
-          hint={`${aims ? "A click aims at q_ref and S_ref together." : ""}${describeEntries(entries)}`}
+          hint={`${aims ? TEXTS.mapHint : ""}${describeEntries(entries)}`}
         />
       ) : (
         // biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form
-        <div className={styles.target} role="group" aria-label="Target of the map">
+        <div className={styles.target} role="group" aria-label={TEXTS.mapTarget}>
           <output>
-            {angleWithUnit(target.q_ref, 1, angles)}, {fixed(target.S_ref, 2)} N·m/rad, not sent yet
+            {fillText(TEXTS.mapTargetNotSent, {
+              q_ref: angleWithUnit(target.q_ref, 1, angles),
+              S_ref: fixed(target.S_ref, 2),
+            })}
           </output>
           <Button size="compact-xs" disabled={locked !== null} title={locked ?? undefined} onClick={command}>
-            Send target
+            {TEXTS.sendTarget}
           </Button>
           <Button size="compact-xs" variant="default" onClick={() => setTarget(null)}>
-            Leave target
+            {TEXTS.discardTarget}
           </Button>
         </div>
       )}
@@ -110,10 +115,8 @@ export function MapCard() {
 }
 
 function describeEntries(entries: readonly PlaneEntry[]): string {
-  const known = entries.some(({ q }) => q !== null)
-    ? " ◆ entries of the bank, where they were identified."
-    : "";
-  const unknown = entries.some(({ q }) => q === null) ? " ◇ entries of which only S is known." : "";
+  const known = entries.some(({ q }) => q !== null) ? ` ${TEXTS.mapEntries}` : "";
+  const unknown = entries.some(({ q }) => q === null) ? ` ${TEXTS.mapEntriesOfS}` : "";
   return known + unknown;
 }
 

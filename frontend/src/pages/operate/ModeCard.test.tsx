@@ -5,8 +5,10 @@ import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Refusal } from "../../components/Refusal";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
+import { fillText } from "../../samples/texts";
 import type { State } from "../../wire/types";
 import { NextMode, nextMode, whyNot } from "./ModeCard";
+import { TEXTS } from "./texts";
 
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
@@ -53,14 +55,14 @@ it("stands in the refusal and sends its mode", async () => {
     <QueryClientProvider client={new QueryClient()}>
       <MantineProvider>
         <LiveProvider store={live}>
-          <Refusal text="Tendons are slack: start Pretension first.">
+          <Refusal text={TEXTS.tendonsSlack}>
             <NextMode need="start" />
           </Refusal>
         </LiveProvider>
       </MantineProvider>
     </QueryClientProvider>,
   );
-  fireEvent.click(screen.getByRole("button", { name: "Pretension" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.pretension }));
   const sent = () => fetched.mock.calls.find(([{ url }]) => new URL(url).pathname === "/api/mode")?.[0];
   await waitFor(() => expect(sent()).toBeDefined());
   expect(await sent()?.clone().json()).toEqual({ mode: "pretension" });
@@ -71,24 +73,30 @@ describe("why not", () => {
     ({ mode, legal_modes, pretension_done: true, unready: "" }) as unknown as State;
 
   it("names modes as their buttons do", () => {
-    expect(whyNot(state("run", ["pretension", "compliance"]), "run")).toBe("The mode is Run already.");
+    expect(whyNot(state("run", ["pretension", "compliance"]), "run")).toBe(
+      fillText(TEXTS.alreadyInMode, { mode: TEXTS.run }),
+    );
     expect(whyNot(state("compliance", ["pretension", "run", "stopping"]), "identify")).toBe(
-      "Not possible from Compliance. Possible now: Pretension, Run, Soft stop.",
+      fillText(TEXTS.modeNotPossible, { mode: TEXTS.compliance, modes: "Pretension, Run, Soft stop" }),
     );
   });
 
   it("says that a paused order has to go on or be stopped first", () => {
     const pretension = state("pretension", ["stopping", "off"]);
     const paused = { ...pretension, task: { phase: "paused" } } as State;
-    expect(whyNot(paused, "run")).toBe("An order is paused in pretension: go on, or stop softly.");
+    expect(whyNot(paused, "run")).toBe(TEXTS.runsPaused);
     expect(whyNot(paused, "stopping")).toBeNull();
-    expect(whyNot(pretension, "run")).toBe("Not possible from Pretension. Possible now: Soft stop, Off.");
+    expect(whyNot(pretension, "run")).toBe(
+      fillText(TEXTS.modeNotPossible, { mode: TEXTS.pretension, modes: "Soft stop, Off" }),
+    );
   });
 
   it("says what has to come before pretension", () => {
     const off = { ...state("off", []), unready: "set the zero in the bring-up" };
     expect(whyNot(off, "pretension")).toBe("Set the zero in the bring-up.");
     expect(whyNot(off, "run")).toBe("Set the zero in the bring-up.");
-    expect(whyNot(off, "stopping")).toBe("Not possible from Off. Possible now: nothing but STOP.");
+    expect(whyNot(off, "stopping")).toBe(
+      fillText(TEXTS.modeNotPossible, { mode: TEXTS.off, modes: TEXTS.onlyStop }),
+    );
   });
 });

@@ -6,6 +6,7 @@ import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
 import { capital, fixed, heading } from "../../samples/format";
 import { angleWithUnit } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { useSetMode } from "../../service/api/actuator";
 import { useAngleUnit } from "../../service/api/preferences";
 import { describeMotion } from "../../service/api/tuning";
@@ -13,24 +14,16 @@ import { useMayCommand, useWhyNoControl } from "../../service/control/control";
 import type { Mode, State } from "../../wire/types";
 import pageStyles from "../Page.module.css";
 import operateStyles from "./Operate.module.css";
+import { TEXTS } from "./texts";
 
 /** Moves between modes: only the legal ones can be pressed, the others say why not. */
 
 const MOVES: readonly { mode: Mode; name: string; meaning: string }[] = [
-  { mode: "pretension", name: "Pretension", meaning: "Wind both tendons up to 10 N and hold them." },
-  { mode: "run", name: "Run", meaning: "Close the loops of position and stiffness; the run is recorded." },
-  {
-    mode: "compliance",
-    name: "Compliance",
-    meaning:
-      "Open the joint loop: q_ref acts through geometry alone, a push moves the joint. Stiffness stays controlled.",
-  },
-  {
-    mode: "stopping",
-    name: "Soft stop",
-    meaning: "Bring the joint to rest under tension, then to zero volts.",
-  },
-  { mode: "off", name: "Off", meaning: "Zero volts; the tendons go slack." },
+  { mode: "pretension", name: TEXTS.pretension, meaning: TEXTS.pretensionMeaning },
+  { mode: "run", name: TEXTS.run, meaning: TEXTS.runMeaning },
+  { mode: "compliance", name: TEXTS.compliance, meaning: TEXTS.complianceMeaning },
+  { mode: "stopping", name: TEXTS.softStop, meaning: TEXTS.softStopMeaning },
+  { mode: "off", name: TEXTS.off, meaning: TEXTS.offMeaning },
 ];
 
 /** Words are shown beside the card: nothing covers its title, or a button that stops. */
@@ -43,9 +36,9 @@ export function ModeCard() {
   const setMode = useSetMode();
   const noControl = useWhyNoControl();
   return (
-    <Card title="Mode">
+    <Card title={TEXTS.mode}>
       {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
-      <div className={operateStyles.moves} role="group" aria-label="Change mode">
+      <div className={operateStyles.moves} role="group" aria-label={TEXTS.changeMode}>
         {MOVES.map(({ mode, name, meaning }, index) => {
           const reason = noControl ?? whyNot(state, mode);
           return (
@@ -89,7 +82,8 @@ function Unready({ why }: { why: string }) {
   const offered = usePages().some(({ path }) => path === "/bring-up");
   return (
     <p className={operateStyles.unready}>
-      No pretension yet. {capital(why)}. {offered && <Link href="/bring-up">Go to Bring-up</Link>}
+      {fillText(TEXTS.noPretensionYet, { reason: capital(why) })}{" "}
+      {offered && <Link href="/bring-up">{TEXTS.goToBringUp}</Link>}
     </p>
   );
 }
@@ -101,17 +95,20 @@ function isUnready(state: State | null): state is State {
 
 /** Why a mode cannot be entered now; null when it can. */
 export function whyNot(state: State | null, mode: Mode): string | null {
-  if (state === null) return "The state of the loop is not known yet.";
-  if (state.mode === mode) return `The mode is ${heading(mode)} already.`;
+  if (state === null) return TEXTS.stateUnknown;
+  if (state.mode === mode) return fillText(TEXTS.alreadyInMode, { mode: heading(mode) });
   if (state.legal_modes.includes(mode)) return null;
-  if (state.mode === "tripped") return "A fault is latched: press Reset first.";
-  if (state.mode === "stopping") return "A soft stop is under way; it ends in off by itself.";
+  if (state.mode === "tripped") return TEXTS.faultLatched;
+  if (state.mode === "stopping") return TEXTS.softStopInProgress;
   if (isUnready(state) && mode !== "stopping") return `${capital(state.unready)}.`;
-  if (state.mode === "off" && mode !== "stopping") return "Tendons are slack: start Pretension first.";
-  if (state.mode === "pretension" && !state.pretension_done) return "Pretension is not reached yet.";
-  if (state.task?.phase === "paused") return "An order is paused in pretension: go on, or stop softly.";
+  if (state.mode === "off" && mode !== "stopping") return TEXTS.tendonsSlack;
+  if (state.mode === "pretension" && !state.pretension_done) return TEXTS.pretensionNotReached;
+  if (state.task?.phase === "paused") return TEXTS.runsPaused;
   const legal = MOVES.filter((move) => state.legal_modes.includes(move.mode)).map(({ name }) => name);
-  return `Not possible from ${heading(state.mode)}. Possible now: ${legal.join(", ") || "nothing but STOP"}.`;
+  return fillText(TEXTS.modeNotPossible, {
+    mode: heading(state.mode),
+    modes: legal.join(", ") || TEXTS.onlyStop,
+  });
 }
 
 /** The mode that has to come before what is refused at present, one press away. */
@@ -119,7 +116,7 @@ export function whyNot(state: State | null, mode: Mode): string | null {
 /** What needs a mode: a run needs tension, a change of parameters needs the motors off. */
 type Need = "start" | "off";
 
-const NAMES = { pretension: "Pretension", stopping: "Soft stop" } as const;
+const NAMES = { pretension: TEXTS.pretension, stopping: TEXTS.softStop } as const;
 
 export function NextMode({ need }: { need: Need }) {
   const mode = useLive((live) => nextMode(live.state, need));
@@ -159,26 +156,32 @@ export function ViewOnly() {
   if (state === null) return null;
   const { references, tuning } = state;
   return (
-    <Card title="In force">
+    <Card title={TEXTS.activeValues}>
       <dl className={pageStyles.facts}>
-        <dt>{references.in_force ? "Position reference" : "Position, without reference"}</dt>
+        <dt>{references.in_force ? TEXTS.positionReference : TEXTS.positionMeasured}</dt>
         <dd>{angleWithUnit(references.q_ref, 1, angles)}</dd>
-        <dt>{references.in_force ? "Stiffness reference" : "Stiffness, without reference"}</dt>
-        <dd>{references.S_ref === null ? "slack: none" : `${fixed(references.S_ref, 2)} N·m/rad`}</dd>
+        <dt>{references.in_force ? TEXTS.stiffnessReference : TEXTS.stiffnessMeasured}</dt>
+        <dd>{references.S_ref === null ? TEXTS.noStiffness : `${fixed(references.S_ref, 2)} N·m/rad`}</dd>
         <dt>λ_q, λ_S, λ_motor</dt>
         <dd>
           {fixed(tuning.lam_q, 3)}, {fixed(tuning.lam_S, 3)}, {fixed(tuning.lam_motor, 4)} s
         </dd>
-        <dt>Motion</dt>
+        <dt>{TEXTS.motion}</dt>
         <dd>{describeMotion(tuning.motion, tuning.u_plan)}</dd>
-        <dt>Pushes</dt>
-        <dd>{tuning.k_ext > 0 ? `rejected by ${fixed(tuning.k_ext, 2)}` : "left to the position loop"}</dd>
-        <dt>Gains</dt>
-        <dd>{tuning.bank === null ? "from geometry" : `bank ${tuning.bank.name} v${tuning.bank.version}`}</dd>
+        <dt>{TEXTS.rejection}</dt>
+        <dd>
+          {tuning.k_ext > 0
+            ? fillText(TEXTS.rejectionOn, { gain: fixed(tuning.k_ext, 2) })
+            : TEXTS.rejectionOff}
+        </dd>
+        <dt>{TEXTS.gains}</dt>
+        <dd>
+          {tuning.bank === null
+            ? TEXTS.gainsGeometric
+            : fillText(TEXTS.gainsOfBank, { bank: tuning.bank.name, version: tuning.bank.version })}
+        </dd>
       </dl>
-      <p className={pageStyles.dim}>
-        You are signed in as a viewer: you may look at everything and press STOP.
-      </p>
+      <p className={pageStyles.dim}>{TEXTS.signedInAsViewer} </p>
     </Card>
   );
 }

@@ -2,8 +2,10 @@ import { cleanup, fireEvent, render, screen } from "@testing-library/react";
 import { afterEach, expect, it } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
+import { fillText } from "../../samples/texts";
 import type { State } from "../../wire/types";
 import { CardJumps } from "./OperatePage";
+import { TEXTS } from "./texts";
 
 afterEach(cleanup);
 
@@ -11,7 +13,15 @@ it("leads to each card of the controls, the trigger's too", () => {
   const store = new LiveStore(0);
   const state = { link: { starts: 1 }, limits: { F_push_max: 20 }, plant: { simulated: true } };
   store.setState(state as unknown as State);
-  const titles = ["Mode", "References", "Tuning", "Touch", "Push", "Wall", "Trigger capture"];
+  const titles = [
+    TEXTS.mode,
+    TEXTS.references,
+    TEXTS.tuning,
+    TEXTS.touch,
+    TEXTS.push,
+    TEXTS.wall,
+    TEXTS.triggerCapture,
+  ];
   render(
     <LiveProvider store={store}>
       <div>
@@ -25,7 +35,7 @@ it("leads to each card of the controls, the trigger's too", () => {
   for (const title of titles) {
     const card = screen.getByRole("region", { name: title });
     card.scrollIntoView = () => undefined;
-    fireEvent.click(screen.getByRole("button", { name: `Go to ${title}` }));
+    fireEvent.click(screen.getByRole("button", { name: fillText(TEXTS.goTo, { card: title }) }));
     expect(document.activeElement).toBe(card);
   }
   expect(screen.getAllByRole("button", { name: /^Go to/ })).toHaveLength(titles.length);

@@ -5,6 +5,7 @@ import { OperatorsOnly } from "../../components/ControlMenu";
 import { CameraChoice, SceneFrame, sceneAddress } from "../../components/SceneFrame";
 import { paintsInSoftware } from "../../drawing/canvas";
 import { useLive } from "../../live/react";
+import { fillText } from "../../samples/texts";
 import { useSceneView } from "../../service/api/preferences";
 import { HUES, paintOf } from "../../theme/signals";
 import { TriggerCard } from "../system/TriggerCard";
@@ -18,12 +19,13 @@ import operateStyles from "./Operate.module.css";
 import { PlayerCard } from "./PlayerCard";
 import { ReferencesCard } from "./ReferencesCard";
 import { TuningCard } from "./TuningCard";
+import { TEXTS } from "./texts";
 import { WallCard } from "./WallCard";
 
 /** One press to each card of the controls, however far down it is. */
 
 /** Titles that are too long for the bar. */
-const SHORT: Readonly<Record<string, string>> = { "Trigger capture": "Trigger" };
+const SHORT: Readonly<Record<string, string>> = { [TEXTS.triggerCapture]: TEXTS.trigger };
 
 export function CardJumps() {
   const bar = useRef<HTMLElement>(null);
@@ -31,13 +33,13 @@ export function CardJumps() {
   const walls = useLive((live) => live.state?.plant.simulated ?? false);
   const known = useLive((live) => live.state !== null);
   const titles = [
-    "Mode",
-    "References",
-    "Tuning",
-    ...(known ? ["Touch"] : []),
-    ...(pushes ? ["Push"] : []),
-    ...(walls ? ["Wall"] : []),
-    "Trigger capture",
+    TEXTS.mode,
+    TEXTS.references,
+    TEXTS.tuning,
+    ...(known ? [TEXTS.touch] : []),
+    ...(pushes ? [TEXTS.push] : []),
+    ...(walls ? [TEXTS.wall] : []),
+    TEXTS.triggerCapture,
   ];
 
   function jump(title: string): void {
@@ -49,9 +51,14 @@ export function CardJumps() {
   }
 
   return (
-    <nav ref={bar} className={operateStyles.jumps} aria-label="Controls">
+    <nav ref={bar} className={operateStyles.jumps} aria-label={TEXTS.controls}>
       {titles.map((title) => (
-        <button key={title} type="button" aria-label={`Go to ${title}`} onClick={() => jump(title)}>
+        <button
+          key={title}
+          type="button"
+          aria-label={fillText(TEXTS.goTo, { card: title })}
+          onClick={() => jump(title)}
+        >
           {SHORT[title] ?? title}
         </button>
       ))}
@@ -65,7 +72,7 @@ function SceneCard() {
   const { solid, camera, known, toggle, look } = useSceneView(true);
   return (
     <Card
-      title="Actuator"
+      title={TEXTS.actuator}
       className={operateStyles.scene}
       aside={
         <Group gap={6} wrap="nowrap">
@@ -74,25 +81,21 @@ function SceneCard() {
             size="compact-xs"
             variant="default"
             disabled={!known}
-            title={
-              !solid && paintsInSoftware()
-                ? "This browser paints without a graphics processor: the 3D view will slow this page down."
-                : ""
-            }
+            title={!solid && paintsInSoftware() ? TEXTS.slow3D : ""}
             onClick={toggle}
           >
-            {solid ? "Show flat" : "Show in 3D"}
+            {solid ? TEXTS.showFlat : TEXTS.showIn3D}
           </Button>
         </Group>
       }
     >
       {solid ? (
-        <SceneFrame address={sceneAddress("./scene/", camera)} title="3D view" />
+        <SceneFrame address={sceneAddress("./scene/", camera)} title={TEXTS.view3D} />
       ) : (
         <>
           <ActuatorDrawing />
           <p className={operateStyles.fanKey}>
-            <span style={{ background: paintOf(HUES.S) }} aria-hidden="true" /> deflection by ±2 N·m
+            <span style={{ background: paintOf(HUES.S) }} aria-hidden="true" /> {TEXTS.fanKey}
           </p>
         </>
       )}
@@ -106,7 +109,7 @@ export function OperatePage() {
   const plays = useLive((live) => live.state?.plant.kind === "replay");
   return (
     <div className={operateStyles.page}>
-      <h1 className="visually-hidden">Operate</h1>
+      <h1 className="visually-hidden">{TEXTS.title}</h1>
       <div className={operateStyles.charts}>
         <LiveCharts />
       </div>

@@ -23,6 +23,7 @@ import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { PlayerPosition, State } from "../../wire/types";
 import { PlayerCard } from "./PlayerCard";
+import { TEXTS } from "./texts";
 
 const PLAYER: PlayerPosition = {
   title: "run 12",
@@ -37,7 +38,7 @@ const PLAYER: PlayerPosition = {
 };
 const MARKS = [
   { t: 5, kind: "mode", text: "pretension → experiment", who: "" },
-  { t: 40.5, kind: "references", text: "q_ref 1.0472\u202frad, S_ref 10 N·m/rad", who: "" },
+  { t: 40.5, kind: "references", text: "q_ref 1.0472\u202frad, S_ref 10\u202fN·m/rad", who: "" },
 ];
 
 let role: string;
@@ -69,7 +70,7 @@ async function ordered(): Promise<unknown[]> {
   return Promise.all(puts.map((request) => request.clone().json()));
 }
 
-const position = () => screen.getByRole("status", { name: "Position in the recording" }).textContent;
+const position = () => screen.getByRole("status", { name: TEXTS.playbackPosition }).textContent;
 
 beforeEach(() => {
   role = "operator";
@@ -91,11 +92,11 @@ afterEach(() => {
 it("tells where it stands of how much, and plays, pauses and sets the speed", async () => {
   const store = open();
   expect(position()).toBe("0:12.0 of 1:42.0");
-  fireEvent.click(screen.getByRole("button", { name: "Play" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.play }));
   await waitFor(async () => expect(await ordered()).toEqual([{ playing: true }]));
   act(() => tell(store, { playing: true }));
-  fireEvent.click(screen.getByRole("button", { name: "Pause" }));
-  fireEvent.change(screen.getByRole("combobox", { name: "Speed of the player" }), {
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.pause }));
+  fireEvent.change(screen.getByRole("combobox", { name: TEXTS.playbackSpeed }), {
     target: { value: "0.25" },
   });
   await waitFor(async () =>
@@ -106,10 +107,10 @@ it("tells where it stands of how much, and plays, pauses and sets the speed", as
 it("goes to a mark and to a time", async () => {
   open();
   fireEvent.click(await screen.findByRole("button", { name: /0:40\.5/ }));
-  const box = screen.getByRole("textbox", { name: /Time to go to/ });
+  const box = screen.getByRole("textbox", { name: TEXTS.goToTime });
   fireEvent.change(box, { target: { value: "61.25" } });
   fireEvent.keyDown(box, { key: "Enter" });
-  fireEvent.click(screen.getByRole("button", { name: "Go to" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.go }));
   await waitFor(async () => expect(await ordered()).toEqual([{ t: 40.5 }, { t: 61.25 }]));
 });
 
@@ -132,9 +133,9 @@ it("lets a viewer look on", async () => {
   role = "viewer";
   open();
   await waitFor(() =>
-    expect(screen.getByRole("button", { name: "Play" }).hasAttribute("disabled")).toBe(true),
+    expect(screen.getByRole("button", { name: TEXTS.play }).hasAttribute("disabled")).toBe(true),
   );
-  expect(screen.queryByRole("button", { name: "Go to" })).toBeNull();
+  expect(screen.queryByRole("button", { name: TEXTS.go })).toBeNull();
   expect((await screen.findByRole("button", { name: /0:40\.5/ })).hasAttribute("disabled")).toBe(true);
 });
 
@@ -142,7 +143,7 @@ it("is locked with the reason while somebody else holds control", async () => {
   holder = { name: "Mara", page: true, lost: false, epoch: 3 };
   open();
   expect(screen.getByRole("status", { name: "Refusal" }).textContent).toContain("Mara holds control");
-  for (const name of ["Play", "Go to"]) {
+  for (const name of [TEXTS.play, TEXTS.go]) {
     expect(screen.getByRole("button", { name }).hasAttribute("disabled")).toBe(true);
   }
 });

@@ -10,6 +10,7 @@ import { ValueBox } from "../../components/ValueBox";
 import { useLive, useNow } from "../../live/react";
 import { clockTime } from "../../samples/format";
 import { localizeText } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { useAngleUnit } from "../../service/api/preferences";
 import { playedQuery, usePlayerCommand } from "../../service/api/recordings";
 import { useMayCommand, useWhyNoControl } from "../../service/control/control";
@@ -17,6 +18,7 @@ import { RefusedFields } from "../../service/forms/refusals";
 import type { PlayerPosition } from "../../wire/types";
 import page from "../Page.module.css";
 import styles from "./Operate.module.css";
+import { TEXTS } from "./texts";
 
 const SPEEDS = [0.25, 0.5, 1, 2, 4];
 const STEP_S = 0.001;
@@ -41,12 +43,8 @@ function Player({ player }: { player: PlayerPosition }) {
   const about = [player.playing, player.speed, wanted];
   return (
     <Card
-      title="Player"
-      aside={
-        <span className={styles.bounds}>
-          {looksOn ? "operators play, you look on" : "nothing real moves"}
-        </span>
-      }
+      title={TEXTS.player}
+      aside={<span className={styles.bounds}>{looksOn ? TEXTS.viewOnlyPlayer : TEXTS.nothingMoves}</span>}
     >
       <RefusedFields error={refusal} about={about}>
         <div className={styles.row}>
@@ -54,16 +52,19 @@ function Player({ player }: { player: PlayerPosition }) {
             variant="default"
             size={34}
             disabled={locked}
-            aria-label={player.playing ? "Pause" : "Play"}
+            aria-label={player.playing ? TEXTS.pause : TEXTS.play}
             onClick={() => order.mutate({ playing: !player.playing })}
           >
             {player.playing ? <TbPlayerPauseFilled size={16} /> : <TbPlayerPlayFilled size={16} />}
           </ActionIcon>
-          <output className={styles.playerTime} aria-label="Position in the recording">
-            {clockTime(dragged ?? t, 0.1)} of {clockTime(player.duration_s, 0.1)}
+          <output className={styles.playerTime} aria-label={TEXTS.playbackPosition}>
+            {fillText(TEXTS.positionOf, {
+              time: clockTime(dragged ?? t, 0.1),
+              duration: clockTime(player.duration_s, 0.1),
+            })}
           </output>
           <NativeSelect
-            aria-label="Speed of the player"
+            aria-label={TEXTS.playbackSpeed}
             disabled={locked}
             value={String(player.speed)}
             onChange={(event) => order.mutate({ speed: Number(event.currentTarget.value) })}
@@ -72,7 +73,7 @@ function Player({ player }: { player: PlayerPosition }) {
         </div>
         <Slider
           size="sm"
-          thumbLabel="Position in the recording"
+          thumbLabel={TEXTS.playbackPosition}
           label={null}
           disabled={locked}
           min={0}
@@ -85,7 +86,7 @@ function Player({ player }: { player: PlayerPosition }) {
         {!looksOn && (
           <div className={styles.playerJump}>
             <ValueBox
-              label="Time to go to [s]"
+              label={TEXTS.goToTime}
               unit="s"
               value={wanted}
               decimals={3}
@@ -105,7 +106,7 @@ function Player({ player }: { player: PlayerPosition }) {
                 if (problem === null) order.mutate({ t: wanted });
               }}
             >
-              Go to
+              {TEXTS.go}
             </Button>
           </div>
         )}
@@ -133,10 +134,10 @@ function Marks({ at_s, locked, onGo }: MarksProps) {
   const angles = useAngleUnit();
   const { data } = useQuery(playedQuery);
   if (data === undefined) return null;
-  if (data.marks.length === 0) return <p className={page.dim}>Nothing is marked in this recording.</p>;
+  if (data.marks.length === 0) return <p className={page.dim}>{TEXTS.noMarks}</p>;
   const passed = data.marks.findLastIndex((mark) => mark.t <= at_s);
   return (
-    <ul className={styles.playerMarks} aria-label="Event marks of the recording">
+    <ul className={styles.playerMarks} aria-label={TEXTS.marks}>
       {data.marks.map((mark, place) => (
         // biome-ignore lint/suspicious/noArrayIndexKey: two marks may say the same at one time, and none is moved
         <li key={place} aria-current={place === passed ? "true" : undefined}>

@@ -6,6 +6,7 @@ import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { State, Tuning } from "../../wire/types";
 import { MotionControl, whyNoReferences, whyNoStart } from "./ReferencesCard";
+import { TEXTS } from "./texts";
 
 // the REST client takes hold of fetch when it is made
 const fetched = vi.hoisted(() => {
@@ -13,8 +14,6 @@ const fetched = vi.hoisted(() => {
   vi.stubGlobal("fetch", replacement);
   return replacement;
 });
-
-const LIMIT = "Voltage limit of time-optimal motion [V]";
 
 function open(motion: Tuning["motion"], disabled = false): void {
   const tuning = { motion, u_plan: 8.5, u_plan_min: 2, u_plan_max: 9 } as Tuning;
@@ -58,11 +57,11 @@ const radio = (name: string) => screen.getByRole<HTMLInputElement>("radio", { na
 it("offers the voltage limit in the motion that has one", () => {
   open("lambda");
   expect(radio("lambda").checked).toBe(true);
-  expect(screen.queryByRole("textbox", { name: LIMIT })).toBeNull();
+  expect(screen.queryByRole("textbox", { name: TEXTS.voltageLimitBox })).toBeNull();
   cleanup();
   open("time-optimal");
   expect(radio("time-optimal").checked).toBe(true);
-  expect(screen.getByRole<HTMLInputElement>("textbox", { name: LIMIT }).value).toBe("8.5");
+  expect(screen.getByRole<HTMLInputElement>("textbox", { name: TEXTS.voltageLimitBox }).value).toBe("8.5");
 });
 
 it("sends a chosen motion alone, and a voltage limit with its motion", async () => {
@@ -72,7 +71,7 @@ it("sends a chosen motion alone, and a voltage limit with its motion", async () 
   cleanup();
   fetched.mockClear();
   open("time-optimal");
-  const box = screen.getByRole("textbox", { name: LIMIT });
+  const box = screen.getByRole("textbox", { name: TEXTS.voltageLimitBox });
   fireEvent.change(box, { target: { value: "6" } });
   fireEvent.keyDown(box, { key: "Enter" });
   await waitFor(async () => expect(await commanded()).toEqual([{ motion: "time-optimal", u_plan: 6 }]));
@@ -81,7 +80,7 @@ it("sends a chosen motion alone, and a voltage limit with its motion", async () 
 it("changes nothing while the tuning cannot be changed", () => {
   open("time-optimal", true);
   expect(radio("lambda").disabled).toBe(true);
-  expect(screen.getByRole<HTMLInputElement>("textbox", { name: LIMIT }).disabled).toBe(true);
+  expect(screen.getByRole<HTMLInputElement>("textbox", { name: TEXTS.voltageLimitBox }).disabled).toBe(true);
 });
 
 describe("what is allowed", () => {
@@ -97,20 +96,20 @@ describe("what is allowed", () => {
 
   it("starts nothing beside a run or a tuning on trial, which the service refuses", () => {
     expect(whyNoStart(FREE, "experiment", null)).toBeNull();
-    expect(whyNoStart(changed({ task: { run: 3 } }), "experiment", null)).toBe("Another task is running.");
+    expect(whyNoStart(changed({ task: { run: 3 } }), "experiment", null)).toBe(TEXTS.anotherRun);
     expect(whyNoStart(changed({ trial: { remaining_s: 4 } }), "experiment", null)).toContain("on trial");
-    expect(whyNoStart(changed({ mode: "off", legal_modes: ["pretension"] }), "experiment", null)).toContain(
-      "slack",
+    expect(whyNoStart(changed({ mode: "off", legal_modes: ["pretension"] }), "experiment", null)).toBe(
+      TEXTS.tendonsSlack,
     );
   });
 
   it("takes references in run and compliance only, and none while the joint gives way", () => {
-    expect(whyNoReferences(null, null)).toBe("not known yet");
+    expect(whyNoReferences(null, null)).toBe(TEXTS.referencesUnknown);
     for (const mode of ["run", "compliance"]) expect(whyNoReferences(changed({ mode }), null)).toBeNull();
     for (const mode of ["off", "pretension", "experiment", "tripped"]) {
-      expect(whyNoReferences(changed({ mode }), null)).toBe("set in run and compliance");
+      expect(whyNoReferences(changed({ mode }), null)).toBe(TEXTS.referencesNeedMode);
     }
-    expect(whyNoReferences(changed({ mode: "off", player: { t: 1 } }), null)).toBe("a recording is played");
-    expect(whyNoReferences(changed({ touch: { felt: { F: 6 } } }), null)).toContain("gives way");
+    expect(whyNoReferences(changed({ mode: "off", player: { t: 1 } }), null)).toBe(TEXTS.referencesInReplay);
+    expect(whyNoReferences(changed({ touch: { felt: { F: 6 } } }), null)).toBe(TEXTS.referencesInContact);
   });
 });

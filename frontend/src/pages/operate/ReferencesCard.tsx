@@ -9,6 +9,7 @@ import { SignalName } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { FINER, rangeOf, readingOf, toSI, withUnit } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { useReferenceOrders } from "../../service/api/actuator";
 import { useAngleUnit } from "../../service/api/preferences";
 import { ON_TRIAL, useSetTuning } from "../../service/api/tuning";
@@ -19,16 +20,12 @@ import { type Entry, fieldEntry } from "../../service/glossary";
 import type { Limits, Mode, State, Tuning } from "../../wire/types";
 import { whyNot } from "./ModeCard";
 import operateStyles from "./Operate.module.css";
+import { TEXTS } from "./texts";
 
 /** How references are followed: by the paper's law (lambda), or by a trajectory within a voltage limit (time-optimal). */
 
 const STEP_V = 0.1;
 const DECIMALS = 1;
-const EFFECT = {
-  lambda: "λ_q and λ_S set the speed of a step.",
-  "time-optimal":
-    "The voltage limit sets the speed of a step; λ sets robustness and the reaction to disturbances.",
-} as const;
 const MOTIONS = ["lambda", "time-optimal"] as const;
 
 interface MotionControlProps {
@@ -50,11 +47,11 @@ export function MotionControl({ tuning, disabled }: MotionControlProps) {
   return (
     <div className={operateStyles.control}>
       <div className={operateStyles.row}>
-        <Explained of="setting:tuning.motion">Motion</Explained>
+        <Explained of="setting:tuning.motion">{TEXTS.motion}</Explained>
         <SegmentedControl
           className={operateStyles.motions}
           size="xs"
-          aria-label="Motion"
+          aria-label={TEXTS.motion}
           data={[...MOTIONS]}
           value={motion}
           disabled={disabled}
@@ -66,9 +63,9 @@ export function MotionControl({ tuning, disabled }: MotionControlProps) {
       </div>
       {motion === "time-optimal" && (
         <div className={operateStyles.limitRow}>
-          <Explained of="setting:tuning.u_plan">Voltage limit</Explained>
+          <Explained of="setting:tuning.u_plan">{TEXTS.voltageLimit}</Explained>
           <ValueBox
-            label="Voltage limit of time-optimal motion [V]"
+            label={TEXTS.voltageLimitBox}
             unit="V"
             value={limit.value}
             decimals={DECIMALS}
@@ -90,8 +87,10 @@ export function MotionControl({ tuning, disabled }: MotionControlProps) {
         text={problem}
         hint={
           motion === "lambda"
-            ? EFFECT.lambda
-            : `${fixed(u_plan_min, DECIMALS)} to ${fixed(u_plan_max, DECIMALS)} V. ${EFFECT["time-optimal"]}`
+            ? TEXTS.effectOfLambda
+            : fillText(TEXTS.effectOfTimeOptimal, {
+                range: `${fixed(u_plan_min, DECIMALS)} to ${fixed(u_plan_max, DECIMALS)}`,
+              })
         }
       />
     </div>
@@ -103,18 +102,18 @@ export function MotionControl({ tuning, disabled }: MotionControlProps) {
 /** Why no experiment and no identification can be started; null where one can. `noControl` says who holds control. */
 export function whyNoStart(state: State | null, mode: Mode, noControl: string | null): string | null {
   if (noControl !== null) return noControl;
-  if (state?.task != null) return "Another task is running.";
+  if (state?.task != null) return TEXTS.anotherRun;
   if (state?.trial != null) return ON_TRIAL;
   return whyNot(state, mode);
 }
 
-/** Why references cannot be set, as the end of a hint; null where they can. */
+/** Why references cannot be set; null where they can. */
 export function whyNoReferences(state: State | null, noControl: string | null): string | null {
-  if (state === null) return "not known yet";
-  if (state.player) return "a recording is played";
+  if (state === null) return TEXTS.referencesUnknown;
+  if (state.player) return TEXTS.referencesInReplay;
   if (noControl !== null) return noControl;
-  if (state.mode !== "run" && state.mode !== "compliance") return "set in run and compliance";
-  return state.touch.felt === null ? null : "the joint gives way to a contact: choose a mode first";
+  if (state.mode !== "run" && state.mode !== "compliance") return TEXTS.referencesNeedMode;
+  return state.touch.felt === null ? null : TEXTS.referencesInContact;
 }
 
 /** What the cascade is asked to follow. */
@@ -128,7 +127,7 @@ export function ReferencesCard() {
   const tuning = useLive((live) => live.state?.tuning);
   const fixedTuning = useWhyNoRetuning();
   return (
-    <Card title="References">
+    <Card title={TEXTS.references}>
       {references && limits ? (
         <ReferenceControls references={references} limits={limits} open={open} locked={locked} />
       ) : (
@@ -153,9 +152,9 @@ function ReferenceControls({ references, limits, open, locked }: ControlsProps) 
   const angles = useAngleUnit();
   const { unit, factor } = readingOf("rad", angles);
   const { q_ref, S_ref, in_force } = references;
-  const measured = in_force ? null : "measured, no reference";
+  const measured = in_force ? null : TEXTS.measuredOnly;
   const remark = (more: string | null) => measured ?? locked ?? more;
-  const slack = S_ref === null ? "slack: no stiffness" : null;
+  const slack = S_ref === null ? TEXTS.noStiffnessSlack : null;
   return (
     <>
       <ReferenceControl
@@ -168,7 +167,7 @@ function ReferenceControls({ references, limits, open, locked }: ControlsProps) 
         max={limits.q_max * factor}
         step={angles === "deg" ? 1 : 0.02}
         decimals={angles === "deg" ? 1 : 1 + FINER}
-        remark={remark(open ? "joint loop open, by geometry" : null)}
+        remark={remark(open ? TEXTS.jointLoopOpen : null)}
         disabled={locked !== null}
         send={(value) => send({ q_ref: toSI(value, "rad", angles) })}
       />
@@ -211,9 +210,11 @@ function ReferenceControl(props: ReferenceControlProps) {
   const sent = useSentValue(inForce, send);
   const [problem, setProblem] = useState<string | null>(null);
   const [proposed, setProposed] = useState(false);
+  const shown = Number.isFinite(sent.value) ? withUnit(fixed(sent.value, decimals), unit) : TEXTS.slack;
   const target = proposed
-    ? `${withUnit(fixed(sent.value, decimals), unit)} is not sent yet: Enter commands it, Escape leaves it.`
+    ? fillText(TEXTS.referenceNotSent, { value: withUnit(fixed(sent.value, decimals), unit) })
     : null;
+  const range = withUnit(rangeOf(min, max), unit);
   const refusal = problem === null && target === null ? sent.refusal : null;
   const refused = useErrorLifetime(refusal, inForce) !== null;
   return (
@@ -246,9 +247,9 @@ function ReferenceControl(props: ReferenceControlProps) {
               thumbLabel={name}
               // the value itself: what is only measured may lie beside the scale, where the thumb ends
               thumbValueText={
-                Number.isFinite(sent.value)
-                  ? `${withUnit(fixed(sent.value, decimals), unit)}${proposed ? ", not sent yet" : ""}`
-                  : "slack"
+                proposed && Number.isFinite(sent.value)
+                  ? fillText(TEXTS.sliderNotSent, { value: shown })
+                  : shown
               }
               size="sm"
               disabled={disabled}
@@ -267,7 +268,7 @@ function ReferenceControl(props: ReferenceControlProps) {
           </TargetKeys>
         </TouchLock>
         <ValueBox
-          label={`${name} value [${unit}]`}
+          label={fillText(TEXTS.referenceBox, { name, unit })}
           unit={unit}
           value={sent.value}
           decimals={decimals}
@@ -286,7 +287,7 @@ function ReferenceControl(props: ReferenceControlProps) {
         error={refusal}
         about={inForce}
         text={problem ?? target}
-        hint={`${withUnit(rangeOf(min, max), unit)}${remark === null ? "" : `; ${remark}`}`}
+        hint={remark === null ? range : fillText(TEXTS.rangeAndRemark, { range, remark })}
       />
     </div>
   );

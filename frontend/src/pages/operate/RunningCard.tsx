@@ -7,7 +7,7 @@ import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { partOf, taskProgress, taskTitle, timeLeft } from "../../components/StatusStrip";
 import { useLive } from "../../live/react";
-import { pluralized } from "../../samples/format";
+import { countThings, fillText } from "../../samples/texts";
 import { useSetMode } from "../../service/api/actuator";
 import { usePauseOrder } from "../../service/api/identifications";
 import { useWhyNoControl } from "../../service/control/control";
@@ -17,6 +17,7 @@ import page from "../Page.module.css";
 import { LiveCharts } from "./LiveCharts";
 import { whyNot } from "./ModeCard";
 import { PlannedProfile } from "./StepPreview";
+import { TEXTS } from "./texts";
 
 interface PlaceProps {
   /** Above the columns of the page, or in one of them. */
@@ -35,10 +36,10 @@ function Running({ task }: { task: Task }) {
   const pause = usePauseOrder();
   const noControl = useWhyNoControl();
   return (
-    <Card title="Running now" aside={<output aria-label="Time left">{timeLeft(task)}</output>}>
+    <Card title={TEXTS.running} aside={<output aria-label={TEXTS.timeLeft}>{timeLeft(task)}</output>}>
       <div className={page.fields}>
         <div className={page.actions} style={{ justifyContent: "space-between" }}>
-          <output aria-label="What runs now">
+          <output aria-label={TEXTS.currentRun}>
             <strong>{taskTitle(task)}</strong>: {partOf(task)}
           </output>
           <OperatorsOnly>
@@ -49,7 +50,7 @@ function Running({ task }: { task: Task }) {
           </OperatorsOnly>
         </div>
         <Progress.Root size={6}>
-          <Progress.Section value={100 * taskProgress(task)} aria-label="Progress of what runs now" />
+          <Progress.Section value={100 * taskProgress(task)} aria-label={TEXTS.progress} />
         </Progress.Root>
         {task.part !== null && <PlannedProfile run={task.run} at_s={task.part.t} />}
         <Refusal error={lastRefusal(setMode, pause)} about={task.run} text={noControl} />
@@ -75,11 +76,11 @@ function AbortButton({ task, setMode }: AbortProps) {
       variant="default"
       aria-disabled={reason !== null}
       data-disabled={reason !== null ? true : undefined}
-      title={reason ?? `Soft stop: bring the joint to rest under tension. ${describeAbort(task)}`}
+      title={reason ?? fillText(TEXTS.softAbortHint, { result: describeAbort(task) })}
       loading={setMode.isPending}
       onClick={() => reason === null && setMode.mutate("stopping")}
     >
-      Abort softly
+      {TEXTS.softAbort}
     </Button>
   );
 }
@@ -87,8 +88,8 @@ function AbortButton({ task, setMode }: AbortProps) {
 /** What becomes of the run, and of those that follow it, when it is aborted now. */
 export function describeAbort({ phase, run, following }: Pick<Task, "phase" | "run" | "following">): string {
   return phase === "paused"
-    ? `Run ${run} is complete and stays so; ${pluralized(following, "run")} of its order will not be begun.`
-    : "The run is kept as stopped.";
+    ? fillText(TEXTS.keptAsComplete, { run, runs: countThings(following, TEXTS.remainingRun) })
+    : TEXTS.keptAsStopped;
 }
 
 interface PauseProps {
@@ -100,23 +101,18 @@ interface PauseProps {
 function PauseButton({ task, pause }: PauseProps) {
   const { pause_wanted, phase } = task;
   const noControl = useWhyNoControl();
-  const waits = phase === "paused" ? "" : " It waits once this run is over.";
+  const pausedHint = phase === "paused" ? TEXTS.pausedHint : TEXTS.pauseWantedHint;
   return (
     <Button
       variant={pause_wanted ? "light" : "default"}
       aria-pressed={pause_wanted}
       aria-disabled={noControl !== null}
       data-disabled={noControl !== null || undefined}
-      title={
-        noControl ??
-        (pause_wanted
-          ? `The next run waits in pretension until you go on.${waits}`
-          : "Let the next run wait in pretension once this one is over.")
-      }
+      title={noControl ?? (pause_wanted ? pausedHint : TEXTS.pauseHint)}
       loading={pause.isPending}
       onClick={() => noControl === null && pause.mutate(!pause_wanted)}
     >
-      {pause_wanted ? "Go on" : "Pause after this run"}
+      {pause_wanted ? TEXTS.resume : TEXTS.pauseAfter}
     </Button>
   );
 }

@@ -4,12 +4,14 @@ import { Explained } from "../../components/Explained";
 import { SignalName, ValueOrReason } from "../../components/values";
 import { fixed, short } from "../../samples/format";
 import { readingOf, withUnit } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { useAngleUnit } from "../../service/api/preferences";
 import { plannedQuery } from "../../service/api/runs";
 import { paintOf, traceFor } from "../../theme/signals";
 import type { Planned, TuningPreview } from "../../wire/types";
 import plannedProfileStyles from "./PlannedProfile.module.css";
 import stepPreviewStyles from "./StepPreview.module.css";
+import { TEXTS } from "./texts";
 
 /** The motion of a preview that a λ sets: a step in `lambda` motion, the recovery from a push in `time-optimal`. Pure. */
 
@@ -121,10 +123,10 @@ export function StepPreview(props: StepPreviewProps) {
     drafted && present?.motion === preview?.motion ? present && previewedMotion(present, loop) : null;
   const printed = compare ? (figures?.printed ?? null) : null;
   const M_s = figures?.M_s;
-  const none = preview === undefined ? missing : "the loop is unstable";
+  const none = preview === undefined ? missing : TEXTS.loopUnstable;
   /** A margin that a stable loop does not have is no bound at all. */
   const margin = (value: number | null | undefined, told: (value: number) => string) => {
-    if (figures?.stable && value === null) return "any";
+    if (figures?.stable && value === null) return TEXTS.noMargin;
     return (
       <ValueOrReason value={value} why={none}>
         {told}
@@ -137,15 +139,14 @@ export function StepPreview(props: StepPreviewProps) {
     <div
       className={stepPreviewStyles.preview}
       role="group"
-      aria-label={`Preview of ${symbol}`}
+      aria-label={fillText(TEXTS.preview, { symbol })}
       aria-busy={stale}
       data-stale={stale}
       data-drafted={drafted}
     >
       {motion === null ? (
         <span className={stepPreviewStyles.previewNote}>
-          The trajectory sets the time of a step of {symbol === "λ_S" ? "S" : "q"}; {symbol} sets how robust
-          the loop is.
+          {fillText(TEXTS.stepTimeOfTrajectory, { signal: symbol === "λ_S" ? "S" : "q", symbol })}
         </span>
       ) : (
         <Drawing hue={hue} motion={motion} beside={beside} printed={printed} />
@@ -153,7 +154,7 @@ export function StepPreview(props: StepPreviewProps) {
       <dl className={stepPreviewStyles.previewNumbers}>
         <Reading
           label={<SignalName name="M_s" />}
-          name="maximum of the sensitivity"
+          name={TEXTS.sensitivityPeak}
           value={
             <ValueOrReason value={M_s} why={none}>
               {(peak) => fixed(peak, 2)}
@@ -163,14 +164,12 @@ export function StepPreview(props: StepPreviewProps) {
         />
         {motion !== null && (
           <Reading
-            label={motion?.kind === "push" ? "back" : <SignalName name="t_90" />}
-            name={
-              motion?.kind === "push" ? "time until the joint is back under a push" : "time to 90 % of a step"
-            }
+            label={motion?.kind === "push" ? TEXTS.returnLabel : <SignalName name="t_90" />}
+            name={motion?.kind === "push" ? TEXTS.returnTime : TEXTS.timeTo90}
             value={
               <ValueOrReason
                 value={motion?.time_s}
-                why={preview === undefined ? none : "not within the time that is simulated"}
+                why={preview === undefined ? none : TEXTS.notInSimulatedTime}
               >
                 {(time_s) => fixed(time_s, 2)}
               </ValueOrReason>
@@ -180,22 +179,25 @@ export function StepPreview(props: StepPreviewProps) {
         )}
         <Reading
           label={<Explained of="quantity:gain_margin">GM</Explained>}
-          name="gain margin"
+          name={TEXTS.gainMargin}
           value={margin(figures?.gain_margin, (factor) => fixed(factor, 1))}
         />
         <Reading
           label={<Explained of="quantity:phase_margin_deg">PM</Explained>}
-          name="phase margin"
+          name={TEXTS.phaseMargin}
           value={margin(figures?.phase_margin_deg, (degrees) => `${fixed(degrees, 0)}°`)}
         />
       </dl>
       {beside && (
-        <span className="visually-hidden">In force, drawn grey: {timeOf(beside.kind, beside.time_s)}.</span>
+        <span className="visually-hidden">
+          {fillText(TEXTS.activeInGrey, { motion: timeOf(beside.kind, beside.time_s) })}
+        </span>
       )}
       {printed && (
         <span className={stepPreviewStyles.previewNote}>
-          As printed: {printed.stable && printed.M_s !== null ? `M_s ${fixed(printed.M_s, 2)}` : "unstable"} (
-          {printed.t.length > 0 ? "dotted; " : ""}never in force)
+          {fillText(printed.t.length > 0 ? TEXTS.asPrintedDotted : TEXTS.asPrinted, {
+            value: printed.stable && printed.M_s !== null ? `M_s ${fixed(printed.M_s, 2)}` : TEXTS.unstable,
+          })}
         </span>
       )}
     </div>
@@ -260,10 +262,9 @@ function Drawing({ hue, motion, beside, printed }: DrawingProps) {
 }
 
 function timeOf(kind: Motion["kind"], time_s: number | null): string {
-  if (kind === "push") return time_s === null ? "not back under a push" : `back after ${fixed(time_s, 2)} s`;
-  return time_s === null
-    ? "90 % not reached in the time that is simulated"
-    : `time to 90 % ${fixed(time_s, 2)} s`;
+  const isPush = kind === "push";
+  if (time_s === null) return isPush ? TEXTS.noReturn : TEXTS.no90;
+  return fillText(isPush ? TEXTS.returnAfter : TEXTS.at90, { time: fixed(time_s, 2) });
 }
 
 interface ReadingProps {
@@ -347,7 +348,7 @@ export function PlannedProfile({ run, at_s }: { run: number; at_s: number }) {
   const { data } = useQuery(plannedQuery(run, at_s > STORED_AFTER_S));
   if (data === undefined || data.t.length === 0) return null;
   return (
-    <figure className={plannedProfileStyles.profile} aria-label="Planned profile">
+    <figure className={plannedProfileStyles.profile} aria-label={TEXTS.plannedProfile}>
       {data.lines.map((line) => (
         <Row key={line.name} planned={data} line={line} at_s={at_s} />
       ))}
@@ -381,7 +382,12 @@ function Row({ planned, line: { name, unit: inSI, values }, at_s }: RowProps) {
         viewBox={`0 0 ${PROFILE_WIDTH} ${PROFILE_HEIGHT}`}
         preserveAspectRatio="none"
         role="img"
-        aria-label={`${name} from ${fixed(lowest, 1)} to ${withUnit(fixed(highest, 1), unit)}, now ${now === null ? "left open" : withUnit(fixed(now * factor, 1), unit)}`}
+        aria-label={fillText(TEXTS.profileOf, {
+          name,
+          lowest: fixed(lowest, 1),
+          highest: withUnit(fixed(highest, 1), unit),
+          now: now === null ? TEXTS.notSpecified : withUnit(fixed(now * factor, 1), unit),
+        })}
       >
         {planned.parts.slice(1).map((part) => (
           <line

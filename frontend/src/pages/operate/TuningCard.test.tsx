@@ -4,8 +4,10 @@ import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/re
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
+import { fillText } from "../../samples/texts";
 import type { State, Tuning } from "../../wire/types";
 import { TuningChanges } from "./TuningCard";
+import { TEXTS } from "./texts";
 
 // the REST client takes hold of fetch when it is made
 const fetched = vi.hoisted(() => {
@@ -64,14 +66,14 @@ beforeEach(() => {
 });
 afterEach(cleanup);
 
-const revert = () => screen.getByRole("button", { name: "Revert to saved" }) as HTMLButtonElement;
+const revert = () => screen.getByRole("button", { name: TEXTS.revert }) as HTMLButtonElement;
 
 it.each(Object.keys(SAVED) as Part[])(
   "shows that %s differs from what is saved, and walks it back",
   async (part) => {
     open({ ...SAVED, [part]: OTHER[part] });
     await waitFor(() => expect(revert().disabled).toBe(false));
-    const table = screen.getByRole("table", { name: "Saved, in force and staged" });
+    const table = screen.getByRole("table", { name: TEXTS.tuningTable });
     expect(table.querySelectorAll("[data-differs=true]").length).toBe(1);
     fireEvent.click(revert());
     const put = () => fetched.mock.calls.map(([request]) => request).find(({ method }) => method === "PUT");
@@ -90,13 +92,13 @@ it("tells which of the method's defaults is not offered on these models", async 
       : (answer as NonNullable<typeof answer>)(request),
   );
   open(OTHER);
-  await waitFor(() => expect(revert().title).toBe(`Nothing was saved yet; ${moved}`));
+  await waitFor(() => expect(revert().title).toBe(fillText(TEXTS.nothingSaved, { reason: moved })));
 });
 
 it("has nothing to walk back where all is as saved", async () => {
   open(SAVED);
   await screen.findAllByText("0.500 s");
-  await waitFor(() => expect(screen.getAllByText("switching").length).toBe(2));
+  await waitFor(() => expect(screen.getAllByText(TEXTS.switched).length).toBe(2));
   expect(revert().disabled).toBe(true);
 });
 
@@ -110,10 +112,10 @@ it("keeps its row of buttons in its place on trial, disabled", async () => {
     own_tuning: null,
   };
   open(OTHER, state);
-  expect(screen.getByRole("button", { name: "Keep" })).toBeDefined();
-  for (const name of ["Revert to saved", "Save", "Undo change"])
+  expect(screen.getByRole("button", { name: TEXTS.keep })).toBeDefined();
+  for (const name of [TEXTS.revert, TEXTS.save, "Undo change"])
     expect((screen.getByRole("button", { name }) as HTMLButtonElement).disabled).toBe(true);
-  expect((screen.getByRole("switch", { name: "Stage changes" }) as HTMLInputElement).disabled).toBe(true);
+  expect((screen.getByRole("switch", { name: TEXTS.stage }) as HTMLInputElement).disabled).toBe(true);
 });
 
 it.each([

@@ -10,6 +10,7 @@ import { SignalName, ValueOrReason } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed, notANumber } from "../../samples/format";
 import { type AngleUnit, formatWithUnit } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { banksQuery } from "../../service/api/banks";
 import { useAngleUnit } from "../../service/api/preferences";
 import {
@@ -31,13 +32,14 @@ import {
 import { useWhyNoControl, useWhyNoRetuning } from "../../service/control/control";
 import { isNumberOrText, useDraft } from "../../service/forms/drafts";
 import { lastRefusal, RefusedFields } from "../../service/forms/refusals";
-import { fieldEntry } from "../../service/glossary";
+import { fieldEntry, symbolEntries } from "../../service/glossary";
 import { HUES } from "../../theme/signals";
 import type { PreviewedStep, SavedTuning, Trial, Tuning, TuningPreview } from "../../wire/types";
 import { DisturbanceFeedforwardControl, LambdaControl } from "./LambdaControl";
 import operateStyles from "./Operate.module.css";
 import type { PlaneEntry } from "./operatingMap";
 import tuningChangesStyles from "./TuningChanges.module.css";
+import { TEXTS } from "./texts";
 
 /** Saved, in force and staged tuning side by side; staged λ are applied, tried for a while, or dropped. */
 
@@ -47,11 +49,16 @@ const PARTS = [
   ["lam_S", "λ_S"],
   ["lam_motor", "λ_motor"],
   ["b", "b"],
-  ["interpolate", "entries"],
+  ["interpolate", "scheduling"],
   ["motion", "motion"],
   ["u_plan", "U_plan"],
   ["k_ext", "k_ext"],
 ] as const;
+/** Parts that have a name in place of a symbol. */
+const NAMES: Readonly<Record<string, string>> = {
+  interpolate: TEXTS.scheduling,
+  motion: TEXTS.motionRow,
+};
 const DECIMALS = 3;
 const DECIMALS_OF_MOTOR = 4;
 const TRIAL_S = 10;
@@ -83,28 +90,34 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
   const about = [...PARTS.map(([name]) => tuning[name]), seconds];
   const offersTrial = staged.staging && trial === null;
   const odd =
-    offersTrial && typeof seconds !== "number" ? `Length of the trial: ${notANumber(seconds)}.` : null;
+    offersTrial && typeof seconds !== "number"
+      ? fillText(TEXTS.trialDurationProblem, { problem: notANumber(seconds) })
+      : null;
   const busy = set.isPending || save.isPending || tryOut.isPending || end.isPending;
 
   return (
-    <section className={tuningChangesStyles.changes} aria-label="Changes of the tuning">
-      <table className={tuningChangesStyles.table} aria-label="Saved, in force and staged">
+    <section className={tuningChangesStyles.changes} aria-label={TEXTS.tuningChanges}>
+      <table className={tuningChangesStyles.table} aria-label={TEXTS.tuningTable}>
         <thead>
           <tr>
-            <th scope="col">Setting</th>
-            <th scope="col">saved</th>
-            <th scope="col">in force</th>
-            <th scope="col">staged</th>
+            <th scope="col">{TEXTS.setting}</th>
+            <th scope="col">{TEXTS.saved}</th>
+            <th scope="col">{TEXTS.active}</th>
+            <th scope="col">{TEXTS.staged}</th>
           </tr>
         </thead>
         <tbody>
           {PARTS.map(([name, symbol]) => (
             <tr key={name}>
               <th scope="row">
-                <SignalName name={symbol} />
+                {NAMES[name] === undefined ? (
+                  <SignalName name={symbol} />
+                ) : (
+                  <Explained of={symbolEntries(symbol)}>{NAMES[name]}</Explained>
+                )}
               </th>
               <td>
-                <ValueOrReason value={saved?.[name]} why={unread?.message ?? "not read yet"}>
+                <ValueOrReason value={saved?.[name]} why={unread?.message ?? TEXTS.notLoaded}>
                   {(value) => inWords(name, value)}
                 </ValueOrReason>
               </td>
@@ -114,7 +127,7 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
               <td data-differs={isStaged(name) && staged.values[name] !== undefined}>
                 <ValueOrReason
                   value={isStaged(name) ? staged.values[name] : undefined}
-                  why={isStaged(name) ? "nothing is staged" : "cannot be staged"}
+                  why={isStaged(name) ? TEXTS.nothingStaged : TEXTS.cannotBeStaged}
                 >
                   {(value) => inWords(name, value)}
                 </ValueOrReason>
@@ -135,7 +148,7 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
                 saved && set.mutate(Object.fromEntries(PARTS.map(([name]) => [name, saved[name]])))
               }
             >
-              Revert to saved
+              {TEXTS.revert}
             </Button>
             <Button
               variant="default"
@@ -144,15 +157,15 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
               {...(trial === null ? {} : { title: ON_TRIAL })}
               onClick={() => save.mutate()}
             >
-              Save
+              {TEXTS.save}
             </Button>
             <UndoTuning undo={undo} redo={redo} size="compact-xs" />
             <Switch
               size="xs"
-              label="Stage changes"
+              label={TEXTS.stage}
               checked={staged.staging}
               disabled={trial !== null || something}
-              {...(something ? { title: "Apply or discard the staged values first." } : {})}
+              {...(something ? { title: TEXTS.stagedFirst } : {})}
               onChange={(event) => staged.turn(event.currentTarget.checked)}
             />
           </div>
@@ -171,7 +184,7 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
                 disabled={!something || busy || locked !== null}
                 onClick={() => set.mutate(staged.values, { onSuccess: staged.discard })}
               >
-                Apply
+                {TEXTS.apply}
               </Button>
               <Button
                 variant="default"
@@ -181,10 +194,10 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
                   typeof seconds === "number" && tryOut.mutate({ ...staged.values, duration_s: seconds })
                 }
               >
-                Try for
+                {TEXTS.tryFor}
               </Button>
               <NumberField
-                aria-label="Length of the trial [s]"
+                aria-label={TEXTS.trialDuration}
                 entry={fieldEntry("tuning.duration_s", angles)}
                 place="duration_s"
                 messageId="refusal-of-tuning"
@@ -196,7 +209,7 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
               />
               <span>s</span>
               <Button variant="default" size="compact-xs" disabled={!something} onClick={staged.discard}>
-                Discard
+                {TEXTS.discard}
               </Button>
             </div>
           )}
@@ -225,26 +238,27 @@ function TrialRow({ trial, tuning, locked, onEnd }: TrialRowProps) {
   const others = PARTS.filter(([name]) => !isStaged(name) && trial[name] !== tuning[name]);
   return (
     <div className={tuningChangesStyles.actions}>
-      <output aria-label="Trial" className={tuningChangesStyles.trial}>
-        On trial: back to {fixed(trial.lam_q, DECIMALS)}, {fixed(trial.lam_S, DECIMALS)} s
-        {others.map(([name, symbol]) => `, ${symbol} ${inWords(name, trial[name])}`)} in{" "}
-        {fixed(Math.ceil(trial.remaining_s), 0)} s
+      <output aria-label={TEXTS.trial} className={tuningChangesStyles.trial}>
+        {fillText(TEXTS.trialReverts, {
+          lam_q: fixed(trial.lam_q, DECIMALS),
+          lam_S: fixed(trial.lam_S, DECIMALS),
+          others: others.map(([name, symbol]) => `, ${symbol} ${inWords(name, trial[name])}`).join(""),
+          time: fixed(Math.ceil(trial.remaining_s), 0),
+        })}
       </output>
       <Button size="compact-xs" disabled={locked} onClick={() => onEnd(true)}>
-        Keep
+        {TEXTS.keep}
       </Button>
       <Button variant="default" size="compact-xs" disabled={locked} onClick={() => onEnd(false)}>
-        Revert now
+        {TEXTS.revertNow}
       </Button>
     </div>
   );
 }
 
 function origin(saved: SavedTuning | undefined): string {
-  if (saved?.who) return `Saved by ${saved.who}`;
-  return saved?.moved
-    ? `Nothing was saved yet; ${saved.moved}`
-    : "The method's defaults: nothing was saved yet";
+  if (saved?.who) return fillText(TEXTS.savedBy, { person: saved.who });
+  return saved?.moved ? fillText(TEXTS.nothingSaved, { reason: saved.moved }) : TEXTS.defaults;
 }
 
 type Part = (typeof PARTS)[number][0];
@@ -255,9 +269,9 @@ function isStaged(name: Part): name is LambdaName {
 
 function inWords(name: Part, value: number | boolean | string): string {
   if (typeof value === "string") return value;
-  if (typeof value === "boolean") return value ? "interpolating" : "switching";
+  if (typeof value === "boolean") return value ? TEXTS.interpolated : TEXTS.switched;
   if (name === "u_plan") return `${fixed(value, 1)} V`;
-  if (name === "k_ext") return value === 0 ? "none" : fixed(value, 2);
+  if (name === "k_ext") return value === 0 ? TEXTS.noRejection : fixed(value, 2);
   if (name === "b") return fixed(value, DECIMALS);
   return `${fixed(value, name === "lam_motor" ? DECIMALS_OF_MOTOR : DECIMALS)} s`;
 }
@@ -273,7 +287,7 @@ export function TuningCard() {
   const tuning = useLive((live) => live.state?.tuning);
   const u_max = useLive((live) => live.state?.limits.u_max ?? 0);
   return (
-    <Card title="Tuning" aside={<ActiveBank tuning={tuning} />}>
+    <Card title={TEXTS.tuning} aside={<ActiveBank tuning={tuning} />}>
       {tuning ? <Lambdas tuning={tuning} u_max={u_max} /> : <div className={operateStyles.reserveTuning} />}
     </Card>
   );
@@ -343,7 +357,7 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
       />
       <Checkbox
         size="xs"
-        label="Compare with the printed formula (E1)"
+        label={TEXTS.compare}
         checked={compare}
         onChange={(event) => setCompare(event.currentTarget.checked)}
       />
@@ -367,29 +381,31 @@ function StepForecast({ of, previewed, u_max }: StepForecastProps) {
   return (
     <output
       className={operateStyles.forecast}
-      aria-label={of === "q" ? "Forecast of a 60° step" : "Forecast of a step of S"}
+      aria-label={of === "q" ? TEXTS.forecastOfQ : TEXTS.forecastOfS}
       aria-busy={stale}
       data-stale={stale}
       data-warn={saturates}
     >
-      {preview && step ? heading(of, preview, step, angles) : `Step of ${of}`}
-      {preview?.motion === "time-optimal" ? " on its trajectory" : ""}: 90 % after{" "}
-      <ValueOrReason value={step?.rise_s} why={step ? "it does not get there" : missing}>
+      {preview && step ? heading(of, preview, step, angles) : fillText(TEXTS.stepOf, { signal: of })}
+      {preview?.motion === "time-optimal" ? TEXTS.timeOptimalStep : ""}
+      {TEXTS.after90}{" "}
+      <ValueOrReason value={step?.rise_s} why={step ? TEXTS.not90 : missing}>
         {(rise) => fixed(rise, 2)}
       </ValueOrReason>{" "}
-      s, within 2 % after{" "}
-      <ValueOrReason value={step?.settling_s} why={step ? "it does not stay there" : missing}>
+      {TEXTS.within2}{" "}
+      <ValueOrReason value={step?.settling_s} why={step ? TEXTS.notSettled : missing}>
         {(settling) => fixed(settling, 2)}
       </ValueOrReason>{" "}
-      s, overshoot{" "}
+      {TEXTS.overshoot}{" "}
       <ValueOrReason value={step?.overshoot_percent} why={missing}>
         {(overshoot) => fixed(overshoot, 1)}
       </ValueOrReason>{" "}
-      %, <Explained of="quantity:u_peak_V">peak</Explained>{" "}
+      {TEXTS.percent} <Explained of="quantity:u_peak_V">{TEXTS.peak}</Explained>{" "}
       <ValueOrReason value={step?.u_peak_V} why={missing}>
         {(u_peak) => fixed(u_peak, 1)}
       </ValueOrReason>{" "}
-      of {fixed(u_max, 0)} V, <Explained of="quantity:F_min_N">tension</Explained> ≥{" "}
+      {fillText(TEXTS.ofVolts, { voltage: fixed(u_max, 0) })}{" "}
+      <Explained of="quantity:F_min_N">{TEXTS.tension}</Explained> ≥{" "}
       <ValueOrReason value={step?.F_min_N} why={missing}>
         {(F_min) => fixed(F_min, 1)}
       </ValueOrReason>{" "}
@@ -399,20 +415,22 @@ function StepForecast({ of, previewed, u_max }: StepForecastProps) {
 }
 
 function heading(of: "q" | "S", preview: TuningPreview, step: PreviewedStep, angles: AngleUnit): string {
-  if (of === "S") return `S from ${fixed(step.start, 1)} to ${fixed(step.end, 1)} N·m/rad`;
+  if (of === "S") {
+    return fillText(TEXTS.stepOfS, { start: fixed(step.start, 1), end: fixed(step.end, 1) });
+  }
   const size = step.end - step.start;
   const size_told =
     angles === "deg" ? `${fixed((180 * size) / Math.PI, 0)}°` : formatWithUnit(size, "rad", angles);
-  return `${size_told} step at S ${fixed(preview.S, 1)} N·m/rad`;
+  return fillText(TEXTS.stepOfQ, { size: size_told, S: fixed(preview.S, 1) });
 }
 
 function ActiveBank({ tuning }: { tuning: Tuning | undefined }) {
   if (tuning === undefined) return null;
   const { bank, entry_name } = tuning;
-  if (bank === null) return <span className={operateStyles.aside}>gains from geometry</span>;
+  if (bank === null) return <span className={operateStyles.aside}>{TEXTS.geometricGains}</span>;
   return (
     <span className={operateStyles.aside}>
-      {bank.name} v{bank.version}, {entry_name}
+      {fillText(TEXTS.activeBank, { bank: bank.name, version: bank.version, entry: entry_name })}
     </span>
   );
 }

@@ -13,7 +13,9 @@ const fetched = vi.hoisted(() => {
 
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
+import { fillText } from "../../samples/texts";
 import type { State } from "../../wire/types";
+import { TEXTS } from "./texts";
 import { WallCard } from "./WallCard";
 
 function open(wall: State["wall"]): void {
@@ -54,7 +56,9 @@ afterEach(() => {
   localStorage.clear();
 });
 
-function enter(label: RegExp, value: string): void {
+const ANGLE = fillText(TEXTS.wallAngle, { unit: "°" });
+
+function enter(label: string, value: string): void {
   const box = screen.getByRole("textbox", { name: label });
   fireEvent.change(box, { target: { value } });
   fireEvent.blur(box);
@@ -63,13 +67,13 @@ function enter(label: RegExp, value: string): void {
 it("puts up what stands in the boxes, in SI, and takes it away", async () => {
   open(null);
   expect(screen.getByText(/^100 to 28.?000 N\/m, 0 to 7\.39 s\/m/)).toBeTruthy();
-  enter(/^Wall at/, "-30");
-  enter(/^Stiffness/, "5000");
-  enter(/^Damping/, "0.25");
-  fireEvent.change(screen.getByRole("combobox", { name: "Side of the wall" }), {
+  enter(ANGLE, "-30");
+  enter(TEXTS.wallStiffness, "5000");
+  enter(TEXTS.wallDamping, "0.25");
+  fireEvent.change(screen.getByRole("combobox", { name: TEXTS.wallSide }), {
     target: { value: "below" },
   });
-  fireEvent.click(screen.getByRole("button", { name: "Put up" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.addWall }));
   await waitFor(async () => expect(await ordered()).toHaveLength(1));
   const [{ wall }] = (await ordered()) as [{ wall: { q_wall: number } }];
   expect(wall).toEqual({
@@ -78,18 +82,18 @@ it("puts up what stands in the boxes, in SI, and takes it away", async () => {
     k_wall: 5000,
     c_wall: 0.25,
   });
-  fireEvent.click(screen.getByRole("button", { name: "Take away" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.removeWall }));
   await waitFor(async () => expect((await ordered())[1]).toEqual({ wall: null }));
 });
 
 it("says what stands, and puts nothing up that is no number", async () => {
   open({ q_wall: Math.PI / 9, side: "above", k_wall: 20000, c_wall: 1 });
   const said = screen.getByRole("status", { name: "Refusal" });
-  expect(screen.getByText(/^A wall stands above 20\.0°\.$/)).toBeTruthy();
-  enter(/^Wall at/, "far");
-  fireEvent.click(screen.getByRole("button", { name: "Put up" }));
+  expect(screen.getByText(fillText(TEXTS.wallAbove, { angle: "20.0°" }))).toBeTruthy();
+  enter(ANGLE, "far");
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.addWall }));
   await act(() => new Promise((resolve) => setTimeout(resolve, 20)));
   expect(await ordered()).toEqual([]);
   expect(said.textContent).toContain("nothing was sent");
-  expect(screen.getByText(/^A wall stands above 20\.0°\.$/)).toBeTruthy(); // whatever is refused, it stands
+  expect(screen.getByText(fillText(TEXTS.wallAbove, { angle: "20.0°" }))).toBeTruthy(); // whatever is refused, it stands
 });

@@ -7,6 +7,7 @@ import { Refusal } from "../../components/Refusal";
 import { ValueBox } from "../../components/ValueBox";
 import { useLive } from "../../live/react";
 import { angleWithUnit, FINER, rangeOf, readingOf, toSI } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { useSetWall } from "../../service/api/actuator";
 import { useAngleUnit } from "../../service/api/preferences";
 import { useWhyNoControl } from "../../service/control/control";
@@ -15,8 +16,14 @@ import { RefusedFields } from "../../service/forms/refusals";
 import { fieldEntry } from "../../service/glossary";
 import type { Limits, Wall } from "../../wire/types";
 import styles from "./Operate.module.css";
+import { TEXTS } from "./texts";
 
 type Side = Wall["side"];
+
+const SIDES: { value: Side; label: string }[] = [
+  { value: "above", label: TEXTS.above },
+  { value: "below", label: TEXTS.below },
+];
 
 /** At 20 degrees. */
 const WALL: Wall = { q_wall: Math.PI / 9, side: "above", k_wall: 20000, c_wall: 1 };
@@ -53,29 +60,31 @@ function WallControls({ limits }: { limits: Limits }) {
   const about = [q_wall, side, k_wall, c_wall];
   return (
     <Card
-      title="Wall"
+      title={TEXTS.wall}
       aside={
         <output id="told-of-wall" className={styles.bounds} data-stands={stands !== null}>
           {stands
-            ? `A wall stands ${stands.side} ${angleWithUnit(stands.q_wall, decimals, angles)}.`
-            : "simulated plants only"}
+            ? fillText(stands.side === "above" ? TEXTS.wallAbove : TEXTS.wallBelow, {
+                angle: angleWithUnit(stands.q_wall, decimals, angles),
+              })
+            : TEXTS.simulatedOnly}
         </output>
       }
     >
       <RefusedFields error={refusal} about={about}>
         {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
-        <div className={styles.wallRow} role="group" aria-label="Wall">
-          <span className={styles.wallLabel}>Side, at</span>
+        <div className={styles.wallRow} role="group" aria-label={TEXTS.wall}>
+          <span className={styles.wallLabel}>{TEXTS.sideAndAngle}</span>
           <NativeSelect
-            aria-label="Side of the wall"
+            aria-label={TEXTS.wallSide}
             value={side}
             onChange={(event) => set({ side: event.currentTarget.value as Side })}
-            data={["above", "below"]}
+            data={SIDES}
             w={84}
           />
           <ValueBox
             isInForm
-            label={`Wall at [${unit}]`}
+            label={fillText(TEXTS.wallAngle, { unit })}
             unit={unit}
             value={q_wall}
             decimals={decimals}
@@ -87,10 +96,10 @@ function WallControls({ limits }: { limits: Limits }) {
             onCommit={(angle) => set({ q_wall: toSI(angle, "rad", angles) })}
             onProblem={(found) => setProblems((before) => before.with(0, found))}
           />
-          <span className={styles.wallLabel}>Stiffness, damping</span>
+          <span className={styles.wallLabel}>{TEXTS.stiffnessAndDamping}</span>
           <ValueBox
             isInForm
-            label="Stiffness of the wall [N/m]"
+            label={TEXTS.wallStiffness}
             unit="N/m"
             value={k_wall}
             decimals={0}
@@ -104,7 +113,7 @@ function WallControls({ limits }: { limits: Limits }) {
           />
           <ValueBox
             isInForm
-            label="Damping of the wall [s/m]"
+            label={TEXTS.wallDamping}
             unit="s/m"
             value={c_wall}
             decimals={2}
@@ -124,7 +133,7 @@ function WallControls({ limits }: { limits: Limits }) {
               if (problem === null) order.mutate({ wall: draft.value });
             }}
           >
-            Put up
+            {TEXTS.addWall}
           </Button>
           <Button
             size="compact-sm"
@@ -132,7 +141,7 @@ function WallControls({ limits }: { limits: Limits }) {
             disabled={noControl !== null}
             onClick={() => order.mutate({ wall: null })}
           >
-            Take away
+            {TEXTS.removeWall}
           </Button>
         </div>
         <Refusal
@@ -141,7 +150,7 @@ function WallControls({ limits }: { limits: Limits }) {
           about={about}
           forFields
           text={problem ?? noControl}
-          hint={`${bounds(limits)}; its force is F_wall`}
+          hint={bounds(limits)}
         />
       </RefusedFields>
     </Card>
@@ -150,5 +159,8 @@ function WallControls({ limits }: { limits: Limits }) {
 
 /** How stiff and how damped it may be. */
 function bounds({ k_wall_min, k_wall_max, c_wall_max }: Limits): string {
-  return `${rangeOf(k_wall_min, k_wall_max)} N/m, ${rangeOf(0, c_wall_max)} s/m`;
+  return fillText(TEXTS.wallHint, {
+    stiffness: rangeOf(k_wall_min, k_wall_max),
+    damping: rangeOf(0, c_wall_max),
+  });
 }

@@ -20,6 +20,7 @@ import type { State, Tuning } from "../../wire/types";
 import { STATE, TUNING } from "../refusals.fixture";
 import { RunningCard } from "./RunningCard";
 import { TuningChanges } from "./TuningCard";
+import { TEXTS } from "./texts";
 
 const NOTHING = { staging: false, values: {}, turn() {}, stage() {}, discard() {} };
 const TASK = {
@@ -67,7 +68,7 @@ beforeEach(() => {
 });
 afterEach(cleanup);
 
-const ENDS = ["Keep", "Revert now", "Abort softly", "Pause after this run"];
+const ENDS = [TEXTS.keep, TEXTS.revertNow, TEXTS.softAbort, TEXTS.pauseAfter];
 
 function offered(name: string): boolean {
   const button = screen.getByRole<HTMLButtonElement>("button", { name });

@@ -13,11 +13,13 @@ const fetched = vi.hoisted(() => {
 
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
+import { fillText } from "../../samples/texts";
 import { DEGREES } from "../../theme/signals";
 import type { State } from "../../wire/types";
 import { MapCard } from "./MapCard";
 import { planeOver, xOf, yOf } from "./operatingMap";
 import { ReferencesCard } from "./ReferencesCard";
+import { TEXTS } from "./texts";
 
 const LIMITS = {
   q_min: -80 / DEGREES,
@@ -96,7 +98,9 @@ it.each([
   await settled();
   expect(await commanded()).toEqual([]);
   expect(box().value).toBe(degrees.toFixed(1));
-  expect(screen.getByText(/80\.0° is not sent yet: Enter commands it/)).toBeTruthy();
+  expect(
+    screen.getByText(fillText(TEXTS.referenceNotSent, { value: "80.0°" }), { exact: false }),
+  ).toBeTruthy();
   fireEvent.keyDown(q_ref(), { key: "Enter" });
   await waitFor(async () => expect(await commanded()).toEqual([{ q_ref: degrees / DEGREES, S_ref: 10 }]));
   expect(screen.queryByText(/not sent yet/)).toBeNull();
@@ -123,7 +127,7 @@ it("still commands a step of the arrows at once", async () => {
 });
 
 function clickMap(degrees: number, S: number): void {
-  const map = screen.getByRole("img", { name: "Reachable map" });
+  const map = screen.getByRole("img", { name: TEXTS.map });
   const size = { left: 0, top: 0, width: 400, height: 300 };
   vi.spyOn(map, "getBoundingClientRect").mockReturnValue({ ...size } as DOMRect);
   const plane = planeOver(STATE.limits, size.width, size.height);
@@ -135,11 +139,11 @@ it("aims with a click on the map, and sends what it shows by a button", async ()
   clickMap(30, 9);
   await settled();
   expect(await commanded()).toEqual([]);
-  const shown = screen.getByRole("group", { name: "Target of the map" }).textContent ?? "";
+  const shown = screen.getByRole("group", { name: TEXTS.mapTarget }).textContent ?? "";
   const [degrees, S] = (shown.match(/-?\d+\.\d+/g) ?? []).map(Number) as [number, number];
   expect(Math.abs(degrees - 30)).toBeLessThan(0.6);
   expect(Math.abs(S - 9)).toBeLessThan(0.1);
-  fireEvent.click(screen.getByRole("button", { name: "Send target" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.sendTarget }));
   await waitFor(async () => expect(await commanded()).toEqual([{ q_ref: degrees / DEGREES, S_ref: S }]));
   expect(screen.queryByText(/not sent yet/)).toBeNull();
 });
@@ -147,7 +151,7 @@ it("aims with a click on the map, and sends what it shows by a button", async ()
 it("forgets a target that is left", async () => {
   open(<MapCard />);
   clickMap(-40, 12);
-  fireEvent.click(screen.getByRole("button", { name: "Leave target" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.discardTarget }));
   await settled();
   expect(await commanded()).toEqual([]);
   expect(screen.queryByText(/not sent yet/)).toBeNull();
@@ -155,7 +159,7 @@ it("forgets a target that is left", async () => {
 
 it.each([
   [true, "7 to 15 N·m/rad"],
-  [false, "7 to 15 N·m/rad; measured, no reference"],
+  [false, fillText(TEXTS.rangeAndRemark, { range: "7 to 15 N·m/rad", remark: TEXTS.measuredOnly })],
 ])("says what a number below the range is (reference in force: %s)", (in_force, hint) => {
   const references = { q_ref: 0, S_ref: in_force ? 10 : 3.73, in_force };
   open(<ReferencesCard />, { ...STATE, references });
@@ -163,7 +167,7 @@ it.each([
     in_force ? "10.00" : "3.73",
   );
   expect(screen.getByText(hint)).toBeTruthy();
-  expect(screen.queryAllByText(/measured, no reference/).length).toBe(in_force ? 0 : 2);
+  expect(screen.queryAllByText(TEXTS.measuredOnly, { exact: false }).length).toBe(in_force ? 0 : 2);
 });
 
 function enter(label: string, text: string): void {
@@ -202,7 +206,7 @@ it("sends in the card what the map ordered since, not what the card did before",
   enter(S_BOX, "12");
   await sent(1);
   clickMap(30, 9);
-  fireEvent.click(screen.getByRole("button", { name: "Send target" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.sendTarget }));
   await sent(2);
   enter(Q_BOX, "20");
   await sent(3);
@@ -251,8 +255,8 @@ it("forgets an order that was refused", async () => {
 });
 
 it.each([
-  ["off", "set in run and compliance"],
-  ["experiment", "set in run and compliance"],
+  ["off", TEXTS.referencesNeedMode],
+  ["experiment", TEXTS.referencesNeedMode],
   ["compliance", null],
 ] as const)("offers references in the modes that follow the operator's (%s)", (mode, why) => {
   open(<ReferencesCard />, { ...STATE, mode });
@@ -261,12 +265,12 @@ it.each([
   expect(screen.getByRole("slider", { name: "S_ref" }).getAttribute("aria-disabled")).toBe(
     String(why !== null),
   );
-  expect(screen.queryAllByText(/set in run and compliance/).length).toBe(why === null ? 0 : 2);
+  expect(screen.queryAllByText(TEXTS.referencesNeedMode, { exact: false }).length).toBe(why === null ? 0 : 2);
 });
 
 it("offers no reference while the joint gives way to a contact", () => {
   const felt = { F_ext_hat: 3, contact_N: 2, tick: 1 };
   open(<ReferencesCard />, { ...STATE, mode: "compliance", touch: { felt } } as unknown as State);
   expect(screen.getByLabelText<HTMLInputElement>("q_ref value [°]").disabled).toBe(true);
-  expect(screen.getAllByText(/gives way to a contact: choose a mode first/).length).toBe(2);
+  expect(screen.getAllByText(TEXTS.referencesInContact, { exact: false }).length).toBe(2);
 });

@@ -6,9 +6,12 @@ import { afterEach, expect, it, vi } from "vitest";
 // the REST client takes hold of fetch when it is made
 vi.hoisted(() => vi.stubGlobal("fetch", () => new Promise(() => {})));
 
+import { fillText } from "../../samples/texts";
 import type { RunComparison } from "../../wire/types";
+import { TEXTS as EXPERIMENT_TEXTS } from "../experiments/texts";
 import { ComparisonCard } from "./ComparisonCard";
 import { askedOf, USUAL } from "./runAddress";
+import { TEXTS } from "./texts";
 
 afterEach(cleanup);
 
@@ -83,7 +86,10 @@ function row(name: string): (string | null)[] {
 }
 
 function busy(): string | null | undefined {
-  return screen.getByRole("table", { name: "Comparison" }).closest("[aria-busy]")?.getAttribute("aria-busy");
+  return screen
+    .getByRole("table", { name: TEXTS.comparison })
+    .closest("[aria-busy]")
+    ?.getAttribute("aria-busy");
 }
 
 it("shows differences to the run that is named, and none while those are under way", () => {
@@ -103,7 +109,7 @@ it("shows the settings that differ as they are read, and which of them are not t
   expect(row("time each reference")).toEqual(["time each reference is held t_q", "1.5", "1.5", "–", "s"]);
   expect(row("range of the joint")).toEqual(["range of the joint q_max", "90", "180", "90", "°"]);
   expect(row("plant")).toEqual(["plant", "simulator", "rig", "simulator", "–"]);
-  const table = within(screen.getByRole("table", { name: "Settings that differ" }));
+  const table = within(screen.getByRole("table", { name: TEXTS.differentSettings }));
   const apart = table.getAllByText(/./, { selector: "strong" }).map(({ textContent }) => textContent);
   expect(apart).toEqual(["90", "90", "simulator", "simulator"]);
 });
@@ -112,14 +118,14 @@ it("leads to files of what is compared, by the same reference", () => {
   render(card(2));
   const link = (name: string) => screen.getByRole("link", { name }).getAttribute("href");
   const asked = "run=1&run=2&run=3&reference=2&by=begin&step=q_ref&event=trip&number=1&signal=q";
-  expect(link("Table (CSV)")).toBe(`./api/run-comparison/table.csv?${asked}`);
-  expect(link("Curves of q (CSV)")).toBe(`./api/run-comparison/curves.csv?${asked}`);
+  expect(link(TEXTS.tableFile)).toBe(`./api/run-comparison/table.csv?${asked}`);
+  expect(link(fillText(TEXTS.curvesFile, { signal: "q" }))).toBe(`./api/run-comparison/curves.csv?${asked}`);
 });
 
 it("says beside a figure why there is none, or why it is that of a part", () => {
   render(card(1));
   expect(row("Overshoot of q").slice(1)).toEqual([
-    `2.000at least this: ${REASON}`,
+    `2.000${fillText(EXPERIMENT_TEXTS.boundedReason, { bound: EXPERIMENT_TEXTS.atLeast, reason: REASON })}`,
     `not measured${REASON}`,
     "2.000",
     "%",

@@ -10,6 +10,7 @@ import { DebouncedNumberField } from "../../components/fields";
 import { Unit } from "../../components/values";
 import { dateTime, fixed, measured, significant } from "../../samples/format";
 import { type AngleUnit, localizeText, readingOf } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { useAngleUnit } from "../../service/api/preferences";
 import { type ComparisonAsked, comparisonFile, comparisonQuery, runsQuery } from "../../service/api/runs";
 import { figureEntry } from "../../service/glossary";
@@ -34,6 +35,7 @@ import {
   type StepSignal,
   textOf,
 } from "./runAddress";
+import { TEXTS } from "./texts";
 
 /** The metrics of several runs beside each other, with the differences to one of them. */
 
@@ -50,29 +52,29 @@ export function ComparisonCard({ asked, signal, told: data, error }: ComparisonC
   const { reference } = asked;
   const angles = useAngleUnit();
   return (
-    <Card title="Comparison" aside={<Files asked={asked} signal={signal} />}>
+    <Card title={TEXTS.comparison} aside={<Files asked={asked} signal={signal} />}>
       {data === undefined ? (
-        <p className={pageStyles.empty}>{error?.message ?? "Loading …"}</p>
+        <p className={pageStyles.empty}>{error?.message ?? TEXTS.loading}</p>
       ) : (
         <div className={runsStyles.answer} aria-busy={data.reference !== reference}>
-          <p className={pageStyles.dim}>Below each metric: the difference to run {reference}.</p>
+          <p className={pageStyles.dim}>{fillText(TEXTS.differenceBelow, { run: reference })}</p>
           <div className={pageStyles.tableScroll}>
-            <Table aria-label="Comparison" verticalSpacing={4}>
+            <Table aria-label={TEXTS.comparison} verticalSpacing={4}>
               <Table.Thead>
                 <Table.Tr>
-                  <Table.Th>Metric</Table.Th>
+                  <Table.Th>{TEXTS.metric}</Table.Th>
                   {data.runs.map((run) => (
                     <Table.Th
                       key={run.id}
                       className={pageStyles.number}
                       title={localizeText(run.verdict, angles)}
                     >
-                      <Link href={`/runs/${run.id}`}>Run {run.id}</Link>
+                      <Link href={`/runs/${run.id}`}>{fillText(TEXTS.run, { run: run.id })}</Link>
                       <div className={pageStyles.dim}>{run.title}</div>
                       <div className={pageStyles.dim}>{dateTime(run.started)}</div>
                     </Table.Th>
                   ))}
-                  <Table.Th>Unit</Table.Th>
+                  <Table.Th>{TEXTS.unit}</Table.Th>
                 </Table.Tr>
               </Table.Thead>
               <Table.Tbody>
@@ -98,7 +100,7 @@ export function ComparisonCard({ asked, signal, told: data, error }: ComparisonC
               </Table.Tbody>
             </Table>
           </div>
-          {data.metrics.length === 0 && <p className={pageStyles.empty}>None of these runs has a result.</p>}
+          {data.metrics.length === 0 && <p className={pageStyles.empty}>{TEXTS.noResults}</p>}
           <DifferingSettings told={data} />
         </div>
       )}
@@ -109,8 +111,8 @@ export function ComparisonCard({ asked, signal, told: data, error }: ComparisonC
 /** One report of all these runs, in their order, and the comparison as text. */
 function Files({ asked, signal }: { asked: ComparisonAsked; signal: string }) {
   const files = [
-    { label: "Table (CSV)", href: comparisonFile("table", asked, signal) },
-    { label: `Curves of ${signal} (CSV)`, href: comparisonFile("curves", asked, signal) },
+    { label: TEXTS.tableFile, href: comparisonFile("table", asked, signal) },
+    { label: fillText(TEXTS.curvesFile, { signal }), href: comparisonFile("curves", asked, signal) },
   ];
   return (
     <Group gap="xs">
@@ -161,15 +163,15 @@ function difference(value: number | null, percent: number | null, factor: number
 
 /** Which run the others are compared with, and what of each is brought to one moment. */
 
-const WORDS: Readonly<Record<AlignBy, string>> = {
-  begin: "the begin of each run",
-  step: "a step",
-  event: "an event of the log",
+const ALIGNMENTS: Readonly<Record<AlignBy, string>> = {
+  begin: TEXTS.alignBegin,
+  step: TEXTS.alignStep,
+  event: TEXTS.alignEvent,
 };
 const STEPS: Readonly<Record<StepSignal, string>> = {
-  q_ref: "of q_ref",
-  S_ref: "of S_ref",
-  F_push: "of the push F_push",
+  q_ref: TEXTS.stepInQ,
+  S_ref: TEXTS.stepInS,
+  F_push: TEXTS.stepInPush,
 };
 
 interface AlignmentBarProps {
@@ -182,22 +184,22 @@ export function AlignmentBar({ asked, onChange }: AlignmentBarProps) {
   return (
     <div className={pageStyles.actions}>
       <NativeSelect
-        aria-label="Reference"
+        aria-label={TEXTS.reference}
         value={String(reference)}
-        data={run.map((id) => ({ value: String(id), label: `reference: run ${id}` }))}
+        data={run.map((id) => ({ value: String(id), label: fillText(TEXTS.referenceRun, { run: id }) }))}
         onChange={({ currentTarget: { value } }) =>
           onChange({ reference: Number(value) === run[0] ? null : Number(value) })
         }
       />
       <NativeSelect
-        aria-label="Align by"
+        aria-label={TEXTS.alignment}
         value={by}
-        data={ALIGN_BY.map((value) => ({ value, label: `aligned by ${WORDS[value]}` }))}
+        data={ALIGN_BY.map((value) => ({ value, label: ALIGNMENTS[value] }))}
         onChange={({ currentTarget: { value } }) => onChange({ by: value as AlignBy, number: 1 })}
       />
       {by === "step" && (
         <NativeSelect
-          aria-label="Step of"
+          aria-label={TEXTS.stepSignal}
           value={step}
           data={STEP_SIGNALS.map((value) => ({ value, label: STEPS[value] }))}
           onChange={({ currentTarget: { value } }) => onChange({ step: value as StepSignal })}
@@ -205,7 +207,7 @@ export function AlignmentBar({ asked, onChange }: AlignmentBarProps) {
       )}
       {by === "event" && (
         <NativeSelect
-          aria-label="Kind of event"
+          aria-label={TEXTS.eventKind}
           value={event}
           data={EVENT_KINDS.map((value) => ({ value, label: NAMES[value] }))}
           onChange={({ currentTarget: { value } }) => onChange({ event: value as EventKind })}
@@ -213,11 +215,11 @@ export function AlignmentBar({ asked, onChange }: AlignmentBarProps) {
       )}
       {by !== "begin" && (
         <DebouncedNumberField
-          label={by === "step" ? "Number of the step" : "Number of the event"}
-          before="no."
+          label={by === "step" ? TEXTS.stepNumber : TEXTS.eventNumber}
+          before={TEXTS.numberShort}
           value={number}
           fits={(found) =>
-            Number.isInteger(found) && found >= 1 && found <= MOST_NUMBER ? "" : "is a whole number from 1 on"
+            Number.isInteger(found) && found >= 1 && found <= MOST_NUMBER ? "" : TEXTS.wholeNumber
           }
           onChange={(found) => onChange({ number: found ?? 1 })}
         />
@@ -249,12 +251,12 @@ export function CompareWith({ run, others, how = "" }: CompareWithProps) {
     <div className={pageStyles.actions}>
       {others.map((id) => (
         <span key={id}>
-          run {id}
+          {fillText(TEXTS.run, { run: id })}
           <ActionIcon
             size={18}
             variant="subtle"
             color="gray"
-            aria-label={`Leave out run ${id}`}
+            aria-label={fillText(TEXTS.removeRun, { run: id })}
             onClick={() =>
               go(
                 addressOf(
@@ -271,15 +273,15 @@ export function CompareWith({ run, others, how = "" }: CompareWithProps) {
         </span>
       ))}
       <NativeSelect
-        aria-label="Compare with"
+        aria-label={TEXTS.compareWith}
         value=""
         disabled={others.length >= MOST_COMPARED - 1}
         onChange={(event) => go(addressOf(run.id, [...others, Number(event.currentTarget.value)], null, how))}
         data={[
-          { value: "", label: others.length === 0 ? "Compare with …" : "and with …" },
+          { value: "", label: others.length === 0 ? TEXTS.chooseRun : TEXTS.addRun },
           ...sorted.map(({ id, title, started }) => ({
             value: String(id),
-            label: `run ${id}, ${title}, ${dateTime(started)}`,
+            label: fillText(TEXTS.runOption, { run: id, title, started: dateTime(started) }),
           })),
         ]}
       />
@@ -307,14 +309,14 @@ export function ComparedRuns({ run, others, compared }: ComparedRunsProps) {
     go(addressOf(run.id, others, null, textOf({ ...compared, ...to })), { replace: true });
   return (
     <>
-      <Card title="Curves" aside={<CompareWith run={run} others={others} how={textOf(compared)} />}>
+      <Card title={TEXTS.curves} aside={<CompareWith run={run} others={others} how={textOf(compared)} />}>
         <AlignmentBar asked={asked} onChange={change} />
         <p className={runsStyles.placed} aria-live="polite">
-          {told === undefined ? (error?.message ?? "Aligning …") : <Placing told={told} />}
+          {told === undefined ? (error?.message ?? TEXTS.aligning) : <Placing told={told} />}
         </p>
         <div className={pageStyles.charts}>
           {placed === undefined ? (
-            <p className={pageStyles.empty}>{error === null ? "Loading …" : "Nothing can be drawn."}</p>
+            <p className={pageStyles.empty}>{error === null ? TEXTS.loading : TEXTS.noCurves}</p>
           ) : (
             <RunCharts run={run.id} others={others} placed={placed} />
           )}
@@ -351,15 +353,13 @@ function Placing({ told }: { told: RunComparison }) {
   const shifted = told.runs.filter(({ id, offset_s }) => id !== told.reference && offset_s !== null);
   return (
     <>
-      Time of run {told.reference}
+      {fillText(TEXTS.timeBase, { run: told.reference })}
       {shifted.map(({ id, offset_s }) => (
-        <span key={id}>
-          {" · "}run {id} {offset_s === 0 ? "not shifted" : `shifted by ${signed(offset_s as number)} s`}
-        </span>
+        <span key={id}>{fillText(TEXTS.offset, { run: id, offset: signed(offset_s as number) })}</span>
       ))}
       {absent.map(({ id, not_aligned }) => (
         <strong key={id} role="alert" className={runsStyles.absent}>
-          {" · "}left out: {not_aligned}
+          {fillText(TEXTS.notAligned, { reason: not_aligned })}
         </strong>
       ))}
     </>
@@ -367,5 +367,6 @@ function Placing({ told }: { told: RunComparison }) {
 }
 
 function signed(value: number): string {
+  if (value === 0) return "0";
   return value > 0 ? `+${fixed(value, 3)}` : fixed(value, 3);
 }

@@ -11,6 +11,7 @@ import { DebouncedNumberField } from "../../components/fields";
 import { Absent, Unit, ValueOrReason } from "../../components/values";
 import { fixed, settingValue, significant } from "../../samples/format";
 import { type AngleUnit, formatWithUnit, labelWith, readingOf } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { useAngleUnit } from "../../service/api/preferences";
 import { type ComparisonAsked, curvesOf, differencesQuery } from "../../service/api/runs";
 import { readIn } from "../../theme/layouts";
@@ -20,11 +21,9 @@ import type { ComparedSetting, Differences, RunComparison, RunDifference } from 
 import pageStyles from "../Page.module.css";
 import runsStyles from "./Runs.module.css";
 import type { Compared } from "./runAddress";
+import { TEXTS } from "./texts";
 
 /** Where each run leaves the band around the reference, for how long, and how far it goes. */
-
-const NO_BAND = "no tolerance is given";
-const NEVER = "it stays within the band";
 
 interface DeviationTableProps {
   readonly found: Differences;
@@ -37,26 +36,26 @@ function DeviationTable({ found, band }: DeviationTableProps) {
   const { factor } = readingOf(found.unit, angles);
   return (
     <div className={pageStyles.tableScroll}>
-      <Table aria-label="Deviations" verticalSpacing={4}>
+      <Table aria-label={TEXTS.deviations} verticalSpacing={4}>
         <Table.Thead>
           <Table.Tr>
-            <Table.Th>Run</Table.Th>
-            <Table.Th className={pageStyles.number}>Leaves the band at [s]</Table.Th>
-            <Table.Th className={pageStyles.number}>Outside together [s]</Table.Th>
-            <Table.Th className={pageStyles.number}>Longest [s]</Table.Th>
-            <Table.Th className={pageStyles.number}>{labelWith("Largest", found.unit, angles)}</Table.Th>
-            <Table.Th className={pageStyles.number}>at [s]</Table.Th>
-            <Table.Th className={pageStyles.number}>Compared [s]</Table.Th>
+            <Table.Th>{TEXTS.runColumn}</Table.Th>
+            <Table.Th className={pageStyles.number}>{TEXTS.firstViolation}</Table.Th>
+            <Table.Th className={pageStyles.number}>{TEXTS.timeOutside}</Table.Th>
+            <Table.Th className={pageStyles.number}>{TEXTS.longestViolation}</Table.Th>
+            <Table.Th className={pageStyles.number}>{labelWith(TEXTS.largest, found.unit, angles)}</Table.Th>
+            <Table.Th className={pageStyles.number}>{TEXTS.largestAt}</Table.Th>
+            <Table.Th className={pageStyles.number}>{TEXTS.compared}</Table.Th>
           </Table.Tr>
         </Table.Thead>
         <Table.Tbody>
           {found.runs.map((one) => (
             <Table.Tr key={one.run}>
-              <Table.Td>Run {one.run}</Table.Td>
+              <Table.Td>{fillText(TEXTS.run, { run: one.run })}</Table.Td>
               {one.reason === "" ? (
                 <Figures one={one} banded={band !== null} factor={factor} />
               ) : (
-                <Table.Td colSpan={6}>not measured: {one.reason}</Table.Td>
+                <Table.Td colSpan={6}>{fillText(TEXTS.notMeasured, { reason: one.reason })}</Table.Td>
               )}
             </Table.Tr>
           ))}
@@ -73,10 +72,10 @@ interface FiguresProps {
 }
 
 function Figures({ one, banded, factor }: FiguresProps) {
-  const within = (figure: ReactNode) => (banded ? figure : <Absent why={NO_BAND} />);
+  const within = (figure: ReactNode) => (banded ? figure : <Absent why={TEXTS.noTolerance} />);
   const cells = [
     within(
-      <ValueOrReason value={one.left_at_s} why={NEVER}>
+      <ValueOrReason value={one.left_at_s} why={TEXTS.withinTolerance}>
         {(at_s) => fixed(at_s, 3)}
       </ValueOrReason>,
     ),
@@ -84,7 +83,12 @@ function Figures({ one, banded, factor }: FiguresProps) {
     within(fixed(one.longest_s, 3)),
     one.largest === null ? "" : significant(one.largest * factor, 4),
     one.largest_at_s === null ? "" : fixed(one.largest_at_s, 3),
-    `${fixed(one.compared_s, 3)}${one.missing_s > 0 ? ` of ${fixed(one.compared_s + one.missing_s, 3)}` : ""}`,
+    one.missing_s > 0
+      ? fillText(TEXTS.comparedOf, {
+          compared: fixed(one.compared_s, 3),
+          total: fixed(one.compared_s + one.missing_s, 3),
+        })
+      : fixed(one.compared_s, 3),
   ];
   return cells.map((cell, place) => (
     // biome-ignore lint/suspicious/noArrayIndexKey: columns have a place and nothing else to tell them by
@@ -102,25 +106,21 @@ const LONG = 40;
 export function DifferingSettings({ told: { settings, runs, reference } }: { told: RunComparison }) {
   const angles = useAngleUnit();
   if (settings.length === 0) {
-    return (
-      <p className={pageStyles.empty}>
-        All of these runs were set to the same, on the same plant and software.
-      </p>
-    );
+    return <p className={pageStyles.empty}>{TEXTS.sameSettings}</p>;
   }
   const place = runs.findIndex(({ id }) => id === reference);
   return (
     <div className={pageStyles.tableScroll}>
-      <Table aria-label="Settings that differ" verticalSpacing={4}>
+      <Table aria-label={TEXTS.differentSettings} verticalSpacing={4}>
         <Table.Thead>
           <Table.Tr>
-            <Table.Th>Setting or parameter that differs</Table.Th>
+            <Table.Th>{TEXTS.settingOrParameter}</Table.Th>
             {runs.map(({ id }) => (
               <Table.Th key={id} className={pageStyles.number}>
-                Run {id}
+                {fillText(TEXTS.run, { run: id })}
               </Table.Th>
             ))}
-            <Table.Th>Unit</Table.Th>
+            <Table.Th>{TEXTS.unit}</Table.Th>
           </Table.Tr>
         </Table.Thead>
         <Table.Tbody>
@@ -153,7 +153,7 @@ interface ValueProps {
 
 function Value({ setting: { values, unit }, index, alike, angles }: ValueProps) {
   const value = values[index] ?? null;
-  if (value === null) return <Absent why="not set" />;
+  if (value === null) return <Absent why={TEXTS.notSet} />;
   const text = settingValue(typeof value === "number" ? value * readingOf(unit, angles).factor : value);
   if (value === values[alike]) return <span className={pageStyles.dim}>{text}</span>;
   return text.length > LONG ? text : <strong>{text}</strong>;
@@ -189,7 +189,7 @@ export function differencePanel(
     .filter((_, n) => drawn[n] !== reference);
   const scale = scaleOf([signal]);
   return readIn(
-    { ...scale, narrowest: scale.narrowest / FINER, title: `Difference of ${signal}`, traces },
+    { ...scale, narrowest: scale.narrowest / FINER, title: fillText(TEXTS.differenceIn, { signal }), traces },
     angles,
   );
 }
@@ -200,7 +200,7 @@ export function bandLines({ traces, factor }: Panel, band: number | null): reado
   const line = (sign: 1 | -1): LimitLine => ({
     of: traces.map(({ name }) => name),
     value: sign * band * factor,
-    label: sign > 0 ? "+ band" : "− band",
+    label: sign > 0 ? TEXTS.bandAbove : TEXTS.bandBelow,
     alwaysInSight: true,
   });
   return [line(1), line(-1)];
@@ -226,30 +226,30 @@ export function DifferencesCard({ asked, drawn, signal, band, onChange }: Differ
   const { data, error } = useQuery(differencesQuery(asked, signal, band, POINTS));
   return (
     <Card
-      title={`Differences to run ${asked.reference}`}
+      title={fillText(TEXTS.differences, { run: asked.reference })}
       aside={
         <div className={pageStyles.actions}>
           <NativeSelect
-            aria-label="Signal"
+            aria-label={TEXTS.signal}
             value={signal}
             data={SIGNALS.map((name) => ({ value: name, label: name }))}
             onChange={({ currentTarget: { value } }) => onChange({ signal: value, band: null })}
           />
           <DebouncedNumberField
             key={signal}
-            label="Tolerance"
+            label={TEXTS.tolerance}
             before="±"
             unit={unitOf(signal)}
             value={band}
             optional
-            fits={(found) => (found >= 0 ? "" : "is not below 0")}
+            fits={(found) => (found >= 0 ? "" : TEXTS.notNegative)}
             onChange={(found) => onChange({ band: found })}
           />
         </div>
       }
     >
       {data === undefined ? (
-        <p className={pageStyles.empty}>{error?.message ?? "Comparing every sample …"}</p>
+        <p className={pageStyles.empty}>{error?.message ?? TEXTS.comparing}</p>
       ) : (
         <div className={runsStyles.deviations}>
           <DeviationTable found={data} band={band} />
@@ -259,8 +259,9 @@ export function DifferencesCard({ asked, drawn, signal, band, onChange }: Differ
             </div>
           )}
           <p className={pageStyles.dim}>
-            {signal} of each run minus that of run {asked.reference}, at the samples of run {asked.reference}
-            {band !== null && `; the band is ± ${formatWithUnit(band, unitOf(signal), angles)}`}.
+            {fillText(TEXTS.differenceNote, { signal, run: asked.reference })}
+            {band !== null &&
+              ` ${fillText(TEXTS.toleranceNote, { tolerance: formatWithUnit(band, unitOf(signal), angles) })}`}
           </p>
         </div>
       )}
@@ -310,7 +311,9 @@ function DifferenceCharts({ asked, drawn, signal, band, found }: DifferenceChart
   const marks = useMemo(
     () =>
       found.runs.flatMap(({ run, left_at_s }): PlacedMark[] =>
-        left_at_s === null ? [] : [{ time_s: left_at_s, text: `run ${run} leaves`, fault: false }],
+        left_at_s === null
+          ? []
+          : [{ time_s: left_at_s, text: fillText(TEXTS.violation, { run }), fault: false }],
       ),
     [found],
   );
@@ -324,9 +327,9 @@ function DifferenceCharts({ asked, drawn, signal, band, found }: DifferenceChart
       limits={useMemo(() => bandLines(panel, band), [panel, band])}
       marks={marks}
       stale={false}
-      origin={{ of: `difference of ${signal} to run ${asked.reference}`, plant: "", bank: "" }}
+      origin={{ of: fillText(TEXTS.differenceFrom, { signal, run: asked.reference }), plant: "", bank: "" }}
       name={`sinew-difference-to-run-${asked.reference}`}
-      remark={found.raw ? "every sample" : "smallest and largest difference"}
+      remark={found.raw ? TEXTS.allSamples : TEXTS.minMaxDifference}
     />
   );
 }

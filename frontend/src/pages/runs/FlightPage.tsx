@@ -11,6 +11,7 @@ import { plantWord } from "../../components/Header";
 import { LocalizedText } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed, instant } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import { useAngleUnit } from "../../service/api/preferences";
 import { flightSamplesQuery, flightsQuery, showFlightMoment } from "../../service/api/recordings";
 import { runQuery } from "../../service/api/runs";
@@ -21,6 +22,7 @@ import { limitLines } from "../operate/LiveCharts";
 import page from "../Page.module.css";
 import { PlayedBack } from "./Replay";
 import replay from "./Replay.module.css";
+import { TEXTS } from "./texts";
 
 const PERIOD_S = 0.001;
 
@@ -29,51 +31,52 @@ export default function FlightPage() {
   const flights = useQuery(flightsQuery);
   const samples = useQuery(flightSamplesQuery(id));
   const flight = flights.data?.find((one) => one.id === id);
-  const missing = flights.data === undefined ? undefined : `there is no flight record ${id}`;
+  const missing = flights.data === undefined ? undefined : fillText(TEXTS.noFlightRecord, { flight: id });
   return (
     <div className={page.page}>
       <h1 className={page.title}>
-        <Link href="/log">Log</Link> / Flight record {id}
+        <Link href="/log">{TEXTS.log}</Link> / {fillText(TEXTS.flightRecord, { flight: id })}
       </h1>
       {flight === undefined ? (
-        <p className={page.empty}>{samples.error?.message ?? missing ?? "Loading …"}</p>
+        <p className={page.empty}>{samples.error?.message ?? missing ?? TEXTS.loading}</p>
       ) : (
-        <Card title={flight.kind === "trip" ? "Trip" : "Trigger"}>
+        <Card title={flight.kind === "trip" ? TEXTS.trip : TEXTS.trigger}>
           <dl className={page.facts}>
-            <dt>When</dt>
-            <dd>
-              {instant(flight.at)}, tick {flight.tick}
-            </dd>
-            <dt>What happened</dt>
+            <dt>{TEXTS.time}</dt>
+            <dd>{fillText(TEXTS.timeAndTick, { time: instant(flight.at), tick: flight.tick })}</dd>
+            <dt>{TEXTS.event}</dt>
             <dd>
               <LocalizedText text={flight.text} />
             </dd>
             {flight.who !== "" && (
               <>
-                <dt>Who</dt>
+                <dt>{TEXTS.person}</dt>
                 <dd>{flight.who}</dd>
               </>
             )}
-            <dt>Kept</dt>
+            <dt>{TEXTS.range}</dt>
             <dd>
-              {fixed(flight.before_s, 3)} s before to {fixed(flight.after_s, 3)} s after, every sample
+              {fillText(TEXTS.rangeAround, {
+                before: fixed(flight.before_s, 3),
+                after: fixed(flight.after_s, 3),
+              })}
             </dd>
-            <dt>Run</dt>
+            <dt>{TEXTS.runColumn}</dt>
             <dd>
               {flight.run === null ? (
-                "none was recorded"
+                TEXTS.noRun
               ) : (
-                <Link href={`/runs/${flight.run}`}>Run {flight.run}</Link>
+                <Link href={`/runs/${flight.run}`}>{fillText(TEXTS.run, { run: flight.run })}</Link>
               )}
             </dd>
           </dl>
         </Card>
       )}
       {flight !== undefined && (
-        <Card title="Curves">
+        <Card title={TEXTS.curves}>
           <div className={page.charts}>
             {samples.data === undefined ? (
-              <p className={page.empty}>{samples.error?.message ?? "Loading …"}</p>
+              <p className={page.empty}>{samples.error?.message ?? TEXTS.loading}</p>
             ) : (
               <FlightCharts key={id} flight={flight} samples={samples.data} />
             )}
@@ -111,16 +114,16 @@ function FlightCharts({ flight, samples }: { flight: Flight; samples: Columns })
         stale={false}
         playhead={playhead}
         origin={{
-          of: `flight record ${id}`,
-          plant: recorded === undefined ? "plant not known" : plantWord(recorded.plant),
+          of: fillText(TEXTS.replayOfFlight, { flight: id }),
+          plant: recorded === undefined ? TEXTS.plantUnknown : plantWord(recorded.plant),
           bank: "",
         }}
         name={`sinew-flight-${id}`}
-        remark={`every sample; time counts from the ${kind}`}
+        remark={kind === "trip" ? TEXTS.timeFromTrip : TEXTS.timeFromTrigger}
       />
       <PlayedBack
         playhead={playhead}
-        of={`flight record ${id}`}
+        of={fillText(TEXTS.replayOfFlight, { flight: id })}
         read={read}
         show={show}
         begin_s={begin_s}

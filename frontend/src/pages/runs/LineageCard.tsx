@@ -7,12 +7,14 @@ import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { Verdict } from "../../components/RunState";
 import { localizeText } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { parametersQuery } from "../../service/api/identifications";
 import { useAngleUnit } from "../../service/api/preferences";
 import { lineageQuery } from "../../service/api/runs";
 import type { Lineage, LineageNode, Parameters } from "../../wire/types";
 import pageStyles from "../Page.module.css";
 import runsStyles from "./Runs.module.css";
+import { TEXTS } from "./texts";
 
 /** From the parameters of a run to the identifications that were applied to them. Pure. */
 
@@ -119,7 +121,7 @@ function LineagePicture({ nodes, self }: { nodes: readonly LineageNode[]; self: 
           height={height}
           viewBox={`${-MARGIN} ${-MARGIN} ${width} ${height}`}
           role="group"
-          aria-label="Lineage as a picture"
+          aria-label={TEXTS.lineageDiagram}
         >
           {picture.edges.map(({ key, from, to }) => (
             <Arrow key={key} from={from} to={to} />
@@ -172,11 +174,11 @@ function Box({ placed: { node, x, y }, self }: { placed: Placed; self: boolean }
         {cut(detail)}
       </text>
       <text className={`${runsStyles.detail} ${runsStyles.hash}`} x={10} y={52}>
-        {node.sha256 === null ? "no digest" : node.sha256.slice(0, SHORT)}
+        {node.sha256 === null ? TEXTS.noDigest : node.sha256.slice(0, SHORT)}
       </text>
       {outdated !== "" && (
         <text className={runsStyles.outdated} x={10} y={68}>
-          ⚠ out of date
+          ⚠ {TEXTS.outOfDate}
         </text>
       )}
     </>
@@ -189,7 +191,7 @@ function Box({ placed: { node, x, y }, self }: { placed: Placed; self: boolean }
         <Link
           href={address}
           className={runsStyles.link}
-          aria-label={`${node.title}${outdated && ", out of date"}`}
+          aria-label={outdated === "" ? node.title : fillText(TEXTS.outOfDateLink, { title: node.title })}
         >
           {inside}
         </Link>
@@ -212,12 +214,12 @@ export function addressOfNode({ bank, identification, run }: LineageNode): strin
 function Digests({ nodes }: { nodes: readonly LineageNode[] }) {
   const angles = useAngleUnit();
   return (
-    <Table aria-label="Digests" verticalSpacing={2}>
+    <Table aria-label={TEXTS.digests} verticalSpacing={2}>
       <Table.Thead>
         <Table.Tr>
-          <Table.Th>What</Table.Th>
-          <Table.Th>sha256</Table.Th>
-          <Table.Th>Out of date</Table.Th>
+          <Table.Th>{TEXTS.item}</Table.Th>
+          <Table.Th>{TEXTS.sha256}</Table.Th>
+          <Table.Th>{TEXTS.outOfDate}</Table.Th>
         </Table.Tr>
       </Table.Thead>
       <Table.Tbody>
@@ -231,7 +233,9 @@ function Digests({ nodes }: { nodes: readonly LineageNode[] }) {
                 <Digest title={node.title} sha256={node.sha256} />
               )}
             </Table.Td>
-            <Table.Td>{node.out_of_date === "" ? "no" : localizeText(node.out_of_date, angles)}</Table.Td>
+            <Table.Td>
+              {node.out_of_date === "" ? TEXTS.upToDate : localizeText(node.out_of_date, angles)}
+            </Table.Td>
           </Table.Tr>
         ))}
       </Table.Tbody>
@@ -248,7 +252,7 @@ function Digest({ title, sha256 }: { title: string; sha256: string }) {
         size={18}
         variant="subtle"
         color="gray"
-        aria-label={`Copy the digest of ${title}`}
+        aria-label={fillText(TEXTS.copyDigest, { title })}
         onClick={() => copy(sha256)}
       >
         {copied ? <TbCheck size={12} /> : <TbCopy size={12} />}
@@ -262,9 +266,9 @@ function Digest({ title, sha256 }: { title: string; sha256: string }) {
 export function LineageCard({ run }: { run: number }) {
   const { data, error } = useQuery(lineageQuery(run));
   return (
-    <Card title="Lineage">
+    <Card title={TEXTS.lineage}>
       {data === undefined ? (
-        <p className={pageStyles.empty}>{error?.message ?? "Loading …"}</p>
+        <p className={pageStyles.empty}>{error?.message ?? TEXTS.loading}</p>
       ) : (
         <>
           <LineagePicture nodes={data.nodes} self={`run-${run}`} />
@@ -279,46 +283,48 @@ function Origins({ lineage }: { lineage: Lineage }) {
   const { parameters, parameters_as_now, software, bank, entries, banks_built, runs_with_them } = lineage;
   return (
     <dl className={pageStyles.facts}>
-      <dt>Software</dt>
-      <dd>Sinew {software}</dd>
-      <dt>Parameters</dt>
+      <dt>{TEXTS.software}</dt>
+      <dd>{fillText(TEXTS.sinew, { version: software })}</dd>
+      <dt>{TEXTS.parameters}</dt>
       <dd>
         <Verdict good={parameters_as_now}>
-          {parameters_as_now ? `${parameters}, as now` : `${parameters}, changed since`}
+          {fillText(parameters_as_now ? TEXTS.unchanged : TEXTS.changedSince, { parameters })}
         </Verdict>
         <AppliedFrom lineage={lineage} />
       </dd>
-      <dt>Gains</dt>
+      <dt>{TEXTS.gains}</dt>
       <dd>
         {bank === null ? (
-          "from geometry"
+          TEXTS.geometricGains
         ) : (
           <Link href={`/banks/${bank.id}`}>
-            {bank.name} v{bank.version}
+            {fillText(TEXTS.bank, { bank: bank.name, version: bank.version })}
           </Link>
         )}
       </dd>
       {entries.map((entry) => (
         <Fragment key={entry.S_nominal}>
-          <dt>Entry {entry.name}</dt>
+          <dt>{fillText(TEXTS.operatingPoint, { point: entry.name })}</dt>
           <dd>
-            {entry.run === null ? "not from a run" : <RunLink run={entry.run}>identified in run</RunLink>}
+            {entry.run === null ? TEXTS.notFromRun : <RunLink run={entry.run} text={TEXTS.identifiedIn} />}
           </dd>
         </Fragment>
       ))}
       {banks_built.length > 0 && (
         <>
-          <dt>Banks built from it</dt>
+          <dt>{TEXTS.banksBuilt}</dt>
           <dd className={pageStyles.actions}>
             {banks_built.map((one) => (
               <Link key={one.id} href={`/banks/${one.id}`}>
-                {one.name} v{one.version}
+                {fillText(TEXTS.bank, { bank: one.name, version: one.version })}
               </Link>
             ))}
           </dd>
-          <dt>Runs with these</dt>
+          <dt>{TEXTS.runsWithBanks}</dt>
           <dd className={pageStyles.actions}>
-            {runs_with_them.length === 0 ? "none" : runs_with_them.map((id) => <RunLink key={id} run={id} />)}
+            {runs_with_them.length === 0
+              ? TEXTS.none
+              : runs_with_them.map((id) => <RunLink key={id} run={id} />)}
           </dd>
         </>
       )}
@@ -333,21 +339,22 @@ function AppliedFrom({ lineage }: { lineage: Lineage }) {
   if (runs.length === 0) return null;
   return (
     <span className={pageStyles.dim}>
-      {" with values of "}
+      {TEXTS.appliedFrom}
       {runs.map((id, index) => (
         <Fragment key={id}>
           {index > 0 && ", "}
-          <RunLink run={id}>run</RunLink>
+          <RunLink run={id} text={TEXTS.runInSentence} />
         </Fragment>
       ))}
     </span>
   );
 }
 
-function RunLink({ run, children = "Run" }: { run: number; children?: string }) {
-  return (
-    <Link href={`/runs/${run}`}>
-      {children} {run}
-    </Link>
-  );
+interface RunLinkProps {
+  readonly run: number;
+  readonly text?: typeof TEXTS.run | typeof TEXTS.runInSentence | typeof TEXTS.identifiedIn;
+}
+
+function RunLink({ run, text = TEXTS.run }: RunLinkProps) {
+  return <Link href={`/runs/${run}`}>{fillText(text, { run })}</Link>;
 }

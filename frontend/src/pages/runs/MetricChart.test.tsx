@@ -8,6 +8,7 @@ import { dateTime } from "../../samples/format";
 import { metricHistoryQuery, searchWordsQuery } from "../../service/api/runs";
 import type { MetricHistory } from "../../wire/types";
 import { MetricChart, scatter, steps } from "./MetricChart";
+import { TEXTS } from "./texts";
 
 // the REST client takes hold of fetch when it is made
 vi.hoisted(() => vi.stubGlobal("fetch", () => new Promise(() => {})));
@@ -51,10 +52,10 @@ it("shows no chart of another kind than the one chosen, and no number of two lin
     .getAllByRole("link", { name: /^Run / })
     .map((link) => link.getAttribute("aria-label"));
   expect(new Set(points.map((point) => point?.split(": ")[1])).size).toBe(2);
-  fireEvent.change(screen.getByRole("combobox", { name: "Kind" }), { target: { value: "compliance" } });
+  fireEvent.change(screen.getByRole("combobox", { name: TEXTS.kind }), { target: { value: "compliance" } });
   expect(screen.queryByRole("figure")).toBeNull();
-  expect(screen.getByText("Loading …")).toBeTruthy();
-  expect(screen.getByRole<HTMLSelectElement>("combobox", { name: "Metric" }).disabled).toBe(true);
+  expect(screen.getByText(TEXTS.loading)).toBeTruthy();
+  expect(screen.getByRole<HTMLSelectElement>("combobox", { name: TEXTS.metric }).disabled).toBe(true);
   client.setQueryData(told("compliance"), history("compliance", "Sensor delay"));
   expect(await screen.findByRole("figure", { name: "Sensor delay" })).toBeTruthy();
   expect(complained).not.toHaveBeenCalled();

@@ -8,11 +8,13 @@ import { tickLabels } from "../../charts/axes";
 import { Card } from "../../components/Card";
 import { dateTime, spacedName } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
+import { countThings, fillText } from "../../samples/texts";
 import { useAngleUnit } from "../../service/api/preferences";
 import { metricHistoryQuery, searchWordsQuery } from "../../service/api/runs";
 import type { MetricHistory } from "../../wire/types";
 import page from "../Page.module.css";
 import styles from "./Runs.module.css";
+import { TEXTS } from "./texts";
 
 /** Points over dates, laid out in pixels, with their axes. Pure. */
 
@@ -131,23 +133,23 @@ export function MetricChart() {
   return (
     <div className={page.page}>
       <h1 className={page.title}>
-        <Link href="/runs">Runs</Link> / Metrics over time
+        <Link href="/runs">{TEXTS.runs}</Link> / {TEXTS.metricsOverTime}
       </h1>
       <Card
-        title="Metrics over time"
+        title={TEXTS.metricsOverTime}
         aside={
           <div className={page.actions}>
             <TextInput
               type="search"
-              aria-label="Search runs"
-              placeholder="of runs that fit a search"
+              aria-label={TEXTS.searchRuns}
+              placeholder={TEXTS.searchHintOfMetrics}
               leftSection={<TbSearch size={14} />}
               value={typed}
               w={220}
               onChange={(event) => setTyped(event.currentTarget.value)}
             />
             <NativeSelect
-              aria-label="Kind"
+              aria-label={TEXTS.kind}
               value={kind}
               data={kinds.map((value) => ({ value, label: spacedName(value) }))}
               onChange={(event) => {
@@ -156,7 +158,7 @@ export function MetricChart() {
               }}
             />
             <NativeSelect
-              aria-label="Metric"
+              aria-label={TEXTS.metric}
               value={data?.metric?.name ?? ""}
               disabled={data === undefined || data.metrics.length === 0}
               data={(data?.metrics ?? []).map(({ name, label }) => ({ value: name, label }))}
@@ -164,11 +166,11 @@ export function MetricChart() {
             />
             {(words.data?.stations.length ?? 0) > 1 && (
               <NativeSelect
-                aria-label="Station"
+                aria-label={TEXTS.station}
                 value={everywhere ? "all" : ""}
                 data={[
-                  { value: "", label: "this station" },
-                  { value: "all", label: "all stations" },
+                  { value: "", label: TEXTS.thisStation },
+                  { value: "all", label: TEXTS.allStations },
                 ]}
                 onChange={(event) => setEverywhere(event.currentTarget.value === "all")}
               />
@@ -177,7 +179,7 @@ export function MetricChart() {
         }
       >
         {data === undefined || asked.error ? (
-          <p className={page.empty}>{asked.error?.message ?? "Loading …"}</p>
+          <p className={page.empty}>{asked.error?.message ?? TEXTS.loading}</p>
         ) : (
           <div className={styles.answer} aria-busy={asked.isPlaceholderData}>
             <Chart history={data} />
@@ -206,27 +208,41 @@ function Chart({ history }: { history: MetricHistory }) {
     [history, reading.factor, width],
   );
   const dense = history.points.length > DENSE;
-  if (history.metric === null) return <p className={page.empty}>No run of this kind has a result yet.</p>;
+  if (history.metric === null) return <p className={page.empty}>{TEXTS.noResultOfKind}</p>;
   const unit = reading.unit === "1" ? "" : ` [${reading.unit}]`;
   return (
     <figure className={styles.chart} aria-label={history.metric.label} ref={ref}>
       <figcaption className={page.dim}>
-        {history.metric.label}
-        {unit} of {history.points.length} runs
-        {history.without > 0 && `; ${history.without} more have no value of it`}
-        {history.left_out > 0 && `; ${history.left_out} older ones are left out`}
+        {fillText(TEXTS.pointsShown, {
+          metric: `${history.metric.label}${unit}`,
+          runs: countThings(history.points.length, "run"),
+        })}
+        {history.without > 0 && fillText(TEXTS.withoutValue, { runs: countThings(history.without, "run") })}
+        {history.left_out > 0 &&
+          fillText(TEXTS.olderOmitted, { runs: countThings(history.left_out, TEXTS.olderRun) })}
       </figcaption>
       {/* biome-ignore lint/a11y/useSemanticElements: a fieldset is no part of a drawing */}
-      <svg viewBox={`0 0 ${Math.max(width, 1)} ${HEIGHT}`} height={HEIGHT} role="group" aria-label="Points">
+      <svg
+        viewBox={`0 0 ${Math.max(width, 1)} ${HEIGHT}`}
+        height={HEIGHT}
+        role="group"
+        aria-label={TEXTS.points}
+      >
         <Axes drawn={drawn} width={width} />
         <path className={styles.line} data-dense={dense} d={drawn.line} />
         {drawn.points.map(({ x, y, run, at, label }) => (
           <Link
             key={run}
             href={`/runs/${run}`}
-            aria-label={`Run ${run}: ${label}${unit && ` ${reading.unit}`}`}
+            aria-label={fillText(TEXTS.pointLabel, { run, value: `${label}${unit && ` ${reading.unit}`}` })}
           >
-            <title>{`Run ${run}, ${dateTime(new Date(at).toISOString())}: ${label}${unit}`}</title>
+            <title>
+              {fillText(TEXTS.pointTitle, {
+                run,
+                time: dateTime(new Date(at).toISOString()),
+                value: `${label}${unit}`,
+              })}
+            </title>
             <circle className={styles.point} cx={x} cy={y} r={dense ? 2 : 4} />
           </Link>
         ))}

@@ -8,10 +8,12 @@ import { type PlotSource, RecordedSource } from "../../charts/sources";
 import { type Playhead, usePlayhead } from "../../charts/viewport";
 import { CameraChoice, SceneFrame, sceneAddress } from "../../components/SceneFrame";
 import { clockTime } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import { useSceneView } from "../../service/api/preferences";
 import { recordingQuery, showRunMoment } from "../../service/api/recordings";
 import { ActuatorDrawing } from "../operate/ActuatorDrawing";
 import styles from "./Replay.module.css";
+import { TEXTS } from "./texts";
 
 /** Single samples around the playhead: a bucket of the curves in sight may be seconds long and has no one moment. */
 
@@ -64,7 +66,7 @@ export function Replay({ playhead, run, source, duration_s }: ReplayProps) {
   return (
     <PlayedBack
       playhead={playhead}
-      of={`run ${run}`}
+      of={fillText(TEXTS.replayOfRun, { run })}
       read={moment}
       show={show}
       begin_s={0}
@@ -110,29 +112,34 @@ export function PlayedBack({ playhead, of, read: readAt, show, begin_s, end_s }:
   }
 
   return (
-    <section className={styles.replay} aria-label="Replay">
+    <section className={styles.replay} aria-label={TEXTS.replay}>
       <p className={styles.origin}>
-        <strong className={styles.badge}>REPLAY</strong>
-        {of}, not live
+        <strong className={styles.badge}>{TEXTS.replayBadge}</strong>
+        {fillText(TEXTS.notLive, { recording: of })}
       </p>
       {solid ? (
-        <SceneFrame address={sceneAddress("./replay/", camera)} title="3D view of the replay" />
+        <SceneFrame address={sceneAddress("./replay/", camera)} title={TEXTS.replayIn3D} />
       ) : (
         <ActuatorDrawing read={read} />
       )}
       <div className={styles.controls}>
         <Button size="compact-xs" variant="default" disabled={!known} onClick={toggleView}>
-          {solid ? "Show flat" : "Show in 3D"}
+          {solid ? TEXTS.showFlat : TEXTS.showIn3D}
         </Button>
         {solid && <CameraChoice camera={camera} onChange={look} />}
       </div>
       <div className={styles.controls}>
-        <ActionIcon variant="default" size={30} aria-label={playing ? "Pause" : "Play"} onClick={toggle}>
+        <ActionIcon
+          variant="default"
+          size={30}
+          aria-label={playing ? TEXTS.pause : TEXTS.play}
+          onClick={toggle}
+        >
           {playing ? <TbPlayerPauseFilled size={14} /> : <TbPlayerPlayFilled size={14} />}
         </ActionIcon>
-        <output aria-label="Replay time">{clockTime(at_s, 0.01)}</output>
+        <output aria-label={TEXTS.replayTime}>{clockTime(at_s, 0.01)}</output>
         <NativeSelect
-          aria-label="Speed of replay"
+          aria-label={TEXTS.replaySpeed}
           value={String(speed)}
           onChange={(event) => setSpeed(Number(event.currentTarget.value))}
           data={SPEEDS.map((value) => ({ value: String(value), label: `× ${value}` }))}
@@ -140,7 +147,7 @@ export function PlayedBack({ playhead, of, read: readAt, show, begin_s, end_s }:
       </div>
       <Slider
         size="sm"
-        thumbLabel="Replay position"
+        thumbLabel={TEXTS.replayPosition}
         label={null}
         min={begin_s}
         max={end_s}

@@ -1,7 +1,9 @@
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { act, renderHook, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { fillText } from "../../samples/texts";
 import { LONG_S, together, useExcerpts } from "./RunCharts";
+import { TEXTS } from "./texts";
 
 const SIGNALS = ["q", "q - q_ref", "S"];
 
@@ -55,7 +57,7 @@ it("shows what is summarised of a long one before what follows from every sample
   await waitFor(() => expect([...asked.keys()].sort()).toEqual(["q - q_ref", "q,S"]));
   await act(async () => asked.get("q,S")?.(curves(2)));
   await waitFor(() => expect(Object.keys(result.current.there[0]?.signals ?? {})).toEqual(["q", "S"]));
-  expect(result.current.lacking).toBe("q − q_ref: being computed from every sample");
+  expect(result.current.lacking).toBe(fillText(TEXTS.computing, { signals: "q − q_ref" }));
   await act(async () => asked.get("q - q_ref")?.(curves(1)));
   await waitFor(() => expect(result.current.lacking).toBe(""));
   const { signals } = result.current.there[0] as NonNullable<(typeof result.current.there)[0]>;
@@ -69,7 +71,11 @@ it("says why what follows from every sample could not be had", async () => {
   await waitFor(() => expect(asked.size).toBe(2));
   const died = { code: "unavailable", message: "the process that computes this died over it twice" };
   await act(async () => asked.get("q - q_ref")?.(Response.json({ error: died }, { status: 503 })));
-  await waitFor(() => expect(result.current.lacking).toContain("q − q_ref not computed: "));
+  await waitFor(() =>
+    expect(result.current.lacking).toContain(
+      fillText(TEXTS.notComputed, { signals: "q − q_ref", reason: "" }),
+    ),
+  );
   expect(result.current.lacking).toContain(died.message);
 });
 

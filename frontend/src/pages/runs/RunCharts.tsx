@@ -19,6 +19,7 @@ import { plantWord } from "../../components/Header";
 import { useLive } from "../../live/react";
 import { significant } from "../../samples/format";
 import { type AngleUnit, localizeText } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import type { TimeRange } from "../../samples/timeSeries";
 import { banksQuery } from "../../service/api/banks";
 import { useAngleUnit } from "../../service/api/preferences";
@@ -34,6 +35,7 @@ import { limitLines } from "../operate/LiveCharts";
 import page from "../Page.module.css";
 import { Replay } from "./Replay";
 import replay from "./Replay.module.css";
+import { TEXTS } from "./texts";
 
 /** Stretches of recordings, in two parts where they are long: what is summarised comes at once, what follows from every sample later. */
 
@@ -91,8 +93,8 @@ export function together(a: Excerpt | undefined, b: Excerpt | undefined): Excerp
 
 function lackingOf(sums: readonly string[], error: Error | null, missing: number): string {
   const names = sums.map((name) => name.replace(" - ", " − ")).join(", ");
-  if (error !== null) return `${names} not computed: ${error.message}`;
-  return missing > 0 ? `${names}: being computed from every sample` : "";
+  if (error !== null) return fillText(TEXTS.notComputed, { signals: names, reason: error.message });
+  return missing > 0 ? fillText(TEXTS.computing, { signals: names }) : "";
 }
 
 /** The same array as long as its elements are. */
@@ -195,8 +197,8 @@ function useSteady({ from_s, to_s }: TimeRange): TimeRange {
 }
 
 function resolution(shown: Excerpt | undefined): string {
-  if (shown === undefined) return "loading";
-  return shown.raw ? "every sample" : `smallest and largest per ${significant(shown.width_s, 3)} s`;
+  if (shown === undefined) return TEXTS.loading;
+  return shown.raw ? TEXTS.allSamples : fillText(TEXTS.minMax, { width: significant(shown.width_s, 3) });
 }
 
 /** A third more on either side, so that a small pan needs no new data. */
@@ -239,16 +241,16 @@ export function RunCharts({ run, at_s = null, others = NO_OTHERS, placed }: RunC
   const error = asked.find((one) => one.error)?.error;
   if (error) return <p className={page.empty}>{error.message}</p>;
   const found = asked.map(({ data }) => data).filter((data) => data !== undefined);
-  if (found.length < asked.length) return <p className={page.empty}>Loading …</p>;
+  if (found.length < asked.length) return <p className={page.empty}>{TEXTS.loading}</p>;
   const silent = found.filter(({ samples }) => samples === 0).map(({ id }) => id);
   if (silent.includes(run) && placed === undefined) {
-    return <p className={page.empty}>This run has no samples.</p>;
+    return <p className={page.empty}>{TEXTS.noSamples}</p>;
   }
   const drawn = found
     .filter(({ id, samples }) => samples > 0 && (placed === undefined || placed.offsets.has(id)))
     .map(({ id, duration_s }) => ({ id, duration_s, offset_s: placed?.offsets.get(id) ?? 0 }));
   const key = drawn.map(({ id, duration_s, offset_s }) => `${id}:${duration_s}:${offset_s}`).join(" ");
-  if (drawn.length === 0) return <p className={page.empty}>None of these runs can be drawn.</p>;
+  if (drawn.length === 0) return <p className={page.empty}>{TEXTS.noneDrawn}</p>;
   return placed === undefined && drawn.length === 1 ? (
     <OneRun
       key={`${key} ${at_s}`}
@@ -376,17 +378,17 @@ function RecordedCharts(props: RecordedChartsProps) {
       {...(playhead === undefined ? {} : { playhead })}
       {...(playhead !== undefined && began !== undefined ? { epoch_s: began } : {})}
       origin={{
-        of: runs.map(({ id }, n) => `run ${id}${markOf(n)}`).join(", "),
-        plant: found === undefined ? "plant not known" : plantWord(found.plant),
+        of: runs.map(({ id }, n) => `${fillText(TEXTS.runOfChart, { run: id })}${markOf(n)}`).join(", "),
+        plant: found === undefined ? TEXTS.plantUnknown : plantWord(found.plant),
         bank: describeBank(found?.settings.find((one) => one.name === "bank")?.value, banks),
       }}
       name={`sinew-run-${run}`}
       remark={
         <>
-          {further === 1 && `dotted: run ${runs[1]?.id} · `}
+          {further === 1 && fillText(TEXTS.dotted, { run: (runs[1] as Recorded).id })}
           {further > 1 && runs.map(({ id }, n) => <Key key={id} n={n} of={runs.length} run={id} />)}
-          {silent.length > 0 && `without samples: run ${silent.join(", ")} · `}
-          <output aria-label="Resolution">{resolution}</output>
+          {silent.length > 0 && fillText(TEXTS.runsWithoutSamples, { runs: silent.join(", ") })}
+          <output aria-label={TEXTS.resolution}>{resolution}</output>
         </>
       }
     />
@@ -407,7 +409,7 @@ function Key({ n, of, run }: { n: number; of: number; run: number }) {
   return (
     <>
       <TraceLine trace={traceOf(MEASURED, n, of)} />
-      {` ${markOf(n)} run ${run} · `}
+      {` ${markOf(n)} ${fillText(TEXTS.runOfChart, { run })} · `}
     </>
   );
 }

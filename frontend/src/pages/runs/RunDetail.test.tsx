@@ -5,10 +5,12 @@ import { cleanup, render, screen, within } from "@testing-library/react";
 import { expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
+import { fillText } from "../../samples/texts";
 import { experimentQuery } from "../../service/api/experiments";
 import { lineageQuery, runQuery } from "../../service/api/runs";
 import type { Experiment, Lineage, Run } from "../../wire/types";
 import { RunDetail } from "./RunDetail";
+import { TEXTS } from "./texts";
 
 // A canvas cannot draw here; where the curves stand is what counts.
 vi.mock("./RunCharts", async (original) => ({
@@ -135,31 +137,41 @@ function show(problem = "", run = RUN) {
 }
 
 it("says what of its address it could not follow", () => {
-  show("the address has abc, which is no number of a run");
-  expect(screen.getByRole("alert").textContent).toBe("The address has abc, which is no number of a run.");
+  const problem = fillText(TEXTS.invalidRuns, { parts: "abc" });
+  show(problem);
+  expect(screen.getByRole("alert").textContent).toBe(`${problem}.`);
   cleanup();
 });
 
 it.each([
-  [0, "no sample missing"],
-  [12, "12 samples missing"],
-  [null, "missing samples not known: the service died while it recorded"],
+  [0, TEXTS.noneMissing],
+  [12, fillText(TEXTS.samplesMissing, { samples: 12 })],
+  [null, TEXTS.missingUnknownWhy],
 ])("says of a recording that lacks %s samples that it is so", (missing, told) => {
   show("", { ...RUN, missing_samples: missing });
-  expect(screen.getByText("Completeness").nextElementSibling?.textContent).toContain(told);
+  expect(screen.getByText(TEXTS.completeness).nextElementSibling?.textContent).toContain(told);
   cleanup();
 });
 
 it("names what was run, when and by whom, and shows the curves before anything else", () => {
   show();
-  expect(screen.getByRole("heading", { level: 1 }).textContent).toBe("Runs / Run 7: Tracking");
+  expect(screen.getByRole("heading", { level: 1 }).textContent).toBe(
+    `${TEXTS.runs} / ${fillText(TEXTS.runWithTitle, { run: 7, title: "Tracking" })}`,
+  );
   const made = screen.getAllByText("A. Operator")[0]?.parentElement;
   for (const told of ["2026", "A. Operator", "Incomplete", "9.10 N", "> 4 N"]) {
     expect(made?.textContent).toContain(told);
   }
   const headings = screen.getAllByRole("heading", { level: 2 }).map((heading) => heading.textContent);
-  expect(headings).toEqual(["Curves", "Result", "Run 7", "Note and downloads", "Settings", "Lineage"]);
-  const settings = within(screen.getByRole("table", { name: "Settings" }));
+  expect(headings).toEqual([
+    TEXTS.curves,
+    TEXTS.result,
+    fillText(TEXTS.run, { run: 7 }),
+    TEXTS.noteAndDownloads,
+    TEXTS.settings,
+    TEXTS.lineage,
+  ]);
+  const settings = within(screen.getByRole("table", { name: TEXTS.settings }));
   const rows = settings.getAllByRole("row").map((row) =>
     within(row)
       .queryAllByRole("cell")
@@ -172,7 +184,7 @@ it("names what was run, when and by whom, and shows the curves before anything e
   expect(settings.getByRole("img", { name: "it has no unit" })).toBeTruthy();
   for (const style of document.body.querySelectorAll("style")) style.remove();
   expect(document.body.textContent).not.toContain("{");
-  const result = within(screen.getByRole("region", { name: "Result" }));
+  const result = within(screen.getByRole("region", { name: TEXTS.result }));
   expect(result.getByText(EXPERIMENT.verdict)).toBeTruthy();
   expect(result.queryByText(/All .* passed/)).toBeNull();
   for (const table of ["Criteria", "Metrics"]) {

@@ -11,8 +11,9 @@ import { Explained } from "../../components/Explained";
 import { Refusal } from "../../components/Refusal";
 import { Outcome, RunState, unevaluated, Verdict } from "../../components/RunState";
 import { LocalizedText, Unit, ValueOrReason } from "../../components/values";
-import { capital, dateTime, duration, fixed, heading, measured, settingValue } from "../../samples/format";
+import { dateTime, duration, fixed, heading, measured, settingValue } from "../../samples/format";
 import { formatWithUnit, readingOf, withUnit } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { experimentQuery } from "../../service/api/experiments";
 import { identificationQuery } from "../../service/api/identifications";
 import { useAngleUnit } from "../../service/api/preferences";
@@ -29,13 +30,14 @@ import { LineageCard } from "./LineageCard";
 import { RunCharts } from "./RunCharts";
 import runsStyles from "./Runs.module.css";
 import { type Compared, experimentOf, USUAL } from "./runAddress";
+import { TEXTS } from "./texts";
 
 /** What a run came to: verdict, criteria, figures; of an identification its own verdict. */
 
 function RunResult({ run }: { run: Run }) {
   return (
     <Card
-      title="Result"
+      title={TEXTS.result}
       aside={<RunState state={run.end_state} reason={run.end_reason} unevaluated={unevaluated(run)} />}
     >
       <div className={pageStyles.fields}>
@@ -47,21 +49,21 @@ function RunResult({ run }: { run: Run }) {
 
 function Evaluated({ run }: { run: Run }) {
   const evaluate = useEvaluate(run.id);
-  if (run.end_state === "running") return <span>The run is not over: there is no result yet.</span>;
+  if (run.end_state === "running") return <span>{TEXTS.noResultYet}</span>;
   if (run.evaluation === "none") {
-    return <span>Recorded by hand: no program was played, nothing is judged.</span>;
+    return <span>{TEXTS.manualSession}</span>;
   }
-  if (run.evaluation === "under_way" || evaluate.isPending) return <span>The result is being computed.</span>;
+  if (run.evaluation === "under_way" || evaluate.isPending) return <span>{TEXTS.evaluating}</span>;
   if (run.evaluation === "done") {
     return run.kind.endsWith("_identification") ? <Identified id={run.id} /> : <Judged id={run.id} />;
   }
   return (
     <>
-      <Verdict good={false}>Not evaluated: {unevaluated(run)}</Verdict>
+      <Verdict good={false}>{fillText(TEXTS.notEvaluated, { reason: unevaluated(run) ?? "" })}</Verdict>
       <OperatorsOnly>
         <div className={pageStyles.actions}>
           <Button variant="default" size="compact-sm" onClick={() => evaluate.mutate()}>
-            Evaluate again
+            {TEXTS.evaluateAgain}
           </Button>
           <Refusal error={evaluate.error} />
         </div>
@@ -72,7 +74,7 @@ function Evaluated({ run }: { run: Run }) {
 
 function Judged({ id }: { id: number }) {
   const { data, error } = useQuery(experimentQuery(id));
-  if (data === undefined) return <span>{error?.message ?? "Loading …"}</span>;
+  if (data === undefined) return <span>{error?.message ?? TEXTS.loading}</span>;
   return (
     <>
       <Outcome of={data} />
@@ -83,11 +85,11 @@ function Judged({ id }: { id: number }) {
 
 function Identified({ id }: { id: number }) {
   const { data, error } = useQuery(identificationQuery(id));
-  if (data === undefined) return <span>{error?.message ?? "Loading …"}</span>;
+  if (data === undefined) return <span>{error?.message ?? TEXTS.loading}</span>;
   return (
     <>
       <Verdict good={data.usable}>{data.message}</Verdict>
-      <Link href={`/identify/${id}`}>Models and fits of this identification</Link>
+      <Link href={`/identify/${id}`}>{TEXTS.identifiedModels}</Link>
     </>
   );
 }
@@ -98,13 +100,13 @@ type JudgedRun = Pick<Run, "outcome" | "end_state">;
 
 /** How a run counts; a kind of run without criteria is not judged. */
 export function RunVerdict({ run: { outcome, end_state } }: { run: JudgedRun }) {
-  const why = end_state === "running" ? "the run is not over" : "recorded by hand: nothing is judged";
+  const why = end_state === "running" ? TEXTS.notOver : TEXTS.noCriteria;
   return (
     <ValueOrReason value={outcome} why={why}>
       {(found) =>
         found === "neutral" ? (
           <Explained of="outcome:neutral" quiet>
-            Not judged
+            {TEXTS.notJudged}
           </Explained>
         ) : (
           <Verdict good={found === "passed"} of={`outcome:${found}`}>
@@ -120,7 +122,7 @@ export function RunVerdict({ run: { outcome, end_state } }: { run: JudgedRun }) 
 export function KeyFigure({ headline }: Pick<Run, "headline">) {
   const angles = useAngleUnit();
   return (
-    <ValueOrReason value={headline} why="no figure was measured">
+    <ValueOrReason value={headline} why={TEXTS.noMetric}>
       {({ name, label, value, unit, relation, bound }) => {
         const reading = readingOf(unit, angles);
         return (
@@ -148,11 +150,11 @@ export function NoteCard({ run }: { run: Run }) {
   const note = draft.value;
   const save = useSetNote(run.id);
   return (
-    <Card title="Note and downloads">
+    <Card title={TEXTS.noteAndDownloads}>
       <RefusedFields error={save.error} about={note} only="note">
         <div className={pageStyles.fields}>
           <NoteField value={note} onChange={draft.set} />
-          <DraftMark draft={draft} of="note" back="The saved note comes back." onDiscard={draft.discard} />
+          <DraftMark draft={draft} of={TEXTS.noteDraft} back={TEXTS.noteRestored} onDiscard={draft.discard} />
           <div className={pageStyles.actions}>
             <OperatorsOnly>
               <Button
@@ -161,7 +163,7 @@ export function NoteCard({ run }: { run: Run }) {
                 loading={save.isPending}
                 onClick={() => save.mutate(note, { onSuccess: draft.discard })}
               >
-                Save note
+                {TEXTS.saveNote}
               </Button>
             </OperatorsOnly>
             <Refusal error={save.error} about={note} />
@@ -179,7 +181,7 @@ function NoteField({ value, onChange }: { value: string; onChange: (value: strin
   const { ref, said } = useRefusedInput<HTMLTextAreaElement>("note");
   return (
     <Textarea
-      label="Note"
+      label={TEXTS.note}
       autosize
       minRows={2}
       maxRows={6}
@@ -197,18 +199,18 @@ function NoteField({ value, onChange }: { value: string; onChange: (value: strin
 export function SettingsCard({ settings }: { settings: Run["settings"] }) {
   const angles = useAngleUnit();
   return (
-    <Card title="Settings">
+    <Card title={TEXTS.settings}>
       {settings.length === 0 ? (
-        <p className={pageStyles.empty}>No settings were stored with this run.</p>
+        <p className={pageStyles.empty}>{TEXTS.noSettings}</p>
       ) : (
         <div className={pageStyles.tableScroll}>
-          <Table aria-label="Settings" verticalSpacing={2}>
+          <Table aria-label={TEXTS.settings} verticalSpacing={2}>
             <Table.Thead>
               <Table.Tr>
-                <Table.Th>Setting</Table.Th>
-                <Table.Th>Symbol</Table.Th>
-                <Table.Th className={pageStyles.number}>Value</Table.Th>
-                <Table.Th>Unit</Table.Th>
+                <Table.Th>{TEXTS.setting}</Table.Th>
+                <Table.Th>{TEXTS.symbol}</Table.Th>
+                <Table.Th className={pageStyles.number}>{TEXTS.value}</Table.Th>
+                <Table.Th>{TEXTS.unit}</Table.Th>
               </Table.Tr>
             </Table.Thead>
             <Table.Tbody>
@@ -249,8 +251,8 @@ function Tags({ run }: { run: Run }) {
   }
   return (
     <div className={pageStyles.fields}>
-      <ul className={runsStyles.tags} aria-label="Tags">
-        {run.tags.length === 0 && <li className={pageStyles.dim}>no tags</li>}
+      <ul className={runsStyles.tags} aria-label={TEXTS.tags}>
+        {run.tags.length === 0 && <li className={pageStyles.dim}>{TEXTS.noTags}</li>}
         {run.tags.map((tag) => (
           <li key={tag} className={runsStyles.tag}>
             {tag}
@@ -259,7 +261,7 @@ function Tags({ run }: { run: Run }) {
                 size={16}
                 variant="subtle"
                 color="gray"
-                aria-label={`Take off ${tag}`}
+                aria-label={fillText(TEXTS.removeTag, { tag })}
                 onClick={() => change.mutate({ tag, put: false })}
               >
                 <TbX size={11} />
@@ -277,8 +279,8 @@ function Tags({ run }: { run: Run }) {
           }}
         >
           <TextInput
-            aria-label="New tag"
-            placeholder="New tag"
+            aria-label={TEXTS.newTag}
+            placeholder={TEXTS.newTag}
             list={known}
             value={typed}
             w={160}
@@ -290,7 +292,7 @@ function Tags({ run }: { run: Run }) {
             ))}
           </datalist>
           <Button type="submit" variant="default" disabled={typed.trim() === ""} loading={change.isPending}>
-            Add tag
+            {TEXTS.addTag}
           </Button>
           <Refusal error={change.error} about={typed} />
         </form>
@@ -314,19 +316,17 @@ interface RunDetailProps {
 
 export function RunDetail({ id, at_s = null, others, compared = USUAL, problem = "" }: RunDetailProps) {
   const { data, error } = useQuery(runQuery(id));
-  const together = [id, ...others].map((number) => `run ${number}`);
   return (
     <div className={pageStyles.page}>
       <h1 className={pageStyles.title}>
-        <Link href="/runs">Runs</Link> / {others.length > 0 ? capital(together.join(", ")) : `Run ${id}`}
-        {data && others.length === 0 && `: ${data.title}`}
+        <Link href="/runs">{TEXTS.runs}</Link> / {titleOf(id, others, data)}
       </h1>
       {problem !== "" && (
         <p className={pageStyles.lead} role="alert">
-          {capital(problem)}.
+          {problem}.
         </p>
       )}
-      {data === undefined && <p className={pageStyles.empty}>{error?.message ?? "Loading …"}</p>}
+      {data === undefined && <p className={pageStyles.empty}>{error?.message ?? TEXTS.loading}</p>}
       {data && (
         <>
           {others.length > 0 ? (
@@ -339,7 +339,7 @@ export function RunDetail({ id, at_s = null, others, compared = USUAL, problem =
           ) : (
             <>
               <Made run={data} />
-              <Card title="Curves" aside={<CompareWith run={data} others={others} />}>
+              <Card title={TEXTS.curves} aside={<CompareWith run={data} others={others} />}>
                 <div className={pageStyles.charts}>
                   <RunCharts run={id} at_s={at_s} />
                 </div>
@@ -361,13 +361,23 @@ export function RunDetail({ id, at_s = null, others, compared = USUAL, problem =
   );
 }
 
+/** The title of the page: the run with its title, once that is loaded, or the compared runs. */
+function titleOf(id: number, others: readonly number[], run: Run | undefined): string {
+  if (others.length > 0) return fillText(TEXTS.severalRuns, { runs: [id, ...others].join(", ") });
+  return run === undefined
+    ? fillText(TEXTS.run, { run: id })
+    : fillText(TEXTS.runWithTitle, { run: id, title: run.title });
+}
+
 /** Lines above the curves of a comparison: more of them would push the curves out of sight. */
 const MOST_NAMED = 4;
 
 /** One of several compared runs, by its kind. */
 function NamedRun({ id }: { id: number }) {
   const { data } = useQuery(runQuery(id));
-  return data === undefined ? null : <Made run={data} title={`Run ${id}: ${data.title}`} />;
+  return data === undefined ? null : (
+    <Made run={data} title={fillText(TEXTS.runWithTitle, { run: id, title: data.title })} />
+  );
 }
 
 /** When, by whom, on what, and what it came to: in a line below the title. */
@@ -378,9 +388,7 @@ function Made({ run, title }: { run: Run; title?: string }) {
       <span>{dateTime(run.started)}</span>
       <span>{run.who}</span>
       <span>{duration(run.duration_s)}</span>
-      <span>
-        {run.plant}, parameters {run.parameters}
-      </span>
+      <span>{fillText(TEXTS.plantAndParameters, run)}</span>
       <RunState state={run.end_state} reason={run.end_reason} unevaluated={unevaluated(run)} />
       {run.outcome !== null && <RunVerdict run={run} />}
       {run.headline !== null && <KeyFigure headline={run.headline} />}
@@ -390,58 +398,57 @@ function Made({ run, title }: { run: Run; title?: string }) {
 
 function Facts({ run }: { run: Run }) {
   return (
-    <Card title={`Run ${run.id}`}>
+    <Card title={fillText(TEXTS.run, { run: run.id })}>
       <dl className={pageStyles.facts}>
-        <dt>Started</dt>
+        <dt>{TEXTS.started}</dt>
+        <dd>{fillText(TEXTS.startedBy, { time: dateTime(run.started), person: run.who })}</dd>
+        <dt>{TEXTS.duration}</dt>
         <dd>
-          {dateTime(run.started)} by {run.who}
+          {fillText(TEXTS.durationAndSamples, {
+            duration: duration(run.duration_s),
+            samples: run.samples,
+          })}
         </dd>
-        <dt>Length</dt>
-        <dd>
-          {duration(run.duration_s)}, {run.samples} samples
-        </dd>
-        <dt>Plant</dt>
-        <dd>
-          {run.plant}, parameters {run.parameters}
-        </dd>
+        <dt>{TEXTS.plant}</dt>
+        <dd>{fillText(TEXTS.plantAndParameters, run)}</dd>
         {run.origin !== "" && (
           <>
-            <dt>Origin</dt>
+            <dt>{TEXTS.origin}</dt>
             <dd>{run.origin}</dd>
           </>
         )}
         {run.station !== "" && (
           <>
-            <dt>Station</dt>
+            <dt>{TEXTS.station}</dt>
             <dd>{run.station}</dd>
           </>
         )}
-        <dt>References</dt>
+        <dt>{TEXTS.references}</dt>
         <dd>
-          <Link href={experimentOf(run.id)}>Make an experiment of this</Link>
+          <Link href={experimentOf(run.id)}>{TEXTS.createExperiment}</Link>
         </dd>
-        <dt>Tags</dt>
+        <dt>{TEXTS.tags}</dt>
         <dd>
           <Tags run={run} />
         </dd>
-        <dt>Ended</dt>
+        <dt>{TEXTS.ended}</dt>
         <dd>
-          {run.ended === null ? "still running" : dateTime(run.ended)}
+          {run.ended === null ? TEXTS.inProgress : dateTime(run.ended)}
           {run.end_reason !== "" && <LocalizedText text={`: ${run.end_reason}`} />}
         </dd>
-        <dt>Completeness</dt>
+        <dt>{TEXTS.completeness}</dt>
         <dd>
           {run.missing_samples === null ? (
-            "missing samples not known: the service died while it recorded"
+            TEXTS.missingUnknownWhy
           ) : (
             <Verdict good={run.missing_samples === 0}>
               {run.missing_samples === 0
-                ? "no sample missing"
-                : `${fixed(run.missing_samples, 0)} samples missing`}
+                ? TEXTS.noneMissing
+                : fillText(TEXTS.samplesMissing, { samples: fixed(run.missing_samples, 0) })}
             </Verdict>
           )}
           {run.samples_deleted !== null &&
-            `; the samples were deleted ${dateTime(run.samples_deleted)} to make room`}
+            fillText(TEXTS.samplesDeleted, { time: dateTime(run.samples_deleted) })}
         </dd>
       </dl>
     </Card>

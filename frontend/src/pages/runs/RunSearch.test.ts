@@ -1,6 +1,8 @@
 import { afterEach, expect, it, vi } from "vitest";
+import { fillText } from "../../samples/texts";
 import { ALL_STATIONS, NO_FILTERS, together, whereOf } from "./RunSearch";
 import { addressOf, MOST_COMPARED, othersIn, RUNS } from "./runAddress";
+import { TEXTS } from "./texts";
 
 afterEach(() => vi.unstubAllEnvs());
 
@@ -52,9 +54,9 @@ it("asks for no run that an address does not name, and says what it leaves out",
   expect(RUNS.exec(addressOf(1, numbers))?.groups).toMatchObject({ id: "1", others: numbers.join(",") });
   expect(othersIn("abc,4,-1,1e3,0", 3)).toEqual({
     numbers: [4],
-    problem: "the address has abc, -1, 1e3, 0, which is no number of a run",
+    problem: fillText(TEXTS.invalidRuns, { parts: "abc, -1, 1e3, 0" }),
   });
   const found = othersIn(numbers.join(","), 1);
   expect(found.numbers).toEqual(numbers.slice(0, MOST_COMPARED - 1));
-  expect(found.problem).toBe("at most 20 runs are compared, and the address names 22: left out are 21, 22");
+  expect(found.problem).toBe(fillText(TEXTS.tooManyRuns, { most: 20, named: 22, runs: "21, 22" }));
 });

@@ -5,9 +5,11 @@ import { TbSearch } from "react-icons/tb";
 import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { spacedName } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import { savedSearchesQuery, searchWordsQuery, useForgetSearch, useSaveSearch } from "../../service/api/runs";
 import pageStyles from "../Page.module.css";
 import runsStyles from "./Runs.module.css";
+import { TEXTS } from "./texts";
 
 /** The form beside the search box: what it says as a search. Pure. */
 
@@ -81,11 +83,11 @@ function SavedSearches({ typed, filters, onChoose, onFilter }: SavedSearchesProp
   return (
     <div className={`${pageStyles.actions} ${runsStyles.saved}`}>
       <NativeSelect
-        aria-label="Saved searches"
+        aria-label={TEXTS.savedSearches}
         value={chosen}
         disabled={saved.length === 0}
         data={[
-          { value: "", label: saved.length === 0 ? "No saved searches" : "Saved searches …" },
+          { value: "", label: saved.length === 0 ? TEXTS.noSavedSearches : TEXTS.chooseSearch },
           ...saved.map((search) => ({ value: search.name, label: search.name })),
         ]}
         onChange={(event) => {
@@ -98,12 +100,12 @@ function SavedSearches({ typed, filters, onChoose, onFilter }: SavedSearchesProp
       <OperatorsOnly>
         {chosen !== "" && (
           <Button variant="default" loading={forget.isPending} onClick={() => forget.mutate(chosen)}>
-            Forget search
+            {TEXTS.deleteSearch}
           </Button>
         )}
         <TextInput
-          aria-label="Name of the search"
-          placeholder="Name"
+          aria-label={TEXTS.searchName}
+          placeholder={TEXTS.searchNameHint}
           value={name}
           w={150}
           onChange={(event) => setName(event.currentTarget.value)}
@@ -114,7 +116,7 @@ function SavedSearches({ typed, filters, onChoose, onFilter }: SavedSearchesProp
           loading={save.isPending}
           onClick={() => save.mutate({ name: name.trim(), where: asked }, { onSuccess: () => setName("") })}
         >
-          Save search
+          {TEXTS.saveSearch}
         </Button>
       </OperatorsOnly>
       <Refusal error={save.error ?? forget.error} about={asked + name} />
@@ -133,9 +135,6 @@ interface RunSearchProps {
   onFilter(filters: Filters): void;
 }
 
-const HINT =
-  'Words, or NAME = VALUE: tag=paper overshoot_q_percent < 5 not who ~ "ana"; dates in UTC, as date >= 2026-03-31T10:30';
-
 export function RunSearch({ typed, filters, error, onType, onFilter }: RunSearchProps) {
   const { data: words } = useQuery(searchWordsQuery);
   const refusal = useId();
@@ -144,12 +143,12 @@ export function RunSearch({ typed, filters, error, onType, onFilter }: RunSearch
   const empty = typed === "" && Object.values(filters).every((value) => value === "");
   return (
     <>
-      <search className={runsStyles.filters} aria-label="Search and filters">
+      <search className={runsStyles.filters} aria-label={TEXTS.filters}>
         <TextInput
           className={runsStyles.box ?? ""}
           type="search"
-          label="Search"
-          aria-label="Search runs"
+          label={TEXTS.search}
+          aria-label={TEXTS.searchRuns}
           aria-describedby={refusal}
           aria-invalid={error !== null}
           leftSection={<TbSearch size={14} />}
@@ -157,29 +156,29 @@ export function RunSearch({ typed, filters, error, onType, onFilter }: RunSearch
           onChange={(event) => onType(event.currentTarget.value)}
         />
         <Choice
-          label="Kind"
-          all="all kinds"
+          label={TEXTS.kind}
+          all={TEXTS.allKinds}
           known={words?.kinds}
           value={filters.kind}
           onChange={(kind) => set({ kind })}
         />
         <Choice
-          label="End"
-          all="any end"
+          label={TEXTS.status}
+          all={TEXTS.anyStatus}
           known={words?.ends}
           value={filters.end}
           onChange={(end) => set({ end })}
         />
         <Choice
-          label="Verdict"
-          all="any verdict"
+          label={TEXTS.verdict}
+          all={TEXTS.anyVerdict}
           known={words?.verdicts}
           value={filters.verdict}
           onChange={(verdict) => set({ verdict })}
         />
         <Choice
-          label="Tag"
-          all="any tag"
+          label={TEXTS.tag}
+          all={TEXTS.anyTag}
           known={words?.tags}
           value={filters.tag}
           onChange={(tag) => set({ tag })}
@@ -187,25 +186,30 @@ export function RunSearch({ typed, filters, error, onType, onFilter }: RunSearch
         />
         {others.length > 0 && (
           <NativeSelect
-            label="Station"
+            label={TEXTS.station}
             value={filters.station}
             data={[
-              { value: "", label: words?.station ? `${words.station} (this one)` : "this one" },
-              ...others.map((name) => ({ value: name || "none", label: name || "without a station" })),
-              { value: ALL_STATIONS, label: "all stations" },
+              {
+                value: "",
+                label: words?.station
+                  ? fillText(TEXTS.stationHere, { station: words.station })
+                  : TEXTS.thisStation,
+              },
+              ...others.map((name) => ({ value: name || "none", label: name || TEXTS.noStation })),
+              { value: ALL_STATIONS, label: TEXTS.allStations },
             ]}
             onChange={(event) => set({ station: event.currentTarget.value })}
           />
         )}
         <TextInput
           type="date"
-          label="From"
+          label={TEXTS.from}
           value={filters.from}
           onChange={(event) => set({ from: event.currentTarget.value })}
         />
         <TextInput
           type="date"
-          label="To"
+          label={TEXTS.to}
           value={filters.to}
           onChange={(event) => set({ to: event.currentTarget.value })}
         />
@@ -217,10 +221,10 @@ export function RunSearch({ typed, filters, error, onType, onFilter }: RunSearch
             onFilter(NO_FILTERS);
           }}
         >
-          Clear
+          {TEXTS.clear}
         </Button>
       </search>
-      <Refusal id={refusal} error={error} text={error?.message} hint={HINT} />
+      <Refusal id={refusal} error={error} text={error?.message} hint={TEXTS.searchHint} />
       <SavedSearches typed={typed} filters={filters} onChoose={onType} onFilter={onFilter} />
     </>
   );

@@ -7,6 +7,7 @@ import { Card } from "../../components/Card";
 import { RunState, unevaluated } from "../../components/RunState";
 import { ValueOrReason } from "../../components/values";
 import { dateTime, duration, fixed } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import { runsQuery } from "../../service/api/runs";
 import type { Run } from "../../wire/types";
 import pageStyles from "../Page.module.css";
@@ -14,6 +15,7 @@ import { KeyFigure, RunVerdict } from "./RunDetail";
 import { type Filters, NO_FILTERS, RunSearch, whereOf } from "./RunSearch";
 import runsStyles from "./Runs.module.css";
 import { addressOf, MOST_COMPARED } from "./runAddress";
+import { TEXTS } from "./texts";
 
 /** A pageStyles of runs as a table. */
 
@@ -30,24 +32,24 @@ function RunRows({ runs, chosen, full, onChoose }: RunRowsProps) {
   const plants = commonPlant(runs) === null;
   return (
     <div className={pageStyles.tableScroll}>
-      <Table aria-label="Runs" highlightOnHover className={pageStyles.cards ?? ""}>
+      <Table aria-label={TEXTS.table} highlightOnHover className={pageStyles.cards ?? ""}>
         <Table.Thead>
           <Table.Tr>
             <Table.Th>
-              <span className="visually-hidden">Chosen</span>
+              <span className="visually-hidden">{TEXTS.selected}</span>
             </Table.Th>
-            <Table.Th>Run</Table.Th>
-            <Table.Th>Kind</Table.Th>
-            <Table.Th>Verdict</Table.Th>
-            <Table.Th>Key figure</Table.Th>
-            <Table.Th>Started</Table.Th>
-            <Table.Th className={pageStyles.number}>Length</Table.Th>
-            <Table.Th>Who</Table.Th>
-            {stations && <Table.Th>Station</Table.Th>}
-            {plants && <Table.Th>Plant</Table.Th>}
-            <Table.Th>End</Table.Th>
-            <Table.Th>Tags</Table.Th>
-            <Table.Th>Note</Table.Th>
+            <Table.Th>{TEXTS.runColumn}</Table.Th>
+            <Table.Th>{TEXTS.kind}</Table.Th>
+            <Table.Th>{TEXTS.verdict}</Table.Th>
+            <Table.Th>{TEXTS.headline}</Table.Th>
+            <Table.Th>{TEXTS.started}</Table.Th>
+            <Table.Th className={pageStyles.number}>{TEXTS.duration}</Table.Th>
+            <Table.Th>{TEXTS.person}</Table.Th>
+            {stations && <Table.Th>{TEXTS.station}</Table.Th>}
+            {plants && <Table.Th>{TEXTS.plant}</Table.Th>}
+            <Table.Th>{TEXTS.status}</Table.Th>
+            <Table.Th>{TEXTS.tags}</Table.Th>
+            <Table.Th>{TEXTS.note}</Table.Th>
           </Table.Tr>
         </Table.Thead>
         <Table.Tbody>
@@ -56,7 +58,7 @@ function RunRows({ runs, chosen, full, onChoose }: RunRowsProps) {
               <Table.Td className={runsStyles.tick ?? ""}>
                 <Checkbox
                   size="xs"
-                  aria-label={`Choose run ${run.id}`}
+                  aria-label={fillText(TEXTS.selectRun, { run: run.id })}
                   checked={chosen.includes(run.id)}
                   disabled={full && !chosen.includes(run.id)}
                   onChange={(event) => onChoose(run.id, event.currentTarget.checked)}
@@ -91,7 +93,7 @@ const Cells = memo(({ run, stations, plants }: CellsProps) => (
   <>
     <Table.Td className={pageStyles.cardTitle ?? ""}>
       <Link href={`/runs/${run.id}`} style={{ whiteSpace: "nowrap" }}>
-        Run {run.id}
+        {fillText(TEXTS.run, { run: run.id })}
       </Link>
     </Table.Td>
     <Table.Td className={runsStyles.kind ?? ""}>{run.title}</Table.Td>
@@ -120,7 +122,7 @@ const Cells = memo(({ run, stations, plants }: CellsProps) => (
       </span>
     </Table.Td>
     <Table.Td maw={260} className={runsStyles.note ?? ""}>
-      <ValueOrReason value={run.note || null} why="no note">
+      <ValueOrReason value={run.note || null} why={TEXTS.noNote}>
         {(note) => note}
       </ValueOrReason>
     </Table.Td>
@@ -132,7 +134,9 @@ function Missing({ samples }: { samples: number | null }) {
   if (samples === 0) return null;
   return (
     <div className={runsStyles.missing}>
-      {samples === null ? "missing samples not known" : `${fixed(samples, 0)} samples missing`}
+      {samples === null
+        ? TEXTS.missingUnknown
+        : fillText(TEXTS.samplesMissing, { samples: fixed(samples, 0) })}
     </div>
   );
 }
@@ -142,36 +146,33 @@ function Missing({ samples }: { samples: number | null }) {
 const WAYS = [
   {
     href: "/operate",
-    title: "A session",
-    told: "begins with the mode run and ends with it: every sample at 1 kHz, each command and each change of λ at its second.",
+    title: TEXTS.session,
+    told: TEXTS.sessionRecords,
   },
   {
     href: "/identify",
-    title: "An identification",
-    told: "keeps excitation, samples and models, so that a bank made of it leads back to them.",
+    title: TEXTS.identification,
+    told: TEXTS.identificationRecords,
   },
   {
     href: "/experiments",
-    title: "An experiment",
-    told: "keeps its references, its criteria and a report that can be checked number by number.",
+    title: TEXTS.experiment,
+    told: TEXTS.experimentRecords,
   },
 ] as const;
 
 function NoRuns() {
   return (
     <div className={runsStyles.none}>
-      <p className={pageStyles.empty}>Nothing recorded yet. A run begins with the mode run.</p>
-      <ul className={runsStyles.ways} aria-label="What is recorded">
+      <p className={pageStyles.empty}>{TEXTS.noRuns}</p>
+      <ul className={runsStyles.ways} aria-label={TEXTS.recordedKinds}>
         {WAYS.map(({ href, title, told }) => (
           <li key={href}>
             <Link href={href}>{title}</Link> {told}
           </li>
         ))}
       </ul>
-      <p className={pageStyles.empty}>
-        Any run can be replayed in charts and 3D, set beside others, and taken home as CSV, Parquet, MATLAB or
-        MCAP.
-      </p>
+      <p className={pageStyles.empty}>{TEXTS.useOfRuns}</p>
     </div>
   );
 }
@@ -197,13 +198,15 @@ export function RunTable() {
 
   return (
     <div className={pageStyles.page}>
-      <h1 className={pageStyles.title}>Runs</h1>
+      <h1 className={pageStyles.title}>{TEXTS.runs}</h1>
       <Card
-        title="Recorded runs"
+        title={TEXTS.recordedRuns}
         aside={
           <span className={pageStyles.actions}>
-            {plant !== null && <span className={pageStyles.dim}>all on {plant}</span>}
-            <Link href="/runs/metrics">Metrics over time</Link>
+            {plant !== null && (
+              <span className={pageStyles.dim}>{fillText(TEXTS.plantOfAll, { plant })}</span>
+            )}
+            <Link href="/runs/metrics">{TEXTS.metricsOverTime}</Link>
           </span>
         }
       >
@@ -220,10 +223,10 @@ export function RunTable() {
             setOffset(0);
           }}
         />
-        {runs.data === undefined && !runs.error && <p className={pageStyles.empty}>Loading …</p>}
+        {runs.data === undefined && !runs.error && <p className={pageStyles.empty}>{TEXTS.loading}</p>}
         {runs.data !== undefined &&
           rows.length === 0 &&
-          (asked === "" && form === "" ? <NoRuns /> : <p className={pageStyles.empty}>No run matches.</p>)}
+          (asked === "" && form === "" ? <NoRuns /> : <p className={pageStyles.empty}>{TEXTS.noMatch}</p>)}
         {rows.length > 0 && (
           <RunRows
             runs={rows}
@@ -239,24 +242,26 @@ export function RunTable() {
           disabled={offset === 0}
           onClick={() => setOffset(Math.max(0, offset - PAGE))}
         >
-          Newer
+          {TEXTS.newer}
         </Button>
         <Button variant="default" disabled={offset + PAGE >= total} onClick={() => setOffset(offset + PAGE)}>
-          Older
+          {TEXTS.older}
         </Button>
         <span className={pageStyles.dim}>
-          {rows.length === 0 ? "none" : `${offset + 1} to ${offset + rows.length}`} of {total}
+          {rows.length === 0
+            ? TEXTS.shownNone
+            : fillText(TEXTS.shownRange, { first: offset + 1, last: offset + rows.length, total })}
         </span>
         <Button
           variant="default"
           disabled={first === undefined || others.length === 0}
           onClick={() => first !== undefined && go(addressOf(first, others))}
         >
-          Compare {chosen.length > 0 ? chosen.length : ""} chosen
+          {chosen.length > 0 ? fillText(TEXTS.compareSelected, { count: chosen.length }) : TEXTS.compare}
         </Button>
         {chosen.length > 0 && (
           <Button variant="subtle" onClick={() => setChosen([])}>
-            Choose none
+            {TEXTS.clearSelection}
           </Button>
         )}
       </div>

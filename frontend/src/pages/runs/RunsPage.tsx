@@ -21,7 +21,7 @@ export default function RunsPage() {
       at_s={at === undefined ? null : Number(at)}
       others={beside.numbers}
       compared={told.compared}
-      problem={[beside.problem, told.problem].filter((one) => one !== "").join("; ")}
+      problem={[beside.problem, told.problem].filter((one) => one !== "").join(". ")}
     />
   );
 }

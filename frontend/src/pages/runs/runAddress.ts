@@ -1,6 +1,8 @@
 /** Addresses of runs and experiments on the page, and how runs are compared in them. Pure. */
 
+import { fillText } from "../../samples/texts";
 import type { ComparisonAsked } from "../../service/api/runs";
+import { TEXTS } from "./texts";
 
 /** Addresses of runs on the page. Pure. */
 
@@ -44,13 +46,17 @@ export function othersIn(text: string | undefined, run: number): Others {
   const named = [...new Set(parts.filter(isNumber).map(Number))].filter((number) => number !== run);
   const more = named.slice(MOST_COMPARED - 1);
   const problems = [
-    strange.length > 0 && `the address has ${strange.join(", ")}, which is no number of a run`,
+    strange.length > 0 && fillText(TEXTS.invalidRuns, { parts: strange.join(", ") }),
     more.length > 0 &&
-      `at most ${MOST_COMPARED} runs are compared, and the address names ${named.length + 1}: left out are ${more.join(", ")}`,
+      fillText(TEXTS.tooManyRuns, {
+        most: MOST_COMPARED,
+        named: named.length + 1,
+        runs: more.join(", "),
+      }),
   ];
   return {
     numbers: named.slice(0, MOST_COMPARED - 1),
-    problem: problems.filter((problem) => problem !== false).join("; "),
+    problem: problems.filter((problem) => problem !== false).join(". "),
   };
 }
 
@@ -122,7 +128,7 @@ export function comparedIn(text: string | undefined): { compared: Compared; prob
   const read = [...said].map(([name, value]) => [name, READ[name as keyof Compared](value)]);
   return {
     compared: { ...USUAL, ...Object.fromEntries(read) },
-    problem: strange.length === 0 ? "" : `the address has ${strange.join(", ")}, which says nothing here`,
+    problem: strange.length === 0 ? "" : fillText(TEXTS.invalidSettings, { parts: strange.join(", ") }),
   };
 }
 

@@ -1,13 +1,15 @@
 import { NativeSelect } from "@mantine/core";
 import { useState } from "react";
 import { Card } from "../../components/Card";
-import { digitsApart, digitsOver, fixed, pluralized, settingValue, short } from "../../samples/format";
+import { digitsApart, digitsOver, fixed, settingValue, short } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
+import { countThings, fillText } from "../../samples/texts";
 import { useAngleUnit } from "../../service/api/preferences";
 import type { MapPick } from "../../service/api/studies";
 import type { StudyDetail, StudyMap } from "../../wire/types";
 import pageStyles from "../Page.module.css";
 import studiesStyles from "./Studies.module.css";
+import { TEXTS } from "./texts";
 
 /** Where the cells of a map stand, and in which colour. */
 
@@ -151,6 +153,18 @@ function HeatMap({ title, x, y, cells, unstable, notes }: HeatMapProps) {
     noteOf(cell) !== "" && cell.width >= ROOM_NOTE_X && cell.height >= ROOM_NOTE_Y;
   const textAt = (cell: Cell) => cell.top + cell.height / 2 - (isNoted(cell) ? APART : 0);
   const [namesX, namesY] = [namesOf(x), namesOf(y)];
+  const describeCell = (cell: Cell): string => {
+    const { row, column, value } = cell;
+    const told = {
+      x: x.label,
+      atX: namesX[column] ?? "",
+      y: y.label,
+      atY: namesY[row] ?? "",
+      value: value !== null ? short(value, digits) : unstable[row]?.[column] ? TEXTS.unstable : TEXTS.noValue,
+    };
+    const note = noteOf(cell);
+    return note === "" ? fillText(TEXTS.cell, told) : fillText(TEXTS.cellWithNote, { ...told, note });
+  };
   const atX = (place: number) => LEFT + ((place + 0.5) * width) / x.values.length;
   const atY = (place: number) => TOP + height - ((place + 0.5) * height) / y.values.length;
   return (
@@ -159,7 +173,7 @@ function HeatMap({ title, x, y, cells, unstable, notes }: HeatMapProps) {
       <svg
         viewBox={`0 0 ${WIDTH} ${HEIGHT}`}
         role="img"
-        aria-label={`${title} over ${x.label} and ${y.label}`}
+        aria-label={fillText(TEXTS.mapOver, { title, x: x.label, y: y.label })}
       >
         <g transform={`translate(${LEFT} ${TOP})`}>
           {drawn.map((cell) => (
@@ -171,13 +185,7 @@ function HeatMap({ title, x, y, cells, unstable, notes }: HeatMapProps) {
                 height={cell.height}
                 fill={cell.colour ?? "var(--sunken)"}
               >
-                <title>{`${x.label} ${namesX[cell.column]}, ${y.label} ${namesY[cell.row]}: ${
-                  cell.value === null
-                    ? unstable[cell.row]?.[cell.column]
-                      ? "the loop of a run is unstable"
-                      : "no run gave a number"
-                    : short(cell.value, digits)
-                }${noteOf(cell) === "" ? "" : ` (${noteOf(cell)})`}`}</title>
+                <title>{describeCell(cell)}</title>
               </rect>
               {unstable[cell.row]?.[cell.column] && (
                 <text
@@ -300,14 +308,14 @@ function namesOf({ values }: Axis): string[] {
 
 const AT_ONCE = 4;
 const PICKS: readonly { value: MapPick; label: string }[] = [
-  { value: "worst", label: "the worst run" },
-  { value: "mean", label: "the mean" },
-  { value: "least", label: "the least" },
-  { value: "largest", label: "the largest" },
-  { value: "deviation", label: "the standard deviation" },
-  { value: "p5", label: "the 5 % percentile" },
-  { value: "median", label: "the median" },
-  { value: "p95", label: "the 95 % percentile" },
+  { value: "worst", label: TEXTS.worst },
+  { value: "mean", label: TEXTS.mean },
+  { value: "least", label: TEXTS.least },
+  { value: "largest", label: TEXTS.largest },
+  { value: "deviation", label: TEXTS.deviation },
+  { value: "p5", label: TEXTS.p5 },
+  { value: "median", label: TEXTS.median },
+  { value: "p95", label: TEXTS.p95 },
 ];
 const PICK_WORDS = new Map<string, string>(PICKS.map(({ value, label }) => [value, label]));
 
@@ -325,20 +333,23 @@ export function MapsCard({ detail, pick, onPick }: MapsCardProps) {
   const shown = further === undefined ? detail.maps.slice(0, AT_ONCE) : [further];
   return (
     <Card
-      title="Maps"
+      title={TEXTS.maps}
       aside={
         <div className={pageStyles.actions}>
           <NativeSelect
-            aria-label="Each cell"
+            aria-label={TEXTS.cellValue}
             value={pick}
-            data={PICKS.map(({ value, label }) => ({ value, label: `each cell: ${label}` }))}
+            data={PICKS.map(({ value, label }) => ({
+              value,
+              label: fillText(TEXTS.cellValueIs, { statistic: label }),
+            }))}
             onChange={(event) => onPick(event.currentTarget.value as MapPick)}
           />
           <NativeSelect
-            aria-label="Figure"
+            aria-label={TEXTS.metric}
             value={chosen}
             data={[
-              { value: "", label: "The usual figures" },
+              { value: "", label: TEXTS.defaultMetrics },
               ...others.map(({ figure }) => ({ value: figure, label: named.get(figure)?.label ?? figure })),
             ]}
             onChange={(event) => setChosen(event.currentTarget.value)}
@@ -372,15 +383,22 @@ function FigureMap({ map, detail }: { map: StudyMap; detail: StudyDetail }) {
   const [x, y] = [axis(map.x), axis(map.y)];
   const runs = detail.study.points / (x.values.length * y.values.length);
   const title = withUnit(share?.label ?? figure?.label ?? map.figure, unit);
-  const several = share === undefined ? (PICK_WORDS.get(map.pick) ?? `the ${map.pick}`) : "the share";
+  const statistic = share === undefined ? (PICK_WORDS.get(map.pick) ?? map.pick) : TEXTS.share;
   const computed = sum(map.runs);
   const without = computed - sum(map.counts);
   return (
     <HeatMap
       title={[
-        `${title}${runs > 1 ? `: ${several} of up to ${fixed(runs, 0)} runs` : ""}`,
-        ...(map.unstable.flat().includes(true) ? ["∞: a loop is unstable"] : []),
-        ...(without > 0 ? [`${fixed(without, 0)} of ${pluralized(computed, "run")} without a number`] : []),
+        runs > 1 ? fillText(TEXTS.mapOf, { metric: title, statistic, count: fixed(runs, 0) }) : title,
+        ...(map.unstable.flat().includes(true) ? [TEXTS.mapUnstable] : []),
+        ...(without > 0
+          ? [
+              fillText(TEXTS.mapWithout, {
+                without: fixed(without, 0),
+                runs: countThings(computed, TEXTS.runCount),
+              }),
+            ]
+          : []),
       ].join("; ")}
       x={x}
       y={y}
@@ -395,8 +413,17 @@ function FigureMap({ map, detail }: { map: StudyMap; detail: StudyDetail }) {
 function noteOf(map: StudyMap, row: number, column: number, runs: number): string {
   const [count, computed] = [map.counts[row]?.[column] ?? 0, map.runs[row]?.[column] ?? 0];
   const interval = map.intervals[row]?.[column];
-  if (interval) return `${interval.map((end) => short(end, 3)).join(" to ")}, n = ${fixed(count, 0)}`;
-  return runs > 1 ? `n = ${fixed(count, 0)}${count < computed ? ` of ${fixed(computed, 0)}` : ""}` : "";
+  if (interval) {
+    const [low, high] = interval.map((end) => short(end, 3));
+    return fillText(TEXTS.noteInterval, {
+      interval: fillText(TEXTS.interval, { low: low ?? "", high: high ?? "" }),
+      count: fixed(count, 0),
+    });
+  }
+  if (runs <= 1) return "";
+  return count < computed
+    ? fillText(TEXTS.noteCountOf, { count: fixed(count, 0), runs: fixed(computed, 0) })
+    : fillText(TEXTS.noteCount, { count: fixed(count, 0) });
 }
 
 function sum(table: readonly (readonly number[])[]): number {

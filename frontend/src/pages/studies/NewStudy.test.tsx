@@ -14,7 +14,9 @@ const fetched = vi.hoisted(() => {
 
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
+import { fillText } from "../../samples/texts";
 import { NewStudy } from "./NewStudy";
+import { TEXTS } from "./texts";
 
 const TEXT = "format: 1\nname: a\ntitle: A\naxes: [{over: lam_q, first: 0.4, last: 1.0, count: 5}]\n";
 const DOCUMENT = {
@@ -96,17 +98,18 @@ afterEach(() => {
   localStorage.clear();
 });
 
-const text = () => screen.getByRole<HTMLTextAreaElement>("textbox", { name: "Text of the study" });
+const text = () => screen.getByRole<HTMLTextAreaElement>("textbox", { name: TEXTS.text });
+const axisBox = (label: string) => `${label} ${fillText(TEXTS.ofAxis, { number: 1 })}`;
 const box = (name: string) => screen.getByRole<HTMLInputElement>("textbox", { name });
 const change = (element: HTMLElement, value: string) => fireEvent.change(element, { target: { value } });
 
 it("shows in the form what the text says, and how many runs it has", async () => {
   open();
   change(text(), TEXT);
-  await waitFor(() => expect(box("To [s] of axis 1").value).toBe("1"));
-  expect(box("From [s] of axis 1").value).toBe("0.4");
-  expect(box("Number of axis 1").value).toBe("5");
-  const varied = screen.getByRole("combobox", { name: "Varied by axis 1" }) as HTMLSelectElement;
+  await waitFor(() => expect(box(axisBox(`${TEXTS.to} [s]`)).value).toBe("1"));
+  expect(box(axisBox(`${TEXTS.from} [s]`)).value).toBe("0.4");
+  expect(box(axisBox(TEXTS.count)).value).toBe("5");
+  const varied = screen.getByRole("combobox", { name: axisBox(TEXTS.parameter) }) as HTMLSelectElement;
   expect(varied.title).toBe(varied.selectedOptions[0]?.textContent); // in full where the box cuts it
   expect(screen.getByRole("status", { name: "Refusal" }).textContent).toContain("5 runs.");
 });
@@ -114,24 +117,24 @@ it("shows in the form what the text says, and how many runs it has", async () =>
 it("writes into the text what is edited in the form, in SI", async () => {
   open();
   change(text(), TEXT);
-  await waitFor(() => expect(box("To [s] of axis 1").value).toBe("1"));
-  change(box("To [s] of axis 1"), "0.8");
+  await waitFor(() => expect(box(axisBox(`${TEXTS.to} [s]`)).value).toBe("1"));
+  change(box(axisBox(`${TEXTS.to} [s]`)), "0.8");
   expect(text().value).toContain("- {over: lam_q, first: 0.4, last: 0.8, count: 5}");
-  fireEvent.click(screen.getByRole("button", { name: "Add axis" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.addAxis }));
   expect(text().value).toContain("- {over: lam_S, first: 0.4, last: 1, count: 5}");
-  fireEvent.click(screen.getByRole("button", { name: "Add spread" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.addSpread }));
   expect(text().value).toContain("spread:\n  - {of: motor.c0, relative: 0.1}");
-  change(box("Plants that are drawn"), "4");
+  change(box(`${TEXTS.plants} ${TEXTS.toDraw}`), "4");
   expect(text().value).toContain("draws: 4");
-  fireEvent.click(screen.getByRole("button", { name: "Add setting" }));
-  change(box("Value [°] of setting 1"), "90");
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.addSetting }));
+  change(box(`${TEXTS.value} [°] ${fillText(TEXTS.ofSetting, { number: 1 })}`), "90");
   expect(text().value).toMatch(/settings: \{q_hold: 1\.57079632\d+\}/);
-  const axis = within(screen.getByRole("group", { name: "Axis 1" }));
-  change(axis.getByRole("combobox", { name: "Given as of axis 1" }), "values");
-  change(axis.getByRole("textbox", { name: "Values [s] of axis 1" }), "0.4, 0.6,");
+  const axis = within(screen.getByRole("group", { name: fillText(TEXTS.axis, { number: 1 }) }));
+  change(axis.getByRole("combobox", { name: axisBox(TEXTS.definition) }), "values");
+  change(axis.getByRole("textbox", { name: axisBox(`${TEXTS.values} [s]`) }), "0.4, 0.6,");
   expect(text().value).toContain("- {over: lam_q, values: [0.4, 0.6]}");
-  expect(box("Values [s] of axis 1").value).toBe("0.4, 0.6,"); // what is typed stays as it is
-  fireEvent.click(screen.getByRole("button", { name: "Remove axis 1" }));
+  expect(box(axisBox(`${TEXTS.values} [s]`)).value).toBe("0.4, 0.6,"); // what is typed stays as it is
+  fireEvent.click(screen.getByRole("button", { name: fillText(TEXTS.removeAxis, { number: 1 }) }));
   expect(text().value).not.toContain("lam_q");
 });
 
@@ -139,7 +142,7 @@ it("says why a text is no study, and shows no form of it", async () => {
   open();
   change(text(), "[");
   await screen.findByText(/neither YAML nor JSON/);
-  expect(screen.queryByRole("group", { name: "Form of the study" })).toBeNull();
+  expect(screen.queryByRole("group", { name: TEXTS.form })).toBeNull();
 });
 
 it("is a draft that survives leaving, begun anew after a question only", async () => {
@@ -147,13 +150,13 @@ it("is a draft that survives leaving, begun anew after a question only", async (
   await waitFor(() =>
     expect(fetched.mock.calls.some(([{ url }]) => url.endsWith("/api/session"))).toBe(true),
   );
-  fireEvent.click(screen.getByRole("button", { name: "New study" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.createStudy }));
   await waitFor(() => expect(localStorage).toHaveLength(1));
-  change(box("Title"), "My title");
+  change(box(TEXTS.studyTitle), "My title");
   cleanup();
   open();
   await waitFor(() => expect(text().value).toContain('title: "My title"'));
-  fireEvent.click(screen.getByRole("button", { name: "Begin with an example" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.startFromExample }));
   expect(text().value).toContain("My title");
   fireEvent.click(screen.getByRole("button", { name: "Replace draft" }));
   expect(text().value).toContain("lambda_map");

@@ -6,12 +6,13 @@ import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/ControlMenu";
 import { DraftMark, useReplaceDraft } from "../../components/DraftMark";
 import { Refusal } from "../../components/Refusal";
-import { pluralized } from "../../samples/format";
+import { countThings, fillText } from "../../samples/texts";
 import { checkedStudyQuery, useBeginStudy } from "../../service/api/studies";
 import { isText, useDraft } from "../../service/forms/drafts";
 import type { CheckedStudy } from "../../wire/types";
 import page from "../Page.module.css";
 import { asStudy, EMPTY_STUDY, type StudyDocument, StudyForm, writeStudy } from "./StudyForm";
+import { TEXTS } from "./texts";
 
 /** What a text of a study says, read by the service once the text has come to rest. */
 
@@ -30,11 +31,10 @@ function useCheckedStudy(text: string): CheckedStudy | null {
 
 /** A study as a form and as its text, either of which edits the other: refused in its line, computed. */
 
-const HINT = "Computed on the simulator, beside the loop and behind it: nothing moves.";
 const FILES = ".yaml,.yml,.json,application/yaml,application/json";
 const EXAMPLE = `format: 1
 name: lambda_map
-title: Tracking over both λ, on plants that differ
+title: Tracking vs λ_q, λ_S with plant variation
 experiment: tracking
 settings: {motion: lambda}
 axes:
@@ -75,19 +75,19 @@ export function NewStudy() {
   }
 
   return (
-    <Card title="New study" aside={<span className={page.dim}>YAML or JSON, docs/how-to/studies.md</span>}>
+    <Card title={TEXTS.newStudy} aside={<span className={page.dim}>{TEXTS.format}</span>}>
       <div className={page.fields}>
         <div className={page.actions}>
           <Button size="sm" variant="default" onClick={() => guard(() => edit(EMPTY_STUDY))}>
-            New study
+            {TEXTS.createStudy}
           </Button>
           <Button size="sm" variant="default" onClick={() => guard(() => change(EXAMPLE))}>
-            Begin with an example
+            {TEXTS.startFromExample}
           </Button>
           <FileButton accept={FILES} onChange={(file) => void read(file)}>
             {(props) => (
               <Button {...props} size="sm" variant="default">
-                Open file
+                {TEXTS.openFile}
               </Button>
             )}
           </FileButton>
@@ -95,9 +95,9 @@ export function NewStudy() {
         {question}
         <DraftMark
           draft={draft}
-          of="study"
-          words="Draft, not computed"
-          back="The text is empty then."
+          of={TEXTS.draftOf}
+          words={TEXTS.draft}
+          back={TEXTS.discardDraft}
           onDiscard={() => {
             draft.discard();
             begin.reset();
@@ -105,15 +105,11 @@ export function NewStudy() {
         />
         {document !== null && <StudyForm document={document} onChange={edit} />}
         {document === null && text.trim() !== "" && (
-          <span className={page.dim}>
-            {checked === null
-              ? "The text is being read …"
-              : "The form shows the study once the text can be read."}
-          </span>
+          <span className={page.dim}>{checked === null ? TEXTS.readingText : TEXTS.notReadable}</span>
         )}
         <Textarea
-          aria-label="Text of the study"
-          placeholder="What is varied: settings, numbers of the plant, seeds of the noise."
+          aria-label={TEXTS.text}
+          placeholder={TEXTS.textHint}
           value={text}
           onChange={(event) => change(event.currentTarget.value)}
           autosize
@@ -139,7 +135,7 @@ export function NewStudy() {
                   })
                 }
               >
-                Compute
+                {TEXTS.compute}
               </Button>
             </OperatorsOnly>
           </div>
@@ -147,7 +143,14 @@ export function NewStudy() {
             error={begin.error}
             about={text}
             text={checked?.problem || null}
-            hint={checked?.points == null ? HINT : `${pluralized(checked.points, "run")}. ${HINT}`}
+            hint={
+              checked?.points == null
+                ? TEXTS.background
+                : fillText(TEXTS.runsInBackground, {
+                    runs: countThings(checked.points, TEXTS.runCount),
+                    background: TEXTS.background,
+                  })
+            }
           />
         </div>
       </div>

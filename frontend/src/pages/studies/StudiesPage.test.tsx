@@ -7,11 +7,13 @@ import type { ReactNode } from "react";
 import { afterEach, expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
+import { fillText } from "../../samples/texts";
 import type { MapPick } from "../../service/api/studies";
 import type { StudyDetail, StudyMap } from "../../wire/types";
 import { MapsCard } from "./MapsCard";
 import StudiesPage from "./StudiesPage";
 import { FiguresCard, SharesCard } from "./StudyPage";
+import { TEXTS } from "./texts";
 
 // the REST client takes hold of fetch when it is made
 vi.hoisted(() => vi.stubGlobal("fetch", () => Promise.reject(new TypeError("no way to the service"))));
@@ -93,6 +95,10 @@ function detail(points: number): StudyDetail {
   };
 }
 
+function mapOf(metric: string, statistic: string): string {
+  return fillText(TEXTS.mapOf, { metric, statistic, count: 8 });
+}
+
 function titles(): (string | null)[] {
   return screen
     .getAllByRole("figure")
@@ -103,10 +109,10 @@ it("says in the title of a map what its cells show, and lets it be chosen", () =
   const picked: MapPick[] = [];
   show(<MapsCard detail={detail(32)} pick="worst" onPick={(pick) => picked.push(pick)} />);
   expect(titles()).toEqual([
-    "Smallest tension [N]: the least of up to 8 runs",
-    "Sensitivity peak: the mean of up to 8 runs",
+    mapOf("Smallest tension [N]", TEXTS.least),
+    mapOf("Sensitivity peak", TEXTS.mean),
   ]);
-  fireEvent.change(screen.getByRole("combobox", { name: "Each cell" }), { target: { value: "largest" } });
+  fireEvent.change(screen.getByRole("combobox", { name: TEXTS.cellValue }), { target: { value: "largest" } });
   expect(picked).toEqual(["largest"]);
 });
 
@@ -129,9 +135,9 @@ it("hides no unstable loop", () => {
     },
   ];
   show(<MapsCard detail={{ ...found, maps }} pick="worst" onPick={() => {}} />);
-  expect(titles()).toEqual(["Smallest tension [N]; ∞: a loop is unstable"]);
+  expect(titles()).toEqual([`Smallest tension [N]; ${TEXTS.mapUnstable}`]);
   expect(screen.getByText("∞")).toBeTruthy();
-  expect(screen.getByText(/0\.7: the loop of a run is unstable/)).toBeTruthy();
+  expect(screen.getByText((text) => text.endsWith(`0.7: ${TEXTS.unstable}`))).toBeTruthy();
 });
 
 it("says how many runs gave no number, and between what a share lies", () => {
@@ -188,8 +194,8 @@ it("says how many runs gave no number, and between what a share lies", () => {
   ];
   show(<MapsCard detail={{ ...found, maps: [few, share], shares }} pick="worst" onPick={() => {}} />);
   expect(titles()).toEqual([
-    "Smallest tension [N]: the least of up to 8 runs; 9 of 32 runs without a number",
-    "Runs not completed [%]: the share of up to 8 runs",
+    `${mapOf("Smallest tension [N]", TEXTS.least)}; ${fillText(TEXTS.mapWithout, { without: 9, runs: "32 runs" })}`,
+    mapOf("Runs not completed [%]", TEXTS.share),
   ]);
   const told = Array.from(document.querySelectorAll("svg text"), ({ textContent }) => textContent);
   expect(told).toContain("n = 7 of 8");
@@ -234,10 +240,10 @@ it("shows how runs ended as shares with their interval, and why a statistic is m
       screen.getByRole("table", { name }).querySelectorAll("tbody td"),
       ({ textContent }) => textContent,
     );
-  expect(cells("Runs").slice(1, 6)).toEqual(["3", "18", "16.7", "5.8 to 39.2", "0"]);
-  expect(cells("Runs").slice(7)).toEqual(["0", "0", "–", "–", "18"]);
-  expect(cells("Figures").slice(2)).toEqual(["15 of 18", "1", "1", "1", "1", "–", "1", "–"]);
-  expect(screen.getAllByLabelText("unstable loop in 2 runs")).toHaveLength(2);
+  expect(cells(TEXTS.outcomes).slice(1, 6)).toEqual(["3", "18", "16.7", "5.8 to 39.2", "0"]);
+  expect(cells(TEXTS.outcomes).slice(7)).toEqual(["0", "0", "–", "–", "18"]);
+  expect(cells(TEXTS.metrics).slice(2)).toEqual(["15 of 18", "1", "1", "1", "1", "–", "1", "–"]);
+  expect(screen.getAllByLabelText(fillText(TEXTS.unstableIn, { runs: "2 runs" }))).toHaveLength(2);
 });
 
 it("tells cells and the places of an axis apart", () => {
@@ -250,5 +256,5 @@ it("tells cells and the places of an axis apart", () => {
 it("says why there is no list of studies", async () => {
   show(<StudiesPage />);
   expect(await screen.findByText(/^The service cannot be reached/)).toBeTruthy();
-  expect(screen.queryByText("Loading …")).toBeNull();
+  expect(screen.queryByText(TEXTS.loading)).toBeNull();
 });

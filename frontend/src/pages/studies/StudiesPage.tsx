@@ -7,6 +7,7 @@ import { studiesQuery } from "../../service/api/studies";
 import page from "../Page.module.css";
 import { NewStudy } from "./NewStudy";
 import { StudyPage, StudyRows } from "./StudyPage";
+import { TEXTS } from "./texts";
 
 export default function StudiesPage() {
   const { id } = useParams();
@@ -17,10 +18,12 @@ function AllStudies() {
   const studies = useQuery(studiesQuery);
   return (
     <div className={page.page}>
-      <h1 className={page.title}>Studies</h1>
-      <Card title="All studies" aside={<span className={page.dim}>many simulated runs each</span>}>
-        {studies.data === undefined && <p className={page.empty}>{studies.error?.message ?? "Loading …"}</p>}
-        {studies.data?.length === 0 && <p className={page.empty}>No study yet. Write one below.</p>}
+      <h1 className={page.title}>{TEXTS.title}</h1>
+      <Card title={TEXTS.allStudies} aside={<span className={page.dim}>{TEXTS.allStudiesHint}</span>}>
+        {studies.data === undefined && (
+          <p className={page.empty}>{studies.error?.message ?? TEXTS.loading}</p>
+        )}
+        {studies.data?.length === 0 && <p className={page.empty}>{TEXTS.noStudies}</p>}
         {studies.data !== undefined && studies.data.length > 0 && <StudyRows studies={studies.data} />}
       </Card>
       <NewStudy />

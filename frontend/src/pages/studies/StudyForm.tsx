@@ -4,12 +4,14 @@ import { useState } from "react";
 import { TbPlus, TbX } from "react-icons/tb";
 import { NumberField } from "../../components/fields";
 import { boxText, inSI, labelWith, offeredDefault } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { experimentKindsQuery } from "../../service/api/experiments";
 import { useAngleUnit } from "../../service/api/preferences";
 import { plantNumbersQuery } from "../../service/api/studies";
 import { isOfTheLoop } from "../experiments/ExperimentForm";
 import pageStyles from "../Page.module.css";
 import studyFormStyles from "./StudyForm.module.css";
+import { TEXTS } from "./texts";
 
 /** What a study can vary: settings of its experiment and of the loop, and numbers of the plant, with symbol and unit. */
 
@@ -56,13 +58,13 @@ function variedOf(choices: Choices, name: string): Varied {
 
 /** The choices as groups of a select, with what stands there also where it is none of them. */
 function groupsOf(choices: Choices, current: string, only: readonly (keyof Choices)[]) {
-  const titles = { experiment: "Of the experiment", loop: "Of the loop", plant: "Of the plant" };
+  const titles = { experiment: TEXTS.ofExperiment, loop: TEXTS.ofLoop, plant: TEXTS.ofPlant };
   const groups = only.map((key) => ({
     group: titles[key],
     items: choices[key].map(({ name, label }) => ({ value: name, label })),
   }));
   const known = groups.some(({ items }) => items.some(({ value }) => value === current));
-  return known ? groups : [{ group: "In the text", items: [{ value: current, label: current }] }, ...groups];
+  return known ? groups : [{ group: TEXTS.fromText, items: [{ value: current, label: current }] }, ...groups];
 }
 
 /** What is varied or set, by name and meaning: on a line of its own, as meanings are long. */
@@ -126,7 +128,7 @@ export interface StudyDocument {
 export const EMPTY_STUDY: StudyDocument = {
   format: 1,
   name: "mine",
-  title: "Own study",
+  title: TEXTS.newTitle,
   experiment: "tracking",
   settings: { motion: "lambda" },
   axes: [{ over: "lam_q", first: 0.4, last: 1, count: 5 }],
@@ -198,7 +200,7 @@ interface AxisRowsProps {
 function AxisRows({ axes, choices, onChange }: AxisRowsProps) {
   return (
     <fieldset className={`${studyFormStyles.group} ${pageStyles.fields}`}>
-      <legend>Axes: all combinations, the last one fastest</legend>
+      <legend>{TEXTS.axes}</legend>
       {axes.map((axis, index) => (
         <Row
           // biome-ignore lint/suspicious/noArrayIndexKey: an axis is its place in the list
@@ -217,7 +219,7 @@ function AxisRows({ axes, choices, onChange }: AxisRowsProps) {
           leftSection={<TbPlus size={13} />}
           onClick={() => onChange([...axes, newAxis(axes)])}
         >
-          Add axis
+          {TEXTS.addAxis}
         </Button>
       </div>
     </fieldset>
@@ -242,7 +244,7 @@ function Row({ number, axis, choices, onChange, onRemove }: RowProps) {
   const { unit, value } = variedOf(choices, axis.over);
   const angles = useAngleUnit();
   const isList = axis.values !== undefined;
-  const of = `of axis ${number}`;
+  const of = fillText(TEXTS.ofAxis, { number });
 
   function choose(over: string): void {
     const start = variedOf(choices, over).value;
@@ -262,26 +264,26 @@ function Row({ number, axis, choices, onChange, onRemove }: RowProps) {
   }
 
   return (
-    <fieldset className={studyFormStyles.row} aria-label={`Axis ${number}`}>
+    <fieldset className={studyFormStyles.row} aria-label={fillText(TEXTS.axis, { number })}>
       <VariedSelect
-        label={`Varied by axis ${number}`}
+        label={fillText(TEXTS.labelOf, { label: TEXTS.parameter, owner: of })}
         value={axis.over}
         choices={choices}
         only={["experiment", "loop", "plant"]}
         onChange={choose}
       />
       <NativeSelect
-        aria-label={`Given as ${of}`}
+        aria-label={fillText(TEXTS.labelOf, { label: TEXTS.definition, owner: of })}
         data={[
-          { value: "range", label: "range" },
-          { value: "values", label: "values" },
+          { value: "range", label: TEXTS.range },
+          { value: "values", label: TEXTS.values },
         ]}
         value={isList ? "values" : "range"}
         onChange={(event) => turn(event.currentTarget.value)}
       />
       {isList ? (
         <ValueList
-          label={labelWith("Values", unit, angles)}
+          label={labelWith(TEXTS.values, unit, angles)}
           of={of}
           unit={unit}
           values={axis.values}
@@ -290,36 +292,44 @@ function Row({ number, axis, choices, onChange, onRemove }: RowProps) {
       ) : (
         <>
           <NumberBox
-            label="From"
+            label={TEXTS.from}
             of={of}
             unit={unit}
             value={axis.first}
             onChange={(first) => onChange({ ...axis, first })}
           />
           <NumberBox
-            label="To"
+            label={TEXTS.to}
             of={of}
             unit={unit}
             value={axis.last}
             onChange={(last) => onChange({ ...axis, last })}
           />
           <NumberBox
-            label="Number"
+            label={TEXTS.count}
             of={of}
             unit="1"
             value={axis.count}
             onChange={(count) => onChange({ ...axis, count })}
           />
           <NativeSelect
-            label="Spacing"
-            aria-label={`Spacing ${of}`}
-            data={["even", "factor"]}
+            label={TEXTS.spacing}
+            aria-label={fillText(TEXTS.labelOf, { label: TEXTS.spacing, owner: of })}
+            data={[
+              { value: "even", label: TEXTS.linear },
+              { value: "factor", label: TEXTS.geometric },
+            ]}
             value={axis.spacing ?? "even"}
             onChange={(event) => onChange({ ...axis, spacing: event.currentTarget.value })}
           />
         </>
       )}
-      <ActionIcon variant="subtle" color="gray" aria-label={`Remove axis ${number}`} onClick={onRemove}>
+      <ActionIcon
+        variant="subtle"
+        color="gray"
+        aria-label={fillText(TEXTS.removeAxis, { number })}
+        onClick={onRemove}
+      >
         <TbX size={14} />
       </ActionIcon>
     </fieldset>
@@ -343,7 +353,7 @@ function NumberBox({ label, of, unit, value, onChange }: NumberBoxProps) {
   return (
     <NumberField
       label={labelWith(label, unit, angles)}
-      aria-label={`${labelWith(label, unit, angles)} ${of}`}
+      aria-label={fillText(TEXTS.labelOf, { label: labelWith(label, unit, angles), owner: of })}
       size="xs"
       w={92}
       unit={unit}
@@ -371,7 +381,7 @@ function ValueList({ label, of, unit, values, onChange }: ValueListProps) {
   return (
     <TextInput
       label={label}
-      aria-label={`${label} ${of}`}
+      aria-label={fillText(TEXTS.labelOf, { label, owner: of })}
       style={{ flex: 1, minWidth: 160 }}
       value={isMine && typed !== "" ? typed : told.join(", ")}
       onChange={(event) => {
@@ -397,32 +407,41 @@ function SpreadRows({ spread, choices, onChange }: SpreadRowsProps) {
   );
   return (
     <fieldset className={`${studyFormStyles.group} ${pageStyles.fields}`}>
-      <legend>Plants: numbers that are drawn for each</legend>
+      <legend>{TEXTS.spreads}</legend>
       {spread.map((one, index) => {
-        const of = `of spread ${index + 1}`;
+        const number = index + 1;
+        const of = fillText(TEXTS.ofSpread, { number });
+        const labelOf = (label: string) => fillText(TEXTS.labelOf, { label, owner: of });
         const isRelative = one.absolute === undefined;
         const set = (part: Partial<Spread>) => onChange(spread.with(index, { ...one, ...part }));
         return (
-          // biome-ignore lint/suspicious/noArrayIndexKey: a spread is its place in the list
-          <fieldset key={index} className={studyFormStyles.row} aria-label={`Spread ${index + 1}`}>
+          <fieldset
+            // biome-ignore lint/suspicious/noArrayIndexKey: a spread is its place in the list
+            key={index}
+            className={studyFormStyles.row}
+            aria-label={fillText(TEXTS.spread, { number })}
+          >
             <VariedSelect
-              label={`Number ${of}`}
+              label={labelOf(TEXTS.parameter)}
               value={one.of}
               choices={choices}
               only={["plant"]}
               onChange={(name) => set({ of: name })}
             />
             <NativeSelect
-              aria-label={`Distribution ${of}`}
-              data={["uniform", "normal"]}
+              aria-label={labelOf(TEXTS.distribution)}
+              data={[
+                { value: "uniform", label: TEXTS.uniform },
+                { value: "normal", label: TEXTS.normal },
+              ]}
               value={one.by ?? "uniform"}
               onChange={(event) => set({ by: event.currentTarget.value })}
             />
             <NativeSelect
-              aria-label={`Width ${of}`}
+              aria-label={labelOf(TEXTS.width)}
               data={[
-                { value: "relative", label: "of itself" },
-                { value: "absolute", label: "absolute" },
+                { value: "relative", label: TEXTS.relative },
+                { value: "absolute", label: TEXTS.absolute },
               ]}
               value={isRelative ? "relative" : "absolute"}
               onChange={(event) => {
@@ -441,7 +460,7 @@ function SpreadRows({ spread, choices, onChange }: SpreadRowsProps) {
             <ActionIcon
               variant="subtle"
               color="gray"
-              aria-label={`Remove spread ${index + 1}`}
+              aria-label={fillText(TEXTS.removeSpread, { number })}
               onClick={() => onChange(spread.toSpliced(index, 1))}
             >
               <TbX size={14} />
@@ -457,7 +476,7 @@ function SpreadRows({ spread, choices, onChange }: SpreadRowsProps) {
           disabled={further === undefined}
           onClick={() => further && onChange([...spread, { of: further, relative: 0.1 }])}
         >
-          Add spread
+          {TEXTS.addSpread}
         </Button>
       </div>
     </fieldset>
@@ -478,22 +497,22 @@ export function StudyForm({ document, onChange }: StudyFormProps) {
   const set = (part: Partial<StudyDocument>) => onChange({ ...document, ...part });
   const known = kinds.some(({ name }) => name === experiment);
   return (
-    <fieldset className={studyFormStyles.form} aria-label="Form of the study">
+    <fieldset className={studyFormStyles.form} aria-label={TEXTS.form}>
       <div className={studyFormStyles.row}>
         <TextInput
-          label="Name"
+          label={TEXTS.name}
           value={document.name ?? ""}
           onChange={(event) => set({ name: event.currentTarget.value })}
         />
         <TextInput
-          label="Title"
+          label={TEXTS.studyTitle}
           style={{ flex: 1 }}
           value={document.title ?? ""}
           onChange={(event) => set({ title: event.currentTarget.value })}
         />
         {document.written === undefined ? (
           <NativeSelect
-            label="Experiment"
+            label={TEXTS.experiment}
             data={[
               ...(known ? [] : [{ value: experiment, label: experiment }]),
               ...kinds.map(({ name, title }) => ({ value: name, label: title })),
@@ -502,7 +521,7 @@ export function StudyForm({ document, onChange }: StudyFormProps) {
             onChange={(event) => set({ experiment: event.currentTarget.value })}
           />
         ) : (
-          <span className={pageStyles.dim}>The experiment is written in the text.</span>
+          <span className={pageStyles.dim}>{TEXTS.experimentInText}</span>
         )}
       </div>
       <FixedSettings
@@ -514,22 +533,22 @@ export function StudyForm({ document, onChange }: StudyFormProps) {
       <SpreadRows spread={document.spread ?? []} choices={choices} onChange={(spread) => set({ spread })} />
       <div className={studyFormStyles.row}>
         <NumberBox
-          label="Plants"
-          of="that are drawn"
+          label={TEXTS.plants}
+          of={TEXTS.toDraw}
           unit="1"
           value={document.draws ?? 1}
           onChange={(draws) => set({ draws })}
         />
         <NumberBox
-          label="Seeds"
-          of="of the noise"
+          label={TEXTS.seeds}
+          of={TEXTS.ofNoise}
           unit="1"
           value={document.seeds ?? 1}
           onChange={(seeds) => set({ seeds })}
         />
         <NumberBox
-          label="Seed"
-          of="of the draws"
+          label={TEXTS.seed}
+          of={TEXTS.ofDraws}
           unit="1"
           value={document.seed ?? 0}
           onChange={(seed) => set({ seed })}
@@ -553,18 +572,22 @@ function FixedSettings({ settings, choices, onChange }: FixedProps) {
   const further = [...choices.experiment, ...choices.loop].find(({ name }) => !(name in settings));
   return (
     <fieldset className={`${studyFormStyles.group} ${pageStyles.fields}`}>
-      <legend>Settings: the same in each run; others are as they are in force</legend>
+      <legend>{TEXTS.fixedSettings}</legend>
       {entries.map(([name, value], index) => (
-        <fieldset key={name} className={studyFormStyles.row} aria-label={`Setting ${index + 1}`}>
+        <fieldset
+          key={name}
+          className={studyFormStyles.row}
+          aria-label={fillText(TEXTS.setting, { number: index + 1 })}
+        >
           <VariedSelect
-            label={`Name of setting ${index + 1}`}
+            label={fillText(TEXTS.settingName, { number: index + 1 })}
             value={name}
             choices={choices}
             only={["experiment", "loop"]}
             onChange={(next) => replace(index, [next, variedOf(choices, next).value])}
           />
           <SettingBox
-            of={`of setting ${index + 1}`}
+            of={fillText(TEXTS.ofSetting, { number: index + 1 })}
             unit={variedOf(choices, name).unit}
             usual={variedOf(choices, name).value}
             value={value}
@@ -573,7 +596,7 @@ function FixedSettings({ settings, choices, onChange }: FixedProps) {
           <ActionIcon
             variant="subtle"
             color="gray"
-            aria-label={`Remove setting ${index + 1}`}
+            aria-label={fillText(TEXTS.removeSetting, { number: index + 1 })}
             onClick={() => onChange(Object.fromEntries(entries.toSpliced(index, 1)))}
           >
             <TbX size={14} />
@@ -588,7 +611,7 @@ function FixedSettings({ settings, choices, onChange }: FixedProps) {
           disabled={further === undefined}
           onClick={() => further && onChange({ ...settings, [further.name]: further.value })}
         >
-          Add setting
+          {TEXTS.addSetting}
         </Button>
       </div>
     </fieldset>
@@ -607,7 +630,7 @@ function SettingBox({ of, unit, usual, value, onChange }: BoxProps) {
   if (typeof usual === "boolean" || typeof value === "boolean") {
     return (
       <NativeSelect
-        aria-label={`Value ${of}`}
+        aria-label={fillText(TEXTS.labelOf, { label: TEXTS.value, owner: of })}
         data={["false", "true"]}
         value={String(value)}
         onChange={(event) => onChange(event.currentTarget.value === "true")}
@@ -615,12 +638,12 @@ function SettingBox({ of, unit, usual, value, onChange }: BoxProps) {
     );
   }
   if (typeof usual === "number") {
-    return <NumberBox label="Value" of={of} unit={unit} value={value} onChange={onChange} />;
+    return <NumberBox label={TEXTS.value} of={of} unit={unit} value={value} onChange={onChange} />;
   }
   return (
     <TextInput
-      label="Value"
-      aria-label={`Value ${of}`}
+      label={TEXTS.value}
+      aria-label={fillText(TEXTS.labelOf, { label: TEXTS.value, owner: of })}
       value={value}
       onChange={(event) => onChange(event.currentTarget.value)}
     />

@@ -7,8 +7,9 @@ import { OperatorsOnly } from "../../components/ControlMenu";
 import { Explained } from "../../components/Explained";
 import { Refusal } from "../../components/Refusal";
 import { Unit, ValueOrReason } from "../../components/values";
-import { capital, dateTime, duration, fixed, pluralized, settingValue, short } from "../../samples/format";
+import { capital, dateTime, duration, fixed, settingValue, short } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
+import { countThings, fillText } from "../../samples/texts";
 import { useAngleUnit } from "../../service/api/preferences";
 import {
   isUnderWay,
@@ -22,20 +23,24 @@ import type { Study, StudyDetail, StudyFigure, StudyShare } from "../../wire/typ
 import pageStyles from "../Page.module.css";
 import { MapsCard } from "./MapsCard";
 import studiesStyles from "./Studies.module.css";
+import { TEXTS } from "./texts";
 
 /** How far a study is: in words, and as a bar. */
 
 function StudyProgress({ study }: { study: Study }) {
-  const left = study.left_s === null ? "" : `, ${duration(study.left_s)} left`;
+  const { left_s } = study;
+  const told = { state: capital(study.state), done: fixed(study.done, 0), runs: fixed(study.points, 0) };
   return (
     <div className={studiesStyles.progress}>
       <Progress
         value={(100 * study.done) / study.points}
-        aria-label={`Progress of study ${study.id}`}
+        aria-label={fillText(TEXTS.studyProgress, { id: study.id })}
         size="sm"
       />
       <span>
-        {capital(study.state)}, {fixed(study.done, 0)} of {fixed(study.points, 0)} runs{left}
+        {left_s === null
+          ? fillText(TEXTS.doneOf, told)
+          : fillText(TEXTS.doneOfLeft, { ...told, time: duration(left_s) })}
       </span>
     </div>
   );
@@ -44,31 +49,28 @@ function StudyProgress({ study }: { study: Study }) {
 /** The figures of a study and how they are spread, and the rows that they come from. */
 
 const STATISTICS = [
-  ["least", "Least"],
-  ["p5", "5 %"],
-  ["median", "Median"],
-  ["mean", "Mean"],
-  ["p95", "95 %"],
-  ["largest", "Largest"],
-  ["deviation", "Std. dev."],
+  ["least", TEXTS.columnLeast],
+  ["p5", TEXTS.columnP5],
+  ["median", TEXTS.columnMedian],
+  ["mean", TEXTS.columnMean],
+  ["p95", TEXTS.columnP95],
+  ["largest", TEXTS.columnLargest],
+  ["deviation", TEXTS.columnDeviation],
 ] as const;
 
 export function SharesCard({ shares }: { shares: readonly StudyShare[] }) {
   return (
-    <Card
-      title="Runs"
-      aside={<span className={pageStyles.dim}>with the 95 % confidence interval of each share</span>}
-    >
+    <Card title={TEXTS.outcomes} aside={<span className={pageStyles.dim}>{TEXTS.outcomesHint}</span>}>
       <div className={pageStyles.tableScroll}>
-        <Table aria-label="Runs">
+        <Table aria-label={TEXTS.outcomes}>
           <Table.Thead>
             <Table.Tr>
-              <Table.Th>Share</Table.Th>
-              <Table.Th className={pageStyles.number}>Runs</Table.Th>
-              <Table.Th className={pageStyles.number}>Of</Table.Th>
+              <Table.Th>{TEXTS.outcomeShare}</Table.Th>
+              <Table.Th className={pageStyles.number}>{TEXTS.runs}</Table.Th>
+              <Table.Th className={pageStyles.number}>{TEXTS.total}</Table.Th>
               <Table.Th className={pageStyles.number}>%</Table.Th>
-              <Table.Th className={pageStyles.number}>Interval [%]</Table.Th>
-              <Table.Th className={pageStyles.number}>Not judged</Table.Th>
+              <Table.Th className={pageStyles.number}>{TEXTS.intervalPercent}</Table.Th>
+              <Table.Th className={pageStyles.number}>{TEXTS.notEvaluated}</Table.Th>
             </Table.Tr>
           </Table.Thead>
           <Table.Tbody>
@@ -78,16 +80,16 @@ export function SharesCard({ shares }: { shares: readonly StudyShare[] }) {
                 <Table.Td className={pageStyles.number}>{fixed(count, 0)}</Table.Td>
                 <Table.Td className={pageStyles.number}>{fixed(of, 0)}</Table.Td>
                 <Table.Td className={pageStyles.number}>
-                  <ValueOrReason value={percent} why="no run was judged">
+                  <ValueOrReason value={percent} why={TEXTS.noneEvaluated}>
                     {(known) => fixed(known, 1)}
                   </ValueOrReason>
                 </Table.Td>
                 <Table.Td className={pageStyles.number}>
                   <ValueOrReason
-                    value={low === null || high === null ? null : [low, high]}
-                    why="no run was judged"
+                    value={low === null || high === null ? null : ([low, high] as const)}
+                    why={TEXTS.noneEvaluated}
                   >
-                    {(known) => known.map((end) => fixed(end, 1)).join(" to ")}
+                    {([low, high]) => fillText(TEXTS.interval, { low: fixed(low, 1), high: fixed(high, 1) })}
                   </ValueOrReason>
                 </Table.Td>
                 <Table.Td className={pageStyles.number}>{fixed(left_out, 0)}</Table.Td>
@@ -103,14 +105,14 @@ export function SharesCard({ shares }: { shares: readonly StudyShare[] }) {
 export function FiguresCard({ figures }: { figures: readonly StudyFigure[] }) {
   const angles = useAngleUnit();
   return (
-    <Card title="Figures">
+    <Card title={TEXTS.metrics}>
       <div className={pageStyles.tableScroll}>
-        <Table aria-label="Figures">
+        <Table aria-label={TEXTS.metrics}>
           <Table.Thead>
             <Table.Tr>
-              <Table.Th>Figure</Table.Th>
-              <Table.Th>Unit</Table.Th>
-              <Table.Th className={pageStyles.number}>Runs</Table.Th>
+              <Table.Th>{TEXTS.metric}</Table.Th>
+              <Table.Th>{TEXTS.unit}</Table.Th>
+              <Table.Th className={pageStyles.number}>{TEXTS.runs}</Table.Th>
               {STATISTICS.map(([which, label]) => (
                 <Table.Th key={which} className={pageStyles.number}>
                   {label}
@@ -128,8 +130,12 @@ export function FiguresCard({ figures }: { figures: readonly StudyFigure[] }) {
                   <Unit unit={figure.unit} />
                 </Table.Td>
                 <Table.Td className={pageStyles.number}>
-                  {fixed(figure.count, 0)}
-                  {figure.missing > 0 && ` of ${fixed(figure.count + figure.missing, 0)}`}
+                  {figure.missing === 0
+                    ? fixed(figure.count, 0)
+                    : fillText(TEXTS.countOf, {
+                        count: fixed(figure.count, 0),
+                        total: fixed(figure.count + figure.missing, 0),
+                      })}
                 </Table.Td>
                 {STATISTICS.map(([which]) => (
                   <Table.Td key={which} className={pageStyles.number}>
@@ -137,8 +143,8 @@ export function FiguresCard({ figures }: { figures: readonly StudyFigure[] }) {
                       value={figure[which]}
                       why={
                         figure.unstable > 0
-                          ? `unstable loop in ${pluralized(figure.unstable, "run")}`
-                          : "one run only"
+                          ? fillText(TEXTS.unstableIn, { runs: countThings(figure.unstable, TEXTS.runCount) })
+                          : TEXTS.oneRun
                       }
                     >
                       {(known) => short(known * readingOf(figure.unit, angles).factor)}
@@ -158,24 +164,28 @@ function RowsCard({ detail }: { detail: StudyDetail }) {
   const { rows, study } = detail;
   const varied = Object.keys(rows[0]?.values ?? {});
   const symbols = new Map(detail.axes.map(({ name, symbol }) => [name, symbol]));
-  const first = `the first ${fixed(rows.length, 0)} of ${fixed(study.done, 0)}`;
+  const [shown, total] = [fixed(rows.length, 0), fixed(study.done, 0)];
   return (
     <Card
-      title="Rows"
-      aside={<span className={pageStyles.dim}>{rows.length < study.done ? first : "all"}, in SI units</span>}
+      title={TEXTS.results}
+      aside={
+        <span className={pageStyles.dim}>
+          {rows.length < study.done ? fillText(TEXTS.firstResults, { shown, total }) : TEXTS.allResults}
+        </span>
+      }
     >
       <div className={pageStyles.tableScroll}>
-        <Table aria-label="Rows">
+        <Table aria-label={TEXTS.results}>
           <Table.Thead>
             <Table.Tr>
-              <Table.Th className={pageStyles.number}>Run</Table.Th>
+              <Table.Th className={pageStyles.number}>{TEXTS.run}</Table.Th>
               {varied.map((name) => (
                 <Table.Th key={name} className={pageStyles.number}>
                   {symbols.get(name) ?? name}
                 </Table.Th>
               ))}
-              <Table.Th>End</Table.Th>
-              <Table.Th>Criteria</Table.Th>
+              <Table.Th>{TEXTS.status}</Table.Th>
+              <Table.Th>{TEXTS.criteria}</Table.Th>
             </Table.Tr>
           </Table.Thead>
           <Table.Tbody>
@@ -188,7 +198,13 @@ function RowsCard({ detail }: { detail: StudyDetail }) {
                   </Table.Td>
                 ))}
                 <Table.Td title={why}>{state}</Table.Td>
-                <Table.Td>{passed === null ? "not judged" : passed ? "hold" : "do not hold"}</Table.Td>
+                <Table.Td>
+                  {passed === null
+                    ? TEXTS.criteriaNotEvaluated
+                    : passed
+                      ? TEXTS.criteriaPassed
+                      : TEXTS.criteriaFailed}
+                </Table.Td>
               </Table.Tr>
             ))}
           </Table.Tbody>
@@ -206,10 +222,10 @@ export function StudyPage({ id }: { id: number }) {
   return (
     <div className={pageStyles.page}>
       <h1 className={pageStyles.title}>
-        <Link href="/studies">Studies</Link> / Study {id}
+        <Link href="/studies">{TEXTS.title}</Link> / {fillText(TEXTS.studyLink, { id })}
       </h1>
       {data === undefined && (
-        <p className={pageStyles.empty}>{error === null ? "Loading …" : error.message}</p>
+        <p className={pageStyles.empty}>{error === null ? TEXTS.loading : error.message}</p>
       )}
       {data !== undefined && (
         <>
@@ -218,7 +234,7 @@ export function StudyPage({ id }: { id: number }) {
           {data.study.done > 0 && <SharesCard shares={data.shares} />}
           {data.figures.length > 0 && <FiguresCard figures={data.figures} />}
           {data.rows.length > 0 && <RowsCard detail={data} />}
-          <Card title="Text">
+          <Card title={TEXTS.text}>
             <pre className={studiesStyles.text}>{data.text}</pre>
           </Card>
         </>
@@ -230,7 +246,9 @@ export function StudyPage({ id }: { id: number }) {
 function ProgressCard({ study }: { study: Study }) {
   const stop = useStopStudy();
   const resume = useResumeStudy();
-  const ends = Object.entries(study.ends).map(([end, count]) => `${pluralized(count, "run")} ${end}`);
+  const ends = Object.entries(study.ends).map(([end, count]) =>
+    fillText(TEXTS.runsEnded, { runs: countThings(count, TEXTS.runCount), end }),
+  );
   return (
     <Card title={study.title}>
       <div className={pageStyles.fields}>
@@ -247,7 +265,7 @@ function ProgressCard({ study }: { study: Study }) {
               loading={stop.isPending}
               onClick={() => stop.mutate(study.id)}
             >
-              Stop study
+              {TEXTS.stop}
             </Button>
             <Button
               size="sm"
@@ -255,7 +273,7 @@ function ProgressCard({ study }: { study: Study }) {
               loading={resume.isPending}
               onClick={() => resume.mutate(study.id)}
             >
-              Resume
+              {TEXTS.resume}
             </Button>
           </div>
         </OperatorsOnly>
@@ -270,21 +288,21 @@ function ProgressCard({ study }: { study: Study }) {
 export function StudyRows({ studies }: { studies: readonly Study[] }) {
   return (
     <div className={pageStyles.tableScroll}>
-      <Table aria-label="Studies" highlightOnHover>
+      <Table aria-label={TEXTS.title} highlightOnHover>
         <Table.Thead>
           <Table.Tr>
-            <Table.Th>Study</Table.Th>
-            <Table.Th>Title</Table.Th>
-            <Table.Th>Begun</Table.Th>
-            <Table.Th>Who</Table.Th>
-            <Table.Th>Progress</Table.Th>
+            <Table.Th>{TEXTS.study}</Table.Th>
+            <Table.Th>{TEXTS.studyTitle}</Table.Th>
+            <Table.Th>{TEXTS.created}</Table.Th>
+            <Table.Th>{TEXTS.person}</Table.Th>
+            <Table.Th>{TEXTS.progress}</Table.Th>
           </Table.Tr>
         </Table.Thead>
         <Table.Tbody>
           {studies.map((study) => (
             <Table.Tr key={study.id}>
               <Table.Td>
-                <Link href={`/studies/${study.id}`}>Study {study.id}</Link>
+                <Link href={`/studies/${study.id}`}>{fillText(TEXTS.studyLink, { id: study.id })}</Link>
               </Table.Td>
               <Table.Td>{study.title}</Table.Td>
               <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(study.created)}</Table.Td>

@@ -1,0 +1,22 @@
+import { expect, it } from "vitest";
+import { countThings, fillText } from "./texts";
+
+it("fills each field once, and leaves what a person has written in it", () => {
+  expect(fillText("Run {run} of {name}: {run}", { run: 12, name: "{run} by Ana" })).toBe(
+    "Run 12 of {run} by Ana: 12",
+  );
+  expect(fillText("No field", {})).toBe("No field");
+});
+
+it("requires the fields of the text", () => {
+  // @ts-expect-error: the compiler refuses a field that is missing
+  expect(fillText("Run {run}", {})).toBe("Run undefined");
+});
+
+it("counts in words", () => {
+  expect([0, 1, 2].map((count) => countThings(count, "entry", "entries"))).toEqual([
+    "0 entries",
+    "1 entry",
+    "2 entries",
+  ]);
+});
