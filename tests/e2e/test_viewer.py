@@ -33,10 +33,12 @@ SEEN = {
 """What stands on a page once the service has told it; before that there is nothing to look through."""
 
 WORDS = "buttons => buttons.map(one => one.getAttribute('aria-label') || one.innerText)"
+SYSTEM = load_texts("pages/system")
 COMMANDING = (
     "Pretension|Run|Compliance|Soft stop|Off|Reset|Start .*|Add to queue|Start queue|"
     f"Pause after this run|{BANKS['activate']} .*|Import.*"
-    "|Back up now|Check the database|Mend everything|Inject .*|Save note|Build .*|Apply|Save|Take control"
+    f"|{SYSTEM['backUp']}|{SYSTEM['check']}|{SYSTEM['clearAll']}|{SYSTEM['injectNamed'].replace('{name}', '.*')}"
+    "|Save note|Build .*|Apply|Save|Take control"
 )
 
 
