@@ -8,8 +8,10 @@ from playwright.sync_api import Page, expect
 from tests.e2e.browser import DESKTOP
 from tests.e2e.layout import document_scrolls_by
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.test_accessibility import PHONE, in_both_schemes
 
+TEXTS = load_texts("pages/docs")
 DOCS = Path(__file__).parents[2] / "docs"
 
 
@@ -29,7 +31,7 @@ def test_what_is_written_is_read_and_found_in_the_dashboard(same_operator: Opera
     operator, page = same_operator, same_operator.page
     operator.settled_mode()
     page.keyboard.press("d")
-    contents = page.get_by_role("navigation", name="Documents", exact=True)
+    contents = page.get_by_role("navigation", name=TEXTS["documents"], exact=True)
     for name in ("first-hour", "faults", "fidelity", "notation"):
         contents.get_by_role("link", name=headings(name)[0], exact=True).click()
         expect(page).to_have_url(re.compile(f"#/docs/{name}$"))
@@ -37,9 +39,9 @@ def test_what_is_written_is_read_and_found_in_the_dashboard(same_operator: Opera
         shown = page.get_by_role("article").get_by_role("heading")
         expect(shown).to_have_text(headings(name))
 
-    page.get_by_role("textbox", name="Search in all of them", exact=True).fill("safety module trip")
-    count = page.get_by_role("status", name="Found", exact=True)
-    expect(count).to_have_text(re.compile(r"^\d+ places?"))
+    page.get_by_role("textbox", name=TEXTS["search"], exact=True).fill("safety module trip")
+    count = page.get_by_role("status", name=TEXTS["found"], exact=True)
+    expect(count).to_have_text(re.compile(r"^\d+ sections?"))
     first = page.get_by_role("main").get_by_role("listitem").get_by_role("link").first
     title = first.inner_text().rsplit(": ", 1)[-1]
     first.click()
@@ -50,7 +52,7 @@ def test_what_is_written_is_read_and_found_in_the_dashboard(same_operator: Opera
     page.get_by_role("article").get_by_role("link", name="faults.md", exact=True).first.click()
     in_sight(page, "A card and its wires")
     page.goto(f"{operator.service.url}/#/docs/no-such-thing")
-    expect(page.get_by_role("main")).to_contain_text("There is no document “no-such-thing”")
+    expect(page.get_by_role("main")).to_contain_text(TEXTS["notFound"].format(name="no-such-thing"))
 
 
 def test_everybody_can_read_it(same_operator: Operator) -> None:
