@@ -11,6 +11,7 @@ from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 
 OPERATE = load_texts("pages/operate")
+SHARED = load_texts("components")
 
 BOX = "q_ref value [°]"
 
@@ -26,7 +27,7 @@ def test_a_value_that_is_typed_and_left_moves_nothing(same_operator: Operator, h
     same_operator.enter(BOX, 0.0)
     same_operator.wait(lambda: same_operator.state()["references"]["q_ref"] == 0.0)
     box(page).fill("25")
-    expect(page.get_by_text("25.0° is not sent: Enter sends it, Escape restores.")).to_be_visible()
+    expect(page.get_by_text(SHARED["unsent"].replace("{value}", "25.0°"))).to_be_visible()
     if how == "click":
         page.get_by_role("heading", name="Mode", exact=True).click()
     elif how == "navigation":
@@ -38,7 +39,7 @@ def test_a_value_that_is_typed_and_left_moves_nothing(same_operator: Operator, h
     assert same_operator.state()["references"]["q_ref"] == 0.0
     expect(box(page)).to_have_value("0.0")
     if how in ("click", "Tab"):
-        expect(page.get_by_text("25.0° was not sent: Enter sends a value.")).to_be_visible()
+        expect(page.get_by_text(SHARED["wasNotSent"].replace("{value}", "25.0°"))).to_be_visible()
 
 
 def test_a_decimal_comma_is_the_decimal_point(same_operator: Operator) -> None:

@@ -11,6 +11,8 @@ from tests.e2e.operator import Operator
 from tests.e2e.page_texts import load_texts
 from tests.e2e.test_accessibility import PHONE, in_both_schemes
 
+SHARED = load_texts("components")
+
 TEXTS = load_texts("pages/docs")
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -70,10 +72,10 @@ def test_everybody_can_read_it(same_operator: Operator) -> None:
 def test_the_set_up_tells_how(same_operator: Operator) -> None:
     operator, page = same_operator, same_operator.page
     page.get_by_role("button", name="Set-up", exact=True).click()
-    steps = page.get_by_role("list", name="Steps of the set-up", exact=True)
+    steps = page.get_by_role("list", name=SHARED["setupSteps"], exact=True)
     told = page.request.get(f"{operator.service.url}/api/checklist").json()["steps"]
     expect(steps.get_by_role("listitem")).to_have_count(len(told))
     for row, step in enumerate(told):
         expect(steps.get_by_role("listitem").nth(row)).to_contain_text(step["detail"])
-    steps.get_by_role("link", name="Tuning: how, and why", exact=True).click()
+    steps.get_by_role("link", name=SHARED["setupHowTo"].replace("{step}", SHARED["tuning"]), exact=True).click()
     in_sight(page, "Tune")

@@ -33,6 +33,7 @@ SEEN = {
 """What stands on a page once the service has told it; before that there is nothing to look through."""
 
 WORDS = "buttons => buttons.map(one => one.getAttribute('aria-label') || one.innerText)"
+SHARED = load_texts("components")
 SYSTEM = load_texts("pages/system")
 COMMANDING = (
     "Pretension|Run|Compliance|Soft stop|Off|Reset|Start .*|Add to queue|Start queue|"
@@ -72,7 +73,7 @@ def test_a_viewer_is_offered_nothing_that_is_refused(browser: Browser, service: 
     page.goto(f"{service.url}/#/operate")
     page.get_by_role("img", name="Reachable map").click()
     page.get_by_role("button", name="Control: ").click()
-    expect(page.get_by_text("Anyone may press STOP")).to_be_visible()
+    expect(page.get_by_text(SHARED["anyoneStops"])).to_be_visible()
     assert page.locator("[role=menuitem]:not([aria-disabled])").all_inner_texts() == ["Change name", "Sign out"]
     assert refused == []
     page.context.close()
