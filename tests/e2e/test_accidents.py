@@ -11,6 +11,7 @@ from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 
 OPERATE = load_texts("pages/operate")
+SERVICE = load_texts("service")
 SHARED = load_texts("components")
 
 BOX = "q_ref value [°]"
@@ -86,7 +87,7 @@ def test_who_lacks_control_sees_why_and_takes_it_where_it_is_needed(
     expect(moves).to_have_count(5)
     for place in range(5):
         expect(moves.nth(place)).to_have_attribute("aria-disabled", "true")
-    expect(page.get_by_text(re.compile("holds control\\.")).first).to_be_visible()
+    expect(page.get_by_text(re.compile(re.escape(SERVICE["hasControl"].replace("{name}", "")))).first).to_be_visible()
     expect(box(page)).to_be_disabled()
     expect(page.get_by_role("textbox", name="λ_q value [s]", exact=True)).to_be_disabled()
     expect(page.get_by_role("switch", name=OPERATE["rejection"])).to_be_disabled()

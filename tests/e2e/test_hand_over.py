@@ -15,6 +15,8 @@ from tests.e2e.operator import MOTION_TIMEOUT_MS
 from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 
+SERVICE = load_texts("service")
+
 TEXTS = load_texts("components")
 
 MOVES = {
@@ -110,7 +112,7 @@ def test_who_asks_is_answered_and_both_read_what_the_log_keeps(browser: Browser,
         vera.give("my λ sweep")
         vera.press(TEXTS["ask"])
         expect(ana.notice).to_contain_text("Vera asks for control: “my λ sweep”")
-        expect(vera.notice).to_contain_text("You have asked Ana for control.")
+        expect(vera.notice).to_contain_text(SERVICE["asked"].replace("{name}", "Ana"))
         assert placed(ana.page) == before  # nothing has moved under her pointer
         (wish,) = ana.told("/api/state")["wishes"]
         assert (wish["name"], wish["by"], wish["reason"], wish["standing"]) == ("Vera", "Ana", "my λ sweep", "asked")
@@ -169,7 +171,7 @@ def test_control_is_offered_to_somebody_who_says_yes_or_no(browser: Browser, ser
             ana.give(reason)
             ana.press(TEXTS["offerControl"])
             expect(vera.notice).to_contain_text(f"Ana offers you control: “{reason}”")
-            expect(ana.notice).to_contain_text("You have offered control to Vera, and hold it until it is taken.")
+            expect(ana.notice).to_contain_text(SERVICE["offerSent"].replace("{name}", "Vera"))
             assert ana.holder == "Ana"
             if reason == "lunch":
                 vera.press(TEXTS["decline"])
@@ -193,7 +195,7 @@ def test_a_request_ends_with_the_page_of_who_asked_and_with_control(browser: Bro
             one.menu(TEXTS["askItem"].replace("{name}", "Ana"))
             one.give(f"I am {one.name}")
             one.press(TEXTS["ask"])
-            expect(one.notice).to_contain_text("You have asked Ana for control.")
+            expect(one.notice).to_contain_text(SERVICE["asked"].replace("{name}", "Ana"))
         expect(ana.notice).to_contain_text(re.compile(r"asks for control.*\+1"))
         oda.page.goto("about:blank")
         expect(ana.notice).to_contain_text("Vera asks for control: “I am Vera”")
@@ -202,7 +204,7 @@ def test_a_request_ends_with_the_page_of_who_asked_and_with_control(browser: Bro
         standings = {one["reason"]: one["standing"] for one in ana.told("/api/state")["wishes"]}
         assert standings.items() >= {"I am Vera": "asked", "I am Oda": "left"}.items()
         ana.menu(TEXTS["giveUpControl"])
-        expect(vera.notice).to_contain_text("Ana does not hold control any more.")
+        expect(vera.notice).to_contain_text(SERVICE["freed"].replace("{name}", "Ana"))
         assert vera.holder is None
         oda.page.goto(f"{service.url}/#/studies")
         expect(oda.page.get_by_role("banner")).to_be_visible()
