@@ -1,4 +1,4 @@
-/** Texts of control, notifications and explanations, which belong to no single page. */
+/** Texts of control, notifications, refusals and explanations, which belong to no single page. */
 export const TEXTS = {
   // control
   lossUnheard:
@@ -27,6 +27,49 @@ export const TEXTS = {
   offerDeclinedBecause: "{name} did not take control: “{answer}”",
   offerNotTaken: "{name} did not take the offered control.",
   left: "{name} has left. You keep control.",
+  // tuning
+  onTrial: "A trial is running. Keep or revert it first.",
+  tuningLocked: "Tuning is locked while run {run} is recording. Abort it or wait for it to finish.",
+  tuningLockedAtStart: "Tuning is locked while a run starts. Abort it or wait for it to finish.",
+  notCalibrated: "External-force bias not calibrated. Calibrate at rest first (Touch).",
+  estimateNoisy:
+    "The standard deviation of the external-force estimate is {noise} N, above {limit} N. Calibrate again with the joint at rest (Touch).",
+  rejects: "This tuning uses disturbance rejection. {reason}",
+  nothingToUndo: "No change to undo",
+  nothingToRedo: "No change to redo",
+  bNotRecorded: "b not recorded",
+  quantity: "{symbol} {value}",
+  time: "{symbol} {value} s",
+  interpolated: "interpolating between operating points",
+  geometricGains: "geometric gains",
+  bankNumber: "bank {number}",
+  bank: "bank {name} v{version}",
+  lambdaMotion: "lambda motion",
+  timeOptimal: "time-optimal motion",
+  timeOptimalWithin: "time-optimal motion within {limit} V",
+  rejection: "disturbance rejection {gain}",
+  // references
+  otherReferenceUnknown: "The other reference is not known yet.",
+  // address of the page
+  notSinew:
+    "The server at {base}/api/ is not Sinew (status {status}). The reverse proxy in front has to forward all paths below {base}/ to the service.",
+  largeCookies:
+    "If large cookies of other applications cause this (nginx: large_client_header_buffers 4 32k;), raise the limit or delete the cookies of this site.",
+  noStream:
+    'Requests are answered, but the live connection fails. A reverse proxy in front may not forward websockets. For nginx: proxy_http_version 1.1; proxy_set_header Upgrade $http_upgrade; proxy_set_header Connection "upgrade"; See the log of the service for details.',
+  // recordings
+  emptyAnswer: "The service returned an empty answer. Try again.",
+  above: "above (level)",
+  below: "below (level)",
+  rising: "rising through (edge)",
+  falling: "falling through (edge)",
+  inside: "inside (window)",
+  outside: "outside (window)",
+  notArmed: "Not armed",
+  notArmedBecause: "Not armed: {reason}; {made}",
+  armed: "Armed: {condition}; {made}",
+  capturing: "Recording: {condition}; {left} s left",
+  captured: "{count} of {total} captured",
   // notifications
   notAllowedYet: "Notifications of this page are not allowed yet. Switch them on here and allow them.",
   denied:

@@ -51,7 +51,7 @@ const said = () => screen.getByLabelText(TEXTS.pushForecast).textContent;
 it("is offered only where it is known what the estimate reads with nothing outside", () => {
   open(0, false);
   expect(screen.getByRole<HTMLInputElement>("switch").disabled).toBe(true);
-  expect(screen.getByText(/learn at rest first \(Touch\)/)).toBeTruthy();
+  expect(screen.getByText(/Calibrate at rest first \(Touch\)/)).toBeTruthy();
 });
 
 it("is not offered where the estimate moves more than the service takes, and can be switched off", () => {
