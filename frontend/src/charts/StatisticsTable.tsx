@@ -148,7 +148,7 @@ function StatisticsTable({ panels, hidden, shown, timeText }: StatisticsTablePro
         <tbody>
           {rows.map(({ panel, name, key }) => {
             const figure = figures?.signals.get(name);
-            const number = (value: number | undefined, decimals: number, why = none) => (
+            const number = (value: number | undefined, decimals: number, why: string = none) => (
               <ValueOrReason value={value} why={why}>
                 {(some) => fixed(some * panel.factor, decimals)}
               </ValueOrReason>

@@ -131,7 +131,7 @@ export class StoredRuns implements StoredData {
       rangeSpectra(run.id, own, recorded, shared),
     );
     const signals = new Map<string, SignalSpectrum>();
-    const reasons = new Map(names.map((name) => [name, TEXTS.runHasNoSample]));
+    const reasons = new Map<string, string>(names.map((name) => [name, TEXTS.runHasNoSample]));
     for (const [part, result] of found) {
       part.drawn.forEach((name, n) => {
         const { spectrum, reason } = spectrumOf(result, part.recorded[n] as string);

@@ -177,7 +177,7 @@ export function taskTitle({ kind, title, run, number, following, part, phase }: 
 /** What is being done for it: "part 2 of 3, Breaths, 12 s left", "2 of 4: 20 N, exciting, 12 s left", or "pretension". */
 export function partOf({ phase, part }: Task): string {
   if (part === null) return spacedName(phase);
-  if (part.doing !== null) {
+  if (part.doing != null) {
     return fillText(TEXTS.partDoing, {
       number: part.number,
       total: part.of,

@@ -58,7 +58,9 @@ it("is not offered where the estimate moves more than the service takes, and can
   open(0, true, null, 0.06);
   const control = () => screen.getByRole<HTMLInputElement>("switch");
   expect(control().disabled).toBe(true);
-  expect(screen.getByText(/standard deviation of the estimate is 0\.06 N, above 0\.05 N/)).toBeTruthy();
+  expect(
+    screen.getByText(/standard deviation of the external-force estimate is 0\.06 N, above 0\.05 N/),
+  ).toBeTruthy();
   cleanup();
   open(0.7, true, null, 0.06);
   expect(control().disabled).toBe(false);

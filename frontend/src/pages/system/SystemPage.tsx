@@ -41,7 +41,7 @@ export function DatabaseCard({ system }: { system: SystemState | undefined }) {
             fillText(TEXTS.databaseSummary, {
               kind: database.kind,
               size: bytes(database.size_bytes),
-              schema: database.schema_revision,
+              schema: database.schema_revision ?? TEXTS.schemaUnknown,
             }),
         ],
         [TEXTS.diskFree, database && <Verdict good={free >= LITTLE_BYTES}>{bytes(free)}</Verdict>],

@@ -39,6 +39,7 @@ export const TEXTS = {
   database: "Disk and database",
   databaseEntry: "Database",
   databaseSummary: "{kind}, {size}, schema {schema}",
+  schemaUnknown: "unknown",
   diskFree: "Free disk space",
   lastBackup: "Last backup",
   noBackup: "None yet",
