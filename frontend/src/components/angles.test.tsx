@@ -113,7 +113,7 @@ it.each([
   ["deg", "5.730°", "< 11.4592°", "q stood at 91.79°"],
   ["rad", "0.1000rad", "< 0.2 rad", "q stood at 1.602 rad"],
 ] as const)("prints figures, bounds and reasons in %s", (angles, figure, bound, reason) => {
-  const of = { unit: "rad", definition: "", reason: "q stood at 1.602 rad" };
+  const of = { unit: "rad", definition: "", reason: "q stood at 1.602\u202frad" };
   const metric = { ...of, name: "deviation_q", label: "Joint deviation", value: 0.1 } as Metric;
   const criterion = {
     ...of,
@@ -151,6 +151,6 @@ it("draws the joint's chart, its limits and its readouts in the person's unit, a
 });
 
 it("reads a text of the service in the person's unit", () => {
-  open(<LocalizedText text="q = 1.602 rad, S = 10 N·m/rad" />);
+  open(<LocalizedText text={"q = 1.602\u202frad, S = 10 N·m/rad"} />);
   expect(text()).toContain("q = 91.79°, S = 10 N·m/rad");
 });
