@@ -16,6 +16,7 @@ STUDY_TEXTS = load_texts("pages/studies")
 BANKS = load_texts("pages/banks")
 RUNS = load_texts("pages/runs")
 OPERATE = load_texts("pages/operate")
+LOG = load_texts("pages/log")
 
 PAGES = ("operate", "bring-up", "identify", "banks", "experiments", "runs", "system", "system/developer")
 SEEN = {
@@ -26,7 +27,7 @@ SEEN = {
     "experiments": EXPERIMENT_TEXTS["loopSettings"].format(tuning="λ_q"),
     "studies": f"{STUDY_TEXTS['noStudies']}|{STUDY_TEXTS['study']}",
     "runs": f"{RUNS['noRuns']}|session",
-    "log": "What happened",
+    "log": LOG["entries"],
     "system": r"sqlite, .* MB",
     "system/developer": "force_limit",
 }
