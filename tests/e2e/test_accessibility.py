@@ -14,6 +14,8 @@ from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 from tests.e2e.test_viewer import SEEN
 
+SHARED = load_texts("components")
+
 AXE = (Path(__file__).parents[2] / "frontend" / "node_modules" / "axe-core" / "axe.min.js").read_text(encoding="utf-8")
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
 PAGES = ("Operate", "Identify", "Banks", "Experiments", "Studies", "Runs", "Log", "System")
@@ -69,7 +71,7 @@ def test_no_page_violates_wcag_a_or_aa(same_operator: Operator, scheme: Scheme) 
     )
     found["one run"] = violations(page)
     page.keyboard.press("c")
-    expect(page.get_by_role("list", name="Steps of the set-up")).to_be_visible()
+    expect(page.get_by_role("list", name=SHARED["setupSteps"])).to_be_visible()
     found["set-up"] = violations(page)
     page.keyboard.press("Escape")
     page.keyboard.press("?")

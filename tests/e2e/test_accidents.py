@@ -11,6 +11,8 @@ from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 
 OPERATE = load_texts("pages/operate")
+SERVICE = load_texts("service")
+SHARED = load_texts("components")
 
 BOX = "q_ref value [°]"
 
@@ -26,7 +28,7 @@ def test_a_value_that_is_typed_and_left_moves_nothing(same_operator: Operator, h
     same_operator.enter(BOX, 0.0)
     same_operator.wait(lambda: same_operator.state()["references"]["q_ref"] == 0.0)
     box(page).fill("25")
-    expect(page.get_by_text("25.0° is not sent: Enter sends it, Escape restores.")).to_be_visible()
+    expect(page.get_by_text(SHARED["unsent"].replace("{value}", "25.0°"))).to_be_visible()
     if how == "click":
         page.get_by_role("heading", name="Mode", exact=True).click()
     elif how == "navigation":
@@ -38,7 +40,7 @@ def test_a_value_that_is_typed_and_left_moves_nothing(same_operator: Operator, h
     assert same_operator.state()["references"]["q_ref"] == 0.0
     expect(box(page)).to_have_value("0.0")
     if how in ("click", "Tab"):
-        expect(page.get_by_text("25.0° was not sent: Enter sends a value.")).to_be_visible()
+        expect(page.get_by_text(SHARED["wasNotSent"].replace("{value}", "25.0°"))).to_be_visible()
 
 
 def test_a_decimal_comma_is_the_decimal_point(same_operator: Operator) -> None:
@@ -85,7 +87,7 @@ def test_who_lacks_control_sees_why_and_takes_it_where_it_is_needed(
     expect(moves).to_have_count(5)
     for place in range(5):
         expect(moves.nth(place)).to_have_attribute("aria-disabled", "true")
-    expect(page.get_by_text(re.compile("holds control\\.")).first).to_be_visible()
+    expect(page.get_by_text(re.compile(re.escape(SERVICE["hasControl"].replace("{name}", "")))).first).to_be_visible()
     expect(box(page)).to_be_disabled()
     expect(page.get_by_role("textbox", name="λ_q value [s]", exact=True)).to_be_disabled()
     expect(page.get_by_role("switch", name=OPERATE["rejection"])).to_be_disabled()

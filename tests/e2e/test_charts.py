@@ -11,6 +11,7 @@ from playwright.sync_api import Page, expect
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
 from tests.e2e.page_texts import load_texts
 
+CHARTS = load_texts("charts")
 OPERATE = load_texts("pages/operate")
 HELD, FOLLOWING = (OPERATE[name].partition(",")[0] for name in ("held", "following"))
 
@@ -153,7 +154,7 @@ def test_colour_and_hidden_signals_are_remembered_for_the_person(watching: Opera
     expect(line).to_have_css("stroke", "rgb(213, 94, 0)", timeout=MOTION_TIMEOUT_MS)
     expect(watching.legend("Tendon force", "F_B")).to_have_attribute("aria-pressed", "false")
     page.get_by_role("button", name="Colour of q", exact=True).click()
-    page.get_by_role("button", name="Standard", exact=True).click()
+    page.get_by_role("button", name=CHARTS["defaultColour"], exact=True).click()
     expect(line).to_have_css("stroke", "rgb(0, 114, 178)")
     watching.legend("Tendon force", "F_B").click()
 

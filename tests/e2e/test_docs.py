@@ -8,8 +8,12 @@ from playwright.sync_api import Page, expect
 from tests.e2e.browser import DESKTOP
 from tests.e2e.layout import document_scrolls_by
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.test_accessibility import PHONE, in_both_schemes
 
+SHARED = load_texts("components")
+
+TEXTS = load_texts("pages/docs")
 DOCS = Path(__file__).parents[2] / "docs"
 
 
@@ -29,7 +33,7 @@ def test_what_is_written_is_read_and_found_in_the_dashboard(same_operator: Opera
     operator, page = same_operator, same_operator.page
     operator.settled_mode()
     page.keyboard.press("d")
-    contents = page.get_by_role("navigation", name="Documents", exact=True)
+    contents = page.get_by_role("navigation", name=TEXTS["documents"], exact=True)
     for name in ("first-hour", "faults", "fidelity", "notation"):
         contents.get_by_role("link", name=headings(name)[0], exact=True).click()
         expect(page).to_have_url(re.compile(f"#/docs/{name}$"))
@@ -37,9 +41,9 @@ def test_what_is_written_is_read_and_found_in_the_dashboard(same_operator: Opera
         shown = page.get_by_role("article").get_by_role("heading")
         expect(shown).to_have_text(headings(name))
 
-    page.get_by_role("textbox", name="Search in all of them", exact=True).fill("safety module trip")
-    count = page.get_by_role("status", name="Found", exact=True)
-    expect(count).to_have_text(re.compile(r"^\d+ places?"))
+    page.get_by_role("textbox", name=TEXTS["search"], exact=True).fill("safety module trip")
+    count = page.get_by_role("status", name=TEXTS["found"], exact=True)
+    expect(count).to_have_text(re.compile(r"^\d+ sections?"))
     first = page.get_by_role("main").get_by_role("listitem").get_by_role("link").first
     title = first.inner_text().rsplit(": ", 1)[-1]
     first.click()
@@ -50,7 +54,7 @@ def test_what_is_written_is_read_and_found_in_the_dashboard(same_operator: Opera
     page.get_by_role("article").get_by_role("link", name="faults.md", exact=True).first.click()
     in_sight(page, "A card and its wires")
     page.goto(f"{operator.service.url}/#/docs/no-such-thing")
-    expect(page.get_by_role("main")).to_contain_text("There is no document “no-such-thing”")
+    expect(page.get_by_role("main")).to_contain_text(TEXTS["notFound"].format(name="no-such-thing"))
 
 
 def test_everybody_can_read_it(same_operator: Operator) -> None:
@@ -68,10 +72,10 @@ def test_everybody_can_read_it(same_operator: Operator) -> None:
 def test_the_set_up_tells_how(same_operator: Operator) -> None:
     operator, page = same_operator, same_operator.page
     page.get_by_role("button", name="Set-up", exact=True).click()
-    steps = page.get_by_role("list", name="Steps of the set-up", exact=True)
+    steps = page.get_by_role("list", name=SHARED["setupSteps"], exact=True)
     told = page.request.get(f"{operator.service.url}/api/checklist").json()["steps"]
     expect(steps.get_by_role("listitem")).to_have_count(len(told))
     for row, step in enumerate(told):
         expect(steps.get_by_role("listitem").nth(row)).to_contain_text(step["detail"])
-    steps.get_by_role("link", name="Tuning: how, and why", exact=True).click()
+    steps.get_by_role("link", name=SHARED["setupHowTo"].replace("{step}", SHARED["tuning"]), exact=True).click()
     in_sight(page, "Tune")

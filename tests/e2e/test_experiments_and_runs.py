@@ -15,6 +15,7 @@ from tests.e2e.sharing import SharedPage, bring_to_run, shared_page, sign_in_at
 
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
 RUNS = load_texts("pages/runs")
+SHARED = load_texts("components")
 
 DRY_RUN_TIMEOUT_MS = 120_000
 """The simulator's process starts with the first dry run and gives way to everything else."""
@@ -179,10 +180,12 @@ def test_runs_are_found_tagged_and_saved_as_a_search(operator: Operator) -> None
 def test_the_set_up_list_tells_what_is_done_and_leads_on(operator: Operator) -> None:
     page = operator.page
     page.get_by_role("button", name="Set-up", exact=True).click()
-    steps = page.get_by_role("list", name="Steps of the set-up", exact=True)
-    expect(steps.get_by_role("listitem", name="Pretension: done", exact=True)).to_be_visible()
-    expect(steps.get_by_role("listitem", name="Controller bank: to do", exact=True)).to_be_visible()
-    steps.get_by_role("link", name="Build or activate a bank", exact=True).click()
+    steps = page.get_by_role("list", name=SHARED["setupSteps"], exact=True)
+    expect(
+        steps.get_by_role("listitem", name=f"{SHARED['pretension']}: {SHARED['stepDone']}", exact=True)
+    ).to_be_visible()
+    expect(steps.get_by_role("listitem", name=f"{SHARED['bank']}: {SHARED['stepMissing']}", exact=True)).to_be_visible()
+    steps.get_by_role("link", name=SHARED["bankAction"], exact=True).click()
     expect(page.get_by_role("heading", level=1, name="Banks")).to_be_attached()
 
 

@@ -24,6 +24,7 @@ from tests.e2e.service import Service
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
 OPERATE = load_texts("pages/operate")
+SHARED = load_texts("components")
 
 RUN_TIMEOUT_MS = 240_000
 CLI_S = 120.0
@@ -250,7 +251,7 @@ def take_a_report_home(operator: Operator, keys: Keys, file: Path) -> None:
 def set_up_is_done(operator: Operator, keys: Keys) -> None:
     """The list of the set-up has each of its steps as the service has it; but for pretension all are done."""
     keys.press("c")
-    steps = operator.page.get_by_role("list", name="Steps of the set-up").get_by_role("listitem")
+    steps = operator.page.get_by_role("list", name=SHARED["setupSteps"]).get_by_role("listitem")
     told = get(operator, "/api/checklist")["steps"]
     expect(steps).to_have_count(len(told))
     assert [step.get_attribute("data-state") for step in steps.all()] == [one["state"] for one in told]

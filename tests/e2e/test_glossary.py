@@ -23,7 +23,8 @@ from tests.e2e.test_experiments_and_runs import SHORT
 
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
 OPERATE = load_texts("pages/operate")
-
+TEXTS = load_texts("pages/glossary")
+SYSTEM = load_texts("pages/system")
 STOP = "button[aria-label=STOP]"
 ENTRIES = build_glossary()
 
@@ -113,7 +114,7 @@ def test_a_fault_explains_itself_as_the_state_tells_it(operator: Operator) -> No
     page.mouse.move(2, 450)
     operator.press("Reset")
     operator.go("System")
-    chain = page.get_by_role("region", name="Safety chain", exact=True)
+    chain = page.get_by_role("region", name=SYSTEM["chain"], exact=True)
     chain.get_by_role("term").last.hover()
     told(page, "chain:safety_module")
 
@@ -179,15 +180,15 @@ def test_any_word_is_looked_up_in_the_glossary(operator: Operator) -> None:
     page.keyboard.press("?")
     page.get_by_role("dialog", name="Keyboard shortcuts").get_by_role("link", name="Glossary").click()
     expect(page.get_by_role("heading", level=1, name="Glossary")).to_be_visible()
-    expect(page.get_by_role("status", name="Found")).to_have_text(f"{len(ENTRIES)} entries")
+    expect(page.get_by_role("status", name=TEXTS["found"])).to_have_text(f"{len(ENTRIES)} entries")
     faults = page.get_by_role("region", name="Faults", exact=True)
     listed = sum(entry.kind is TermKind.FAULT for entry in ENTRIES.values())
     expect(faults.get_by_role("listitem")).to_have_count(listed)
-    page.get_by_role("textbox", name="Look up").fill("card watchdog drives")
+    page.get_by_role("textbox", name=TEXTS["search"]).fill("card watchdog drives")
     expect(page.get_by_role("main")).to_contain_text(EXPLANATIONS[Fault.WATCHDOG].message)
     expect(page.get_by_role("region", name="Modes", exact=True)).to_have_count(0)
-    page.get_by_role("textbox", name="Look up").fill("no such word")
-    expect(page.get_by_role("status", name="Found")).to_have_text("0 entries")
+    page.get_by_role("textbox", name=TEXTS["search"]).fill("no such word")
+    expect(page.get_by_role("status", name=TEXTS["found"])).to_have_text("0 entries")
 
 
 @pytest.mark.parametrize(("scheme", "size"), [("light", PHONE), ("dark", DESKTOP)], ids=["light-phone", "dark-desktop"])
@@ -213,7 +214,7 @@ def test_explanations_violate_no_rule_and_stay_in_the_window(
         expect(tooltip(page)).to_have_count(0)
     assert violations(page) == []
     page.goto(f"{page.url.split('#')[0]}#/glossary")
-    expect(page.get_by_role("status", name="Found")).to_be_visible()
+    expect(page.get_by_role("status", name=TEXTS["found"])).to_be_visible()
     assert violations(page) == []
     if (pictures := os.environ.get("GLOSSARY_PICTURES")) is not None:
         page.screenshot(path=f"{pictures}/glossary-{scheme}-{size['width']}.png")

@@ -12,7 +12,12 @@ from backend.auth.handover import GONE_S
 from tests.e2e.browser import DESKTOP, Watched
 from tests.e2e.layout import survey
 from tests.e2e.operator import MOTION_TIMEOUT_MS
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
+
+SERVICE = load_texts("service")
+
+TEXTS = load_texts("components")
 
 MOVES = {
     "header": "header button",
@@ -45,7 +50,7 @@ class Somebody:
 
     @property
     def notice(self) -> Locator:
-        return self.page.get_by_role("region", name="Control asked for")
+        return self.page.get_by_role("region", name=TEXTS["controlRequest"])
 
     def menu(self, item: str) -> None:
         """Choose what the control menu offers."""
@@ -87,7 +92,7 @@ def people(browser: Browser, service: Service, *names: str) -> Iterator[list[Som
     finally:
         for one in there:
             if one.holder == one.name:
-                one.menu("Give up control")
+                one.menu(TEXTS["giveUpControl"])
                 one.expect_control("nobody")
             one.page.context.close()
 
@@ -98,41 +103,41 @@ def placed(page: Page) -> dict[str, Any]:
 
 def test_who_asks_is_answered_and_both_read_what_the_log_keeps(browser: Browser, service: Service) -> None:
     with people(browser, service, "Ana", "Vera") as (ana, vera):
-        ana.menu("Take control")
+        ana.menu(TEXTS["takeControl"])
         ana.expect_control("you")
         vera.expect_control("Ana")
         before = placed(ana.page)
 
-        vera.menu("Ask Ana for control")
+        vera.menu(TEXTS["askItem"].replace("{name}", "Ana"))
         vera.give("my λ sweep")
-        vera.press("Ask")
+        vera.press(TEXTS["ask"])
         expect(ana.notice).to_contain_text("Vera asks for control: “my λ sweep”")
-        expect(vera.notice).to_contain_text("You have asked Ana for control.")
+        expect(vera.notice).to_contain_text(SERVICE["asked"].replace("{name}", "Ana"))
         assert placed(ana.page) == before  # nothing has moved under her pointer
         (wish,) = ana.told("/api/state")["wishes"]
         assert (wish["name"], wish["by"], wish["reason"], wish["standing"]) == ("Vera", "Ana", "my λ sweep", "asked")
 
-        ana.press("Answer …")
-        expect(ana.page.get_by_role("button", name="Keep control")).to_be_disabled()  # not without a reason
+        ana.press(TEXTS["answer"])
+        expect(ana.page.get_by_role("button", name=TEXTS["keepControl"])).to_be_disabled()  # not without a reason
         ana.give("ten minutes more")
-        ana.press("Keep control")
+        ana.press(TEXTS["keepControl"])
         expect(vera.notice).to_contain_text("Ana keeps control: “ten minutes more”")
         expect(ana.notice).to_have_count(0)
         assert ana.holder == "Ana"
         vera.press("OK")
         expect(vera.notice).to_have_count(0)
 
-        vera.menu("Ask Ana for control")
+        vera.menu(TEXTS["askItem"].replace("{name}", "Ana"))
         vera.give("now it is my turn")
-        vera.press("Ask")
-        ana.press("Answer …")
+        vera.press(TEXTS["ask"])
+        ana.press(TEXTS["answer"])
         ana.give("mind the wall")
-        ana.press("Hand over")
+        ana.press(TEXTS["handOver"])
         vera.expect_control("you")  # without being asked again
         ana.expect_control("Vera")
         expect(vera.notice).to_contain_text("Ana has handed control over to you: “mind the wall”")
         expect(ana.notice).to_contain_text("You have handed control over to Vera.")
-        expect(ana.page.get_by_role("alert", name="Control lost")).to_have_count(0)
+        expect(ana.page.get_by_role("alert", name=TEXTS["controlLost"])).to_have_count(0)
         assert vera.holder == "Vera"
         log = vera.log(6)
         assert log == [
@@ -150,7 +155,7 @@ def test_who_asks_is_answered_and_both_read_what_the_log_keeps(browser: Browser,
         # who has handed over commands nothing more, and may stop
         assert ana.page.request.delete(f"{service.url}/api/control").status == 409
         ana.press("STOP")
-        expect(ana.page.get_by_role("status", name="Stop result")).to_contain_text("Zero volts in")
+        expect(ana.page.get_by_role("status", name=TEXTS["stopResult"])).to_contain_text("Zero volts in")
         vera.page.get_by_role("navigation", name="Main").get_by_role("link", name="Operate").click()
         vera.press("Reset")
         expect(vera.page.get_by_role("status", name="Mode", exact=True)).to_have_text("off", timeout=MOTION_TIMEOUT_MS)
@@ -158,18 +163,18 @@ def test_who_asks_is_answered_and_both_read_what_the_log_keeps(browser: Browser,
 
 def test_control_is_offered_to_somebody_who_says_yes_or_no(browser: Browser, service: Service) -> None:
     with people(browser, service, "Ana", "Vera") as (ana, vera):
-        ana.menu("Take control")
+        ana.menu(TEXTS["takeControl"])
         for reason in ("lunch", "lunch, really"):
-            ana.menu("Hand over")
+            ana.menu(TEXTS["handOverItem"])
             choice = ana.page.get_by_role("combobox", name="To")
             assert choice.locator("option").all_inner_texts() == ["Vera"]
             ana.give(reason)
-            ana.press("Offer control")
+            ana.press(TEXTS["offerControl"])
             expect(vera.notice).to_contain_text(f"Ana offers you control: “{reason}”")
-            expect(ana.notice).to_contain_text("You have offered control to Vera, and hold it until it is taken.")
+            expect(ana.notice).to_contain_text(SERVICE["offerSent"].replace("{name}", "Vera"))
             assert ana.holder == "Ana"
             if reason == "lunch":
-                vera.press("Decline")
+                vera.press(TEXTS["decline"])
                 expect(ana.notice).to_contain_text("Vera did not take control.")
                 assert ana.holder == "Ana"
         vera.press("Take control")
@@ -185,12 +190,12 @@ def test_control_is_offered_to_somebody_who_says_yes_or_no(browser: Browser, ser
 
 def test_a_request_ends_with_the_page_of_who_asked_and_with_control(browser: Browser, service: Service) -> None:
     with people(browser, service, "Ana", "Vera", "Oda") as (ana, vera, oda):
-        ana.menu("Take control")
+        ana.menu(TEXTS["takeControl"])
         for one in (vera, oda):
-            one.menu("Ask Ana for control")
+            one.menu(TEXTS["askItem"].replace("{name}", "Ana"))
             one.give(f"I am {one.name}")
-            one.press("Ask")
-            expect(one.notice).to_contain_text("You have asked Ana for control.")
+            one.press(TEXTS["ask"])
+            expect(one.notice).to_contain_text(SERVICE["asked"].replace("{name}", "Ana"))
         expect(ana.notice).to_contain_text(re.compile(r"asks for control.*\+1"))
         oda.page.goto("about:blank")
         expect(ana.notice).to_contain_text("Vera asks for control: “I am Vera”")
@@ -198,8 +203,8 @@ def test_a_request_ends_with_the_page_of_who_asked_and_with_control(browser: Bro
         # the ends of the tests before are told for a while yet
         standings = {one["reason"]: one["standing"] for one in ana.told("/api/state")["wishes"]}
         assert standings.items() >= {"I am Vera": "asked", "I am Oda": "left"}.items()
-        ana.menu("Give up control")
-        expect(vera.notice).to_contain_text("Ana does not hold control any more.")
+        ana.menu(TEXTS["giveUpControl"])
+        expect(vera.notice).to_contain_text(SERVICE["freed"].replace("{name}", "Ana"))
         assert vera.holder is None
         oda.page.goto(f"{service.url}/#/studies")
         expect(oda.page.get_by_role("banner")).to_be_visible()

@@ -23,6 +23,7 @@ from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service, running_service
 
 TEXTS = load_texts("pages/identify")
+SHARED = load_texts("components")
 
 LAB = Path(__file__).parents[2] / "plant" / "parameters" / "lab.toml"
 RUN_TIMEOUT_MS = 240_000
@@ -49,7 +50,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 def test_identify_judge_apply_and_undo(operator: Operator) -> None:
     operator.sign_in()
     operator.press("Pretension")
-    expect(operator.page.get_by_role("status", name="Status", exact=True)).to_contain_text("Ready to run")
+    expect(operator.page.get_by_role("status", name="Status", exact=True)).to_contain_text(SHARED["statusReady"])
     first = identified(operator, "motor", STEPS)
     second = identified(operator, "motor", OTHER_STEPS)
     beside_unseen_data(operator, first, second)

@@ -13,6 +13,8 @@ from tests.e2e.operator import Operator
 from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 
+SHARED = load_texts("components")
+
 TEXTS = load_texts("pages/log")
 
 
@@ -47,7 +49,7 @@ def test_what_happened_is_read_searched_noted_and_followed_into_the_recording(op
     operator.wait(lambda: abs(operator.reading("Joint position", "q") - 15.0) < 0.3)
     page.get_by_role("button", name=re.compile("^STOP")).click()
     operator.expect_mode("tripped")
-    page.get_by_role("link", name="What happened").click()  # from the fault's own line
+    page.get_by_role("link", name=SHARED["events"]).click()  # from the fault's own line
     expect(page.get_by_role("heading", level=1, name="Log")).to_be_attached()
     operator.press("Reset")
     operator.expect_mode("off")

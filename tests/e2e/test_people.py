@@ -11,8 +11,11 @@ from backend.api.dependencies import PING_TIMEOUT_S
 from backend.server.security import COOKIE
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS
+from tests.e2e.page_texts import load_texts
 from tests.e2e.relay import relayed
 from tests.e2e.service import Service
+
+TEXTS = load_texts("components")
 
 PATIENCE_S = 30.0
 
@@ -27,12 +30,12 @@ def test_a_person_is_asked_once_is_seen_by_all_and_signs_out(browser: Browser, s
     ana.goto(service.link)
     question = ana.get_by_role("form", name="Your name")
     ana.get_by_role("button", name="Skip tour", exact=True).click(timeout=MOTION_TIMEOUT_MS)
-    expect(question).to_contain_text("You are signed in as operator: what is your name?", timeout=MOTION_TIMEOUT_MS)
+    expect(question).to_contain_text(TEXTS["nameAsked"].replace("{role}", "operator"), timeout=MOTION_TIMEOUT_MS)
     question.get_by_role("textbox").fill("viewer")
-    question.get_by_role("button", name="Save name").click()
+    question.get_by_role("button", name=TEXTS["saveName"]).click()
     expect(question.get_by_role("status")).to_contain_text("no role")
     question.get_by_role("textbox").fill("Ana")
-    question.get_by_role("button", name="Save name").click()
+    question.get_by_role("button", name=TEXTS["saveName"]).click()
     expect(question).to_have_count(0)
     ana.goto(service.link)  # the link again: asked once, not once more
     expect(ana.get_by_role("banner")).to_be_visible()
@@ -48,7 +51,7 @@ def test_a_person_is_asked_once_is_seen_by_all_and_signs_out(browser: Browser, s
     expect(vic.get_by_role("img", name="Viewer")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     expect(vic.get_by_role("form", name="Your name")).to_have_count(0)
     _take_control(ana)
-    _expect_connected(vic, "Ana has control, 1 page", "Ana (viewer), you VIEW, 1 page")
+    _expect_connected(vic, f"Ana {TEXTS['hasControl']}, 1 page", "Ana (viewer), you VIEW, 1 page")
     _expect_connected(ana, "Ana, you has control, 1 page", "Ana (viewer) VIEW, 1 page")
 
     (cookie,) = [one for one in ana.context.cookies() if one["name"].startswith(COOKIE)]
@@ -91,10 +94,10 @@ def test_a_closed_laptop_disappears_and_comes_back(browser: Browser, service: Se
             assert page.request.post(f"{url}/api/session", data=signing_in).ok
             page.goto(f"{url}/#/studies")
             expect(page.get_by_role("banner")).to_be_visible()
-        _expect_connected(vic, "Ana may take control, 1 page", "Vic (viewer), you VIEW, 1 page")
+        _expect_connected(vic, f"Ana {TEXTS['canTakeControl']}, 1 page", "Vic (viewer), you VIEW, 1 page")
         relay.freeze()
         _expect_connected(vic, "Vic (viewer), you VIEW, 1 page", within_s=PING_TIMEOUT_S + PATIENCE_S)
         relay.thaw()
-        _expect_connected(vic, "Ana may take control, 1 page", "Vic (viewer), you VIEW, 1 page")
+        _expect_connected(vic, f"Ana {TEXTS['canTakeControl']}, 1 page", "Vic (viewer), you VIEW, 1 page")
         ana.context.close()
         vic.context.close()

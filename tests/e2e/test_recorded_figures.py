@@ -17,8 +17,11 @@ from backend.storage import events, runs
 from backend.storage.database import open_database
 from tests.e2e.forms import REPORT_TIMEOUT_MS
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service, running_service
 from tests.recording.stored_run import FIRST_TICK, store_run
+
+CHARTS = load_texts("charts")
 
 COUNT = 600_000
 DEG = 180.0 / math.pi
@@ -85,7 +88,7 @@ def _statistics(page: Page, columns: dict[str, NDArray[np.float64]]) -> None:
         if name == "q":
             assert told[2][1] == "2:03.456"
         else:
-            assert told[0][1] == "60\u202f000 without value"
+            assert told[0][1] == CHARTS["withoutValue"].replace("{count}", "60\u202f000")
 
 
 def _cursors(page: Page, columns: dict[str, NDArray[np.float64]]) -> None:
@@ -115,7 +118,8 @@ def _spectrum(page: Page) -> None:
     page.get_by_role("button", name="Spectrum", exact=True).click()
     facts = dialog.get_by_role("status", name="Spectrum facts")
     expect(facts).to_contain_text("600\u202f000 samples")
-    expect(facts).to_contain_text("Hann windows of 32\u202f768 samples that overlap by half, resolution 0.0305 Hz")
+    windows = CHARTS["windows"].partition(" ")[2].format(length="32\u202f768", step="0.0305")
+    expect(facts).to_contain_text(windows)
     expect(dialog.get_by_role("img", name="Spectrum of Joint position")).to_be_visible()
     page.keyboard.press("Escape")
 

@@ -12,8 +12,11 @@ from backend.data_folder import read_service_address
 from tests.e2e.browser import DESKTOP, Watched
 from tests.e2e.nginx import CONFIGURATIONS, free_port, nginx
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import running_service
 from tests.e2e.test_scene import PICTURE_TIMEOUT_MS, canvas_of, colours, show_in_3d
+
+SHARED = load_texts("components")
 
 UPGRADE = """        proxy_set_header Upgrade $http_upgrade;
         proxy_set_header Connection "upgrade";
@@ -64,7 +67,7 @@ def test_sign_in_live_stream_3d_view_and_stop_work(
         assert colours(canvas.screenshot()) > 100
         page.get_by_role("button", name="STOP", exact=True).click()
         operator.expect_mode("tripped")
-        expect(page.get_by_role("alert", name="Set-up of the address")).to_have_count(0)
+        expect(page.get_by_role("alert", name=SHARED["addressSetup"])).to_have_count(0)
         assert watched.complaints == []
     assert "refused" not in operator.service.log.read_text(encoding="utf-8")
 
@@ -72,10 +75,10 @@ def test_sign_in_live_stream_3d_view_and_stop_work(
 def test_a_proxy_that_changes_the_host_is_told_on_the_page_and_in_the_log(browser: Browser, tmp_path: Path) -> None:
     with behind(browser, tmp_path, CONFIGURATIONS["plain"], public=False) as (operator, _):
         operator.sign_in()
-        said = operator.page.get_by_role("alert", name="Set-up of the address")
+        said = operator.page.get_by_role("alert", name=SHARED["addressSetup"])
         remedy = f"--public-url {operator.service.url}/"
         expect(said).to_contain_text(remedy)
-        expect(said).to_contain_text("STOP on this page does not work")
+        expect(said).to_contain_text(SHARED["addressNoStop"])
     log = operator.service.log.read_text(encoding="utf-8")
     assert remedy in log
     assert "refused websocket /api/live" in log
@@ -87,7 +90,7 @@ def test_a_proxy_that_keeps_websockets_is_told_on_the_page_and_in_the_log(browse
     assert without != CONFIGURATIONS["plain"]
     with behind(browser, tmp_path, without) as (operator, _):
         operator.sign_in()
-        said = operator.page.get_by_role("alert", name="Set-up of the address")
+        said = operator.page.get_by_role("alert", name=SHARED["addressSetup"])
         expect(said).to_contain_text("proxy_set_header Upgrade $http_upgrade;")
     assert "proxy_set_header Upgrade" in operator.service.log.read_text(encoding="utf-8")
 
@@ -95,7 +98,7 @@ def test_a_proxy_that_keeps_websockets_is_told_on_the_page_and_in_the_log(browse
 def test_https_without_a_public_url_is_told_on_the_page(browser: Browser, tmp_path: Path) -> None:
     with behind(browser, tmp_path, CONFIGURATIONS["tls"], public=False) as (operator, _):
         operator.sign_in()
-        said = operator.page.get_by_role("alert", name="Set-up of the address")
+        said = operator.page.get_by_role("alert", name=SHARED["addressSetup"])
         expect(said).to_contain_text(f"--public-url {operator.service.url}/")
         expect(operator.page.get_by_role("status", name="Link", exact=True)).to_have_attribute("data-health", "live")
 

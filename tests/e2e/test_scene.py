@@ -13,12 +13,13 @@ from tests.e2e.relay import relayed
 from tests.e2e.service import Service
 
 RUNS = load_texts("pages/runs")
+SHARED = load_texts("components")
 
 PICTURE_TIMEOUT_MS = 120_000
 """Long enough for a picture that the processor draws while it is busy with other things."""
 
 SCENE = re.compile(r"/scene/\?")
-ITS_PAGE = "The 3D view is loading: it waits for its page from the service."
+ITS_PAGE = SHARED["sceneLoadingPage"]
 
 
 def test_the_view_says_what_it_waits_for_and_that_it_failed(browser: Browser, service: Service) -> None:
@@ -35,11 +36,10 @@ def test_the_view_says_what_it_waits_for_and_that_it_failed(browser: Browser, se
     expect(words).to_have_text(ITS_PAGE)
     operator.wait(lambda: len(asked) == 1)
     asked.pop().abort()
-    failed = "The 3D view failed: its page did not come from the service."
-    expect(words).to_have_text(failed, timeout=MOTION_TIMEOUT_MS)
+    expect(words).to_have_text(SHARED["sceneFailed"], timeout=MOTION_TIMEOUT_MS)
     assert errors == []
     with page.expect_request(SCENE):
-        operator.press("Try again")
+        operator.press(SHARED["tryAgain"])
     expect(words).to_have_text(ITS_PAGE)
     operator.wait(lambda: len(asked) == 1)
     asked.pop().continue_()
@@ -79,7 +79,7 @@ def test_the_view_comes_back_after_a_drop_and_shows_what_moves(operator: Operato
         words = page.get_by_role("status", name="3D view status")
         expect(words).to_be_empty(timeout=PICTURE_TIMEOUT_MS)
         relay.hold("/scene")
-        expect(words).to_contain_text("The 3D view is cut off from the service", timeout=MOTION_TIMEOUT_MS)
+        expect(words).to_have_text(SHARED["sceneLost"], timeout=MOTION_TIMEOUT_MS)
         relay.release()
         expect(words).to_be_empty(timeout=PICTURE_TIMEOUT_MS)
         wait_for_a_picture(operator, canvas)

@@ -14,6 +14,7 @@ from tests.e2e.service import Service
 IDENTIFY_TEXTS = load_texts("pages/identify")
 BANKS = load_texts("pages/banks")
 OPERATE = load_texts("pages/operate")
+SHARED = load_texts("components")
 
 IDENTIFICATION_TIMEOUT_MS = 90_000
 TRACKING_TIMEOUT_MS = 150_000
@@ -79,7 +80,9 @@ def identify(operator: Operator) -> str:
     prediction = page.get_by_role("status", name=IDENTIFY_TEXTS["forecastStatus"], exact=True)
     expect(prediction).to_contain_text("encoder counts", timeout=MOTION_TIMEOUT_MS)
     operator.press(IDENTIFY_TEXTS["start"])
-    expect(page.get_by_role("progressbar", name="Task progress", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    expect(page.get_by_role("progressbar", name=SHARED["taskProgress"], exact=True)).to_be_visible(
+        timeout=MOTION_TIMEOUT_MS
+    )
     result = page.get_by_role("region", name="Result", exact=True)
     expect(result).to_contain_text("Gq", timeout=IDENTIFICATION_TIMEOUT_MS)
     expect(result).to_contain_text("GS")

@@ -12,6 +12,7 @@ from tests.e2e.page_texts import load_texts
 
 OPERATE = load_texts("pages/operate")
 PUSHING = OPERATE["pushing"].partition("{")[0]
+THEME = load_texts("theme")
 
 PUSH_N = 6.0
 SWEEP_TIMEOUT_MS = 120_000
@@ -56,7 +57,7 @@ def test_a_contact_is_learned_armed_felt_and_released(same_operator: Operator) -
     expect(said).not_to_contain_text(OPERATE["contact"].partition("{")[0])
     forms.pressed(page, card.get_by_role("button", name=OPERATE["disableReaction"], exact=True), "/api/touch")
     operator.press("Push")
-    operator.wait(lambda: abs(operator.reading("Outside force", "F_ext_hat") - PUSH_N) < 0.5)
+    operator.wait(lambda: abs(operator.reading(THEME["externalForce"], "F_ext_hat") - PUSH_N) < 0.5)
     assert operator.settled_mode() == "run"
     forms.pressed(page, card.get_by_role("button", name=OPERATE["clearBias"], exact=True), "/api/touch")
     expect(said).to_contain_text(OPERATE["notCalibrated"])

@@ -10,6 +10,7 @@ from tests.e2e.page_texts import load_texts
 from tests.e2e.sharing import bring_to_run, sign_in_at
 
 RUNS = load_texts("pages/runs")
+TEXTS = load_texts("pages/system")
 
 LEVEL_DEG, STEP_RAD = 5.0, 0.2
 
@@ -18,24 +19,24 @@ def test_it_is_armed_outlasts_a_reload_and_leads_to_the_record_of_its_signal(ope
     page, service = operator.page, operator.service
     bring_to_run(service)
     sign_in_at(page, service, "operate")
-    card = page.get_by_role("region", name="Trigger capture", exact=True)
-    form = card.get_by_role("form", name="Trigger", exact=True)
-    form.get_by_label("Signal").select_option("q_ref")
-    form.get_by_label("Condition").select_option("rising")
-    for label, text in (("Level", f"{LEVEL_DEG:g}"), ("Before", "0.2"), ("After", "0.3")):
-        form.get_by_label(re.compile(f"^{label}")).fill(text)
-    form.get_by_role("button", name="Arm", exact=True).click()
-    told = card.get_by_role("status", name="Trigger", exact=True)
+    card = page.get_by_role("region", name=TEXTS["trigger"], exact=True)
+    form = card.get_by_role("form", name=TEXTS["triggerForm"], exact=True)
+    form.get_by_label(TEXTS["signal"]).select_option("q_ref")
+    form.get_by_label(TEXTS["condition"]).select_option("rising")
+    for label, text in (("level", f"{LEVEL_DEG:g}"), ("before", "0.2"), ("after", "0.3")):
+        form.get_by_label(re.compile("^" + re.escape(TEXTS[label].replace("{unit}", "")))).fill(text)
+    form.get_by_role("button", name=TEXTS["arm"], exact=True).click()
+    told = card.get_by_role("status", name=TEXTS["triggerState"], exact=True)
     expect(told).to_contain_text("Armed: q_ref rising through 5°; 0 of 1 captured (armed by operator)")
     page.reload()
     expect(told).to_contain_text("Armed: q_ref rising through 5°")
-    expect(card.get_by_role("button", name="Disarm", exact=True)).to_be_visible()
+    expect(card.get_by_role("button", name=TEXTS["disarm"], exact=True)).to_be_visible()
 
     with client_with(service, "token") as script:
         script.put("/api/references", json={"q_ref": STEP_RAD, "S_ref": 10.0}).raise_for_status()
     expect(told).to_have_text("Not armed: all captures were made; 1 of 1 captured", timeout=MOTION_TIMEOUT_MS)
-    card.get_by_role("link", name="Captures in flight records", exact=True).click()
-    records = page.get_by_role("table", name="Flight records", exact=True)
+    card.get_by_role("link", name=TEXTS["captures"], exact=True).click()
+    records = page.get_by_role("table", name=TEXTS["flights"], exact=True)
     row = records.get_by_role("row").filter(has_text="trigger: q_ref rising through 5°")
     expect(row).to_contain_text("−0.2 to 0.3")
     expect(row).to_contain_text("operator")

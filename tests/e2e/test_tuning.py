@@ -253,9 +253,10 @@ def shown(lam_motor: float) -> str:
         motor_robustness(motor_model(parameters, "B"), gains.B),
     ]
     worst = max(loops, key=lambda loop: loop.M_s)
-    gain = f"×{worst.gain_reduction:.3f} to" if worst.gain_reduction else "up to"
+    up = f"{worst.gain_margin:.1f} ({20.0 * math.log10(worst.gain_margin):.1f} dB)"
+    gain = f"{worst.gain_reduction:.3f} to {up}" if worst.gain_reduction else up
     phase = math.degrees(worst.phase_margin)
-    return f"M_s {worst.M_s:.3f}, gain {gain} ×{worst.gain_margin:.1f}, phase margin {phase:.0f}°"
+    return f"M_s {worst.M_s:.3f}, gain margin {gain}, phase margin {phase:.0f}°"
 
 
 def test_the_printed_formula_is_labelled_as_a_comparison(tuning: Operator) -> None:

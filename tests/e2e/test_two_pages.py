@@ -12,7 +12,12 @@ from backend.auth.sessions import TokenFiles
 from backend.server.security import read_credentials, set_session_cookie
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
+
+SHARED = load_texts("components")
+
+SERVICE = load_texts("service")
 
 
 def holder(page: Page) -> str:
@@ -45,8 +50,8 @@ def test_a_copy_of_the_tab_watches_and_a_reload_keeps_control(operator: Operator
 
     copy.take_control()
     expect(page.get_by_role("button", name="Control: operator")).to_be_visible()
-    lost = page.get_by_role("alert", name="Control lost")
-    expect(lost).to_contain_text("operator has taken over control from this page.")
+    lost = page.get_by_role("alert", name=SHARED["controlLost"])
+    expect(lost).to_contain_text(SERVICE["lossTakenOver"].replace("{name}", "operator"))
     copy.page.close()
     lost.get_by_role("button", name="Take control").click()
     expect(page.get_by_role("button", name="Control: you")).to_be_visible()

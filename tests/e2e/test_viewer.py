@@ -16,6 +16,7 @@ STUDY_TEXTS = load_texts("pages/studies")
 BANKS = load_texts("pages/banks")
 RUNS = load_texts("pages/runs")
 OPERATE = load_texts("pages/operate")
+LOG = load_texts("pages/log")
 
 PAGES = ("operate", "bring-up", "identify", "banks", "experiments", "runs", "system", "system/developer")
 SEEN = {
@@ -26,17 +27,20 @@ SEEN = {
     "experiments": EXPERIMENT_TEXTS["loopSettings"].format(tuning="λ_q"),
     "studies": f"{STUDY_TEXTS['noStudies']}|{STUDY_TEXTS['study']}",
     "runs": f"{RUNS['noRuns']}|session",
-    "log": "What happened",
+    "log": LOG["entries"],
     "system": r"sqlite, .* MB",
     "system/developer": "force_limit",
 }
 """What stands on a page once the service has told it; before that there is nothing to look through."""
 
 WORDS = "buttons => buttons.map(one => one.getAttribute('aria-label') || one.innerText)"
+SHARED = load_texts("components")
+SYSTEM = load_texts("pages/system")
 COMMANDING = (
     "Pretension|Run|Compliance|Soft stop|Off|Reset|Start .*|Add to queue|Start queue|"
     f"Pause after this run|{BANKS['activate']} .*|Import.*"
-    "|Back up now|Check the database|Mend everything|Inject .*|Save note|Build .*|Apply|Save|Take control"
+    f"|{SYSTEM['backUp']}|{SYSTEM['check']}|{SYSTEM['clearAll']}|{SYSTEM['injectNamed'].replace('{name}', '.*')}"
+    "|Save note|Build .*|Apply|Save|Take control"
 )
 
 
@@ -70,7 +74,7 @@ def test_a_viewer_is_offered_nothing_that_is_refused(browser: Browser, service: 
     page.goto(f"{service.url}/#/operate")
     page.get_by_role("img", name="Reachable map").click()
     page.get_by_role("button", name="Control: ").click()
-    expect(page.get_by_text("Anyone may press STOP")).to_be_visible()
+    expect(page.get_by_text(SHARED["anyoneStops"])).to_be_visible()
     assert page.locator("[role=menuitem]:not([aria-disabled])").all_inner_texts() == ["Change name", "Sign out"]
     assert refused == []
     page.context.close()

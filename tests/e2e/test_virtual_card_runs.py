@@ -22,6 +22,7 @@ from tests.execution.test_simulation import ALIKE, PARAMETERS, figures, performe
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
+SHARED = load_texts("components")
 
 RUN_TIMEOUT_MS = 180_000
 """Ten times what the longest of these takes by the loop's own time."""
@@ -54,7 +55,7 @@ def test_runs_at_the_virtual_card_come_to_the_figures_of_the_simulator(operator:
     operator.sign_in()
     expect(page.get_by_role("img", name="Virtual card", exact=True)).to_have_text("VIRTUAL CARD")
     operator.press("Pretension")
-    expect(page.get_by_role("status", name="Status", exact=True)).to_contain_text("Ready to run")
+    expect(page.get_by_role("status", name="Status", exact=True)).to_contain_text(SHARED["statusReady"])
     with ThreadPoolExecutor(1) as beside:  # the browser's interface keeps an event loop running in this thread
         for name, settings in ORDERS.items():
             plan = planned(name, settings)

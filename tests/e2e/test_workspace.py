@@ -15,6 +15,8 @@ from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
 from tests.e2e.page_texts import load_texts
 
 RUNS = load_texts("pages/runs")
+CHARTS = load_texts("charts")
+THEME = load_texts("theme")
 
 DEGREES = 180.0 / math.pi
 AT_S = 2.5
@@ -32,20 +34,20 @@ def laid_out(same_operator: Operator) -> Operator:
     page.mouse.move(5, 5)
     operator.be_in_run()
     page.get_by_role("combobox", name="Layout", exact=True).select_option("Standard")
-    edit = page.get_by_role("button", name="Edit layout", exact=True)
+    edit = page.get_by_role("button", name=CHARTS["editLayout"], exact=True)
     if edit.get_attribute("aria-pressed") != "true":
         edit.click()
     for old in page.get_by_role("combobox", name="Layout", exact=True).locator("optgroup[label=Own] option").all():
         page.get_by_role("combobox", name="Layout", exact=True).select_option(old.inner_text())
-        page.get_by_role("button", name="Remove layout", exact=True).click()
-    editor = page.get_by_role("region", name="Layout editor", exact=True)
-    editor.get_by_role("textbox", name="Search signals", exact=True).fill("")
+        page.get_by_role("button", name=CHARTS["removeLayout"], exact=True).click()
+    editor = page.get_by_role("region", name=CHARTS["editor"], exact=True)
+    editor.get_by_role("textbox", name=CHARTS["searchSignals"], exact=True).fill("")
     editor.get_by_role("button", name="New panel with q - q_ref", exact=True).click()
     editor.get_by_role("button", name="New panel with S", exact=True).click()
     editor.get_by_role("combobox", name="Axis of Joint stiffness 2", exact=True).select_option("q")
-    for title in ("Tendon force", "Motor voltage", "Outside force"):
+    for title in (THEME["force"], THEME["voltage"], THEME["externalForce"]):
         editor.get_by_role("button", name=f"Remove {title}", exact=True).click()
-    name = editor.get_by_role("textbox", name="Name of the layout", exact=True)
+    name = editor.get_by_role("textbox", name=CHARTS["layoutName"], exact=True)
     name.fill("Mine")
     with page.expect_response(kept("layout", "Mine")):
         name.press("Enter")
@@ -81,10 +83,10 @@ def test_a_layout_of_ones_own_reads_what_the_loop_does_and_is_found_again(laid_o
 def test_what_cannot_be_drawn_is_refused_in_words_and_changes_nothing(laid_out: Operator) -> None:
     page = laid_out.page
     before = page.request.get(f"{laid_out.service.url}/api/preferences").json()
-    editor = page.get_by_role("region", name="Layout editor", exact=True)
+    editor = page.get_by_role("region", name=CHARTS["editor"], exact=True)
     editor.get_by_role("combobox", name="Add a signal to Joint position", exact=True).select_option("u_A")
     expect(editor.get_by_role("alert")).to_have_text(
-        "u_A is in V, “Joint position” shows rad: one panel has one unit. Add a panel for it."
+        THEME["oneUnit"].format(signal="u_A", unit="V", title=THEME["position"], shown="rad")
     )
     assert page.request.get(f"{laid_out.service.url}/api/preferences").json() == before
 
@@ -101,11 +103,11 @@ def drag(page: Page, what: Locator, onto: Locator) -> None:
 
 def test_signals_are_searched_for_and_dragged_onto_panels(laid_out: Operator) -> None:
     page = laid_out.page
-    editor = page.get_by_role("region", name="Layout editor", exact=True)
-    editor.get_by_role("textbox", name="Search signals", exact=True).fill("deviation")
+    editor = page.get_by_role("region", name=CHARTS["editor"], exact=True)
+    editor.get_by_role("textbox", name=CHARTS["searchSignals"], exact=True).fill("deviation")
     tree = editor.get_by_role("region", name="Signals", exact=True)
     expect(tree.get_by_role("button", name="New panel with F_A", exact=True)).to_have_count(0)
-    editor.get_by_role("textbox", name="Search signals", exact=True).fill("S_")
+    editor.get_by_role("textbox", name=CHARTS["searchSignals"], exact=True).fill("S_")
     figure = page.get_by_role("figure", name="Joint stiffness", exact=True)
     own = page.get_by_role("button", name="New panel with S_true", exact=True)
     shown = tree.locator("[draggable]", has=own).locator(".symbol")
@@ -118,7 +120,7 @@ def test_signals_are_searched_for_and_dragged_onto_panels(laid_out: Operator) ->
 
 def test_panels_move_and_grow_by_keys_alone(laid_out: Operator) -> None:
     page = laid_out.page
-    editor = page.get_by_role("region", name="Layout editor", exact=True)
+    editor = page.get_by_role("region", name=CHARTS["editor"], exact=True)
     down = editor.get_by_role("button", name="Move Joint position down", exact=True)
     down.focus()
     page.keyboard.press("Enter")
@@ -126,7 +128,7 @@ def test_panels_move_and_grow_by_keys_alone(laid_out: Operator) -> None:
     expect(page.locator("figure[data-panel]").first).to_have_attribute("aria-label", "Joint stiffness")
     figure = page.get_by_role("figure", name="Joint position", exact=True)
     height = figure.evaluate("one => one.clientHeight / one.parentElement.clientHeight")
-    editor.get_by_role("button", name="Make Joint position higher", exact=True).focus()
+    editor.get_by_role("button", name=CHARTS["higher"].replace("{panel}", THEME["position"]), exact=True).focus()
     for _ in range(2):
         page.keyboard.press("Enter")
     expect(editor.get_by_role("status", name="Height of Joint position", exact=True)).to_have_text("× 2.0")
@@ -176,9 +178,9 @@ def test_a_replay_has_the_same_layout_and_reads_what_was_recorded(laid_out: Oper
     for name, digits in (("q", 2), ("q - q_ref", 3)):
         laid_out.wait(partial(reads, page, name, raw[name][round(AT_S / T_s)] * DEGREES, digits))
 
-    page.get_by_role("button", name="Save picture", exact=True).click()
+    page.get_by_role("button", name=CHARTS["savePicture"], exact=True).click()
     with page.expect_download() as download:
-        page.get_by_role("menuitem", name="SVG, vectors", exact=True).click()
+        page.get_by_role("menuitem", name=CHARTS["svg"], exact=True).click()
     drawing = ElementTree.fromstring(download.value.path().read_text(encoding="utf-8"))
     foot = [one.text or "" for one in drawing.iter(f"{SVG}text") if one.get("data-role") == "foot"]
     settings = page.request.get(f"{laid_out.service.url}/api/runs/{run}").json()["settings"]
@@ -200,9 +202,9 @@ def test_a_replay_has_the_same_layout_and_reads_what_was_recorded(laid_out: Oper
 
 def is_printed_as_drawn(page: Page, drawing: ElementTree.Element) -> None:
     """The PDF of the same view has the size of the sheet, every word of it as letters, and no dots."""
-    page.get_by_role("button", name="Save picture", exact=True).click()
+    page.get_by_role("button", name=CHARTS["savePicture"], exact=True).click()
     with page.expect_download() as download:
-        page.get_by_role("menuitem", name="PDF, 180 mm, vectors with fonts", exact=True).click()
+        page.get_by_role("menuitem", name=CHARTS["pdf"], exact=True).click()
     assert download.value.suggested_filename.endswith(".pdf")
     (printed,) = PdfReader(download.value.path()).pages
     for side, points in (("width", printed.mediabox.width), ("height", printed.mediabox.height)):
@@ -210,7 +212,7 @@ def is_printed_as_drawn(page: Page, drawing: ElementTree.Element) -> None:
     # but for the minute in which it was saved
     drawn = [one.text or "" for one in drawing.iter(f"{SVG}text") if " · saved " not in (one.text or "")]
     assert any(one.startswith("run ") for one in drawn)
-    assert "time since the start [s]" in drawn
+    assert CHARTS["timeSinceStart"] in drawn
     letters = "".join(printed.extract_text().split())  # how wide a gap is tells nothing of where words end
     assert [one for one in drawn if "".join(one.split()) not in letters] == []
     assert not printed.images

@@ -52,8 +52,8 @@ def undeclared_now(form: Locator, settings: list[dict[str, Any]], in_force: Valu
 
 def words_of(tuning: Values) -> str:
     """A tuning as the form of an identification, which has no fields for it, tells it."""
-    models = "gains from geometry" if tuning["bank"] == 0 else "bank forms v1"
-    between = ", interpolating between entries" if tuning["interpolate"] else ""
+    models = "geometric gains" if tuning["bank"] == 0 else "bank forms v1"
+    between = ", interpolating between operating points" if tuning["interpolate"] else ""
     motion = "lambda motion"
     if tuning["motion"] == "time-optimal":
         motion = f"time-optimal motion within {tuning['u_plan']:g} V"

@@ -5,13 +5,14 @@ import { useDisclosure, useElementSize, useHotkeys } from "@mantine/hooks";
 import { type CSSProperties, type ReactNode, useCallback, useEffect, useMemo, useRef, useState } from "react";
 import { TbCameraDown, TbChartHistogram, TbFileTypeCsv, TbRulerMeasure, TbSum } from "react-icons/tb";
 import { Terms } from "../components/Explained";
+import { fillText } from "../samples/texts";
 import { usePreferences } from "../service/api/preferences";
 import type { Panel } from "../theme/signals";
 import { timeText } from "./axes";
 import styles from "./Charts.module.css";
 import type { LimitLine, PlacedMark } from "./decorations";
 import { type Origin, type PictureKind, sheetNow, useSaving } from "./export";
-import { type GestureTarget, inside, listen, steer, useWheelHint, WHEEL_HINT } from "./gestures";
+import { type GestureTarget, inside, listen, steer, useWheelHint } from "./gestures";
 import { LayoutTools } from "./LayoutEditor";
 import { Legend } from "./Legend";
 import { MeasureCursors } from "./PanelRow";
@@ -22,6 +23,7 @@ import { SpectrumDialog, type SpectrumOrder } from "./SpectrumDialog";
 import { RangeStatistics } from "./StatisticsTable";
 import type { PlotSource } from "./sources";
 import type { StoredData } from "./storedRuns";
+import { TEXTS } from "./texts";
 import {
   held,
   type Playhead,
@@ -59,17 +61,12 @@ export function ChartTools(props: ChartToolsProps) {
         leftSection={<TbRulerMeasure size={14} />}
         onClick={onMeasure}
       >
-        Measure
+        {TEXTS.measure}
       </Button>
-      <Tool
-        name="Statistics"
-        hint="Statistics of the visible range, or between the cursors"
-        pressed={figures}
-        onClick={onFigures}
-      >
+      <Tool name={TEXTS.statistics} hint={TEXTS.statisticsHint} pressed={figures} onClick={onFigures}>
         <TbSum size={16} />
       </Tool>
-      <Tool name="Spectrum" hint="Spectrum of the visible range, or between the cursors" onClick={onSpectrum}>
+      <Tool name={TEXTS.spectrum} hint={TEXTS.spectrumHint} onClick={onSpectrum}>
         <TbChartHistogram size={16} />
       </Tool>
       <Menu position="top" withinPortal>
@@ -77,21 +74,21 @@ export function ChartTools(props: ChartToolsProps) {
           <ActionIcon
             variant="default"
             size={30}
-            aria-label="Save picture"
-            title="Picture of what is in sight"
+            aria-label={TEXTS.savePicture}
+            title={TEXTS.savePictureHint}
           >
             <TbCameraDown size={16} />
           </ActionIcon>
         </Menu.Target>
         <Menu.Dropdown>
-          <Menu.Item onClick={() => onPicture("svg")}>SVG, vectors</Menu.Item>
-          <Menu.Item onClick={() => onPicture("pdf")}>PDF, 180 mm, vectors with fonts</Menu.Item>
-          <Menu.Item onClick={() => onPicture("png")}>PNG, 180 mm at 300 dpi</Menu.Item>
+          <Menu.Item onClick={() => onPicture("svg")}>{TEXTS.svg}</Menu.Item>
+          <Menu.Item onClick={() => onPicture("pdf")}>{TEXTS.pdf}</Menu.Item>
+          <Menu.Item onClick={() => onPicture("png")}>{TEXTS.png}</Menu.Item>
         </Menu.Dropdown>
       </Menu>
       <Tool
-        name="Save data"
-        hint={`${dataOf === null ? "Data" : `Every sample of ${dataOf}`} in the visible range, or between the cursors (CSV, SI)`}
+        name={TEXTS.saveData}
+        hint={dataOf === null ? TEXTS.saveDataHint : fillText(TEXTS.saveStoredHint, { recording: dataOf })}
         onClick={onData}
       >
         <TbFileTypeCsv size={16} />
@@ -289,7 +286,7 @@ export function Charts(props: ChartsProps) {
       className={styles.stack}
       data-stale={stale}
       data-measuring={measuring}
-      aria-label="Charts"
+      aria-label={TEXTS.charts}
     >
       <Terms>
         <div ref={size.ref} className={styles.body} style={{ flexGrow: heightOf(timed) }}>
@@ -327,7 +324,7 @@ export function Charts(props: ChartsProps) {
             </figure>
           ))}
           <div ref={area} className={styles.area}>
-            {wheelHint && <span className={styles.hint}>{WHEEL_HINT}</span>}
+            {wheelHint && <span className={styles.hint}>{TEXTS.wheelHint}</span>}
             <MeasureCursors readout={readout} measuring={measuring} span_s={() => current.current.span_s} />
           </div>
         </div>
@@ -362,7 +359,7 @@ export function Charts(props: ChartsProps) {
           />
         )}
       </Terms>
-      <div className={styles.toolbar} role="toolbar" aria-label="Chart tools">
+      <div className={styles.toolbar} role="toolbar" aria-label={TEXTS.tools}>
         {props.children}
         {props.fixed !== true && <LayoutTools clock={props.epoch_s !== undefined} />}
         <ChartTools

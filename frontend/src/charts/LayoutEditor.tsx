@@ -7,6 +7,7 @@ import { TbClock, TbLayoutRows, TbPencil, TbTrash } from "react-icons/tb";
 import { OperatorsOnly } from "../components/ControlMenu";
 import { CommittedTextInput, TextField } from "../components/fields";
 import { Refusal } from "../components/Refusal";
+import { fillText } from "../samples/texts";
 import { useFormulas, useRemoveFormula, useSaveFormula } from "../service/api/formulas";
 import { usePreferences } from "../service/api/preferences";
 import { isPlainRecord, isText, useDraft } from "../service/forms/drafts";
@@ -27,6 +28,7 @@ import { useHeightDrag, useSignalDrop } from "./gestures";
 import styles from "./LayoutEditor.module.css";
 import { PanelRow } from "./PanelRow";
 import { SignalTree } from "./SignalTree";
+import { TEXTS } from "./texts";
 
 /** Derived signals: an expression over signals under a name, to draw, measure, compare and export. */
 
@@ -61,8 +63,8 @@ export function FormulaEditor() {
   }
 
   return (
-    <section aria-label="Formulas" className={styles.formulas}>
-      <span className={styles.name}>Formulas</span>
+    <section aria-label={TEXTS.formulas} className={styles.formulas}>
+      <span className={styles.name}>{TEXTS.formulas}</span>
       <ul className={styles.panels}>
         {formulas.map(({ name, expression, unit, meaning, who }) => (
           <li key={name} className={styles.formula}>
@@ -70,27 +72,26 @@ export function FormulaEditor() {
               {name} = {expression}
             </code>
             <span className={styles.note}>
-              {unit === "1" ? "without unit" : unit}
-              {meaning !== "" && `, ${meaning}`} ({who})
+              {factsOf(unit === "1" ? TEXTS.dimensionless : unit, meaning, who)}
             </span>
             <OperatorsOnly>
               <Button
                 size="compact-xs"
                 variant="default"
                 leftSection={<TbPencil size={12} />}
-                aria-label={`Edit ${name}`}
+                aria-label={fillText(TEXTS.editNamed, { name })}
                 onClick={() => draft.set({ name, expression, unit, meaning })}
               >
-                Edit
+                {TEXTS.edit}
               </Button>
               <Button
                 size="compact-xs"
                 variant="default"
                 leftSection={<TbTrash size={12} />}
-                aria-label={`Remove ${name}`}
+                aria-label={fillText(TEXTS.removeNamed, { name })}
                 onClick={() => remove.mutate(name)}
               >
-                Remove
+                {TEXTS.remove}
               </Button>
             </OperatorsOnly>
           </li>
@@ -98,12 +99,12 @@ export function FormulaEditor() {
       </ul>
       <OperatorsOnly>
         <RefusedFields error={put.error ?? remove.error} about={text}>
-          <form className={styles.formulaForm} aria-label="Formula" onSubmit={submit}>
+          <form className={styles.formulaForm} aria-label={TEXTS.formula} onSubmit={submit}>
             <TextField
               size="xs"
               w={130}
               name="name"
-              label="Name"
+              label={TEXTS.name}
               maxLength={20}
               value={text.name}
               onChange={(name) => set({ name })}
@@ -112,8 +113,8 @@ export function FormulaEditor() {
               size="xs"
               w={280}
               name="expression"
-              label="Expression (signals in SI)"
-              placeholder="(F_A + F_B) / 2"
+              label={TEXTS.expression}
+              placeholder={TEXTS.expressionHint}
               maxLength={500}
               value={text.expression}
               onChange={(expression) => set({ expression })}
@@ -122,7 +123,7 @@ export function FormulaEditor() {
               size="xs"
               w={80}
               name="unit"
-              label="SI unit"
+              label={TEXTS.unit}
               maxLength={20}
               value={text.unit}
               onChange={(unit) => set({ unit })}
@@ -131,27 +132,27 @@ export function FormulaEditor() {
               size="xs"
               w={180}
               name="meaning"
-              label="Meaning"
+              label={TEXTS.meaning}
               maxLength={100}
               value={text.meaning}
               onChange={(meaning) => set({ meaning })}
             />
             <Button type="submit" size="compact-sm" disabled={!ready} loading={put.isPending}>
-              {changes ? "Change formula" : "Save formula"}
+              {changes ? TEXTS.changeFormula : TEXTS.saveFormula}
             </Button>
           </form>
-          <Refusal
-            error={put.error ?? remove.error}
-            about={text}
-            forFields
-            hint="+ - * / % **, comparisons, and, or, not, if else, min, max, abs, sqrt, round, pi. No value: a gap."
-          />
+          <Refusal error={put.error ?? remove.error} about={text} forFields hint={TEXTS.formulaHint} />
         </RefusedFields>
       </OperatorsOnly>
     </section>
   );
 }
 
+function factsOf(unit: string, meaning: string, person: string): string {
+  return meaning === ""
+    ? fillText(TEXTS.formulaFacts, { unit, person })
+    : fillText(TEXTS.formulaFactsWithMeaning, { unit, meaning, person });
+}
 /** The panels of the layout in use, one row each; every change is drawn and kept at once. */
 
 function LayoutEditor() {
@@ -164,7 +165,7 @@ function LayoutEditor() {
   useSignalDrop(frame, (name, title) =>
     take((layout) => {
       const place = layout.panels.findIndex((panel) => panel.title === title);
-      return place < 0 ? `The layout has no panel “${title}” any more.` : withSignal(layout, place, name);
+      return place < 0 ? fillText(TEXTS.panelGone, { title }) : withSignal(layout, place, name);
     }),
   );
   const grabbed = useRef(1);
@@ -178,12 +179,12 @@ function LayoutEditor() {
   });
 
   return (
-    <section ref={frame} className={styles.editor} aria-label="Layout editor">
+    <section ref={frame} className={styles.editor} aria-label={TEXTS.editor}>
       <div className={styles.head}>
         <span className={styles.name}>
-          Layout
+          {TEXTS.layout}
           <CommittedTextInput
-            label="Name of the layout"
+            label={TEXTS.layoutName}
             text={used.name}
             onDone={(text) => take((layout) => renamed(layout, text))}
           />
@@ -197,10 +198,10 @@ function LayoutEditor() {
               remove(used.name);
             }}
           >
-            Remove layout
+            {TEXTS.removeLayout}
           </Button>
         ) : (
-          <span className={styles.note}>Ready-made: the first change makes an own copy.</span>
+          <span className={styles.note}>{TEXTS.builtInHint}</span>
         )}
         <output className={styles.refusal} role="alert">
           {refusal}
@@ -237,28 +238,24 @@ export function LayoutTools({ clock }: LayoutToolsProps) {
   const { preferences, known, change } = usePreferences();
   const [editing, edit] = useDisclosure(false);
   const names = (layouts: readonly { name: string }[]) => layouts.map(({ name }) => name);
-  const clockHint = !clock
-    ? "Several recordings have no one time of day"
-    : preferences.clock
-      ? "Time of day; press for the time since the start"
-      : "Time since the start; press for the time of day";
+  const clockHint = !clock ? TEXTS.clockImpossible : preferences.clock ? TEXTS.clockShown : TEXTS.clockHidden;
   return (
     <>
       <NativeSelect
-        aria-label="Layout"
+        aria-label={TEXTS.layout}
         value={used.name}
         onChange={(event) => choose(event.currentTarget.value)}
         data={[
-          { group: "Ready-made", items: names(READY) },
-          ...(own.length > 0 ? [{ group: "Own", items: names(own) }] : []),
+          { group: TEXTS.builtIn, items: names(READY) },
+          ...(own.length > 0 ? [{ group: TEXTS.custom, items: names(own) }] : []),
         ]}
         w={100}
       />
-      <Tooltip label="Panels and signals of the layout" position="top">
+      <Tooltip label={TEXTS.editLayoutHint} position="top">
         <ActionIcon
           variant={editing ? "light" : "default"}
           size={30}
-          aria-label="Edit layout"
+          aria-label={TEXTS.editLayout}
           aria-pressed={editing}
           disabled={!known}
           onClick={edit.toggle}
@@ -270,7 +267,7 @@ export function LayoutTools({ clock }: LayoutToolsProps) {
         <ActionIcon
           variant={clock && preferences.clock ? "light" : "default"}
           size={30}
-          aria-label="Time of day"
+          aria-label={TEXTS.timeOfDay}
           aria-pressed={clock && preferences.clock}
           aria-disabled={!clock}
           data-disabled={!clock || undefined}

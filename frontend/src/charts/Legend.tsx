@@ -3,12 +3,14 @@ import { useState } from "react";
 import { TbArrowsMaximize, TbArrowsMinimize } from "react-icons/tb";
 import { Explained, entriesOf, explaining } from "../components/Explained";
 import { SymbolText } from "../components/values";
+import { fillText } from "../samples/texts";
 import { usePreferences } from "../service/api/preferences";
 import { symbolEntries } from "../service/glossary";
 import { PALETTE, type Panel, paintOf, signalOf, type Trace } from "../theme/signals";
 import chartsStyles from "./Charts.module.css";
 import colourChoiceStyles from "./ColourChoice.module.css";
 import { TraceLine } from "./PanelRow";
+import { TEXTS } from "./texts";
 
 /** The line of a signal in the legend; opens the choice of its colour, which is remembered for the person. */
 
@@ -29,7 +31,7 @@ function ColourChoice({ trace }: { trace: Trace }) {
         <button
           type="button"
           className={colourChoiceStyles.swatch}
-          aria-label={`Colour of ${trace.name}`}
+          aria-label={fillText(TEXTS.colourOf, { signal: trace.name })}
           aria-expanded={opened}
           onClick={() => setOpened(!opened)}
         >
@@ -44,13 +46,13 @@ function ColourChoice({ trace }: { trace: Trace }) {
               type="button"
               className={colourChoiceStyles.hue}
               style={{ background: paintOf(hue) }}
-              aria-label={`Colour ${hue}`}
+              aria-label={fillText(TEXTS.colour, { hue })}
               aria-pressed={hue === trace.hue}
               onClick={() => choose(hue)}
             />
           ))}
           <button type="button" className={colourChoiceStyles.standard} onClick={() => choose(null)}>
-            Standard
+            {TEXTS.defaultColour}
           </button>
         </div>
       </Popover.Dropdown>
@@ -85,9 +87,9 @@ export function Legend({ panel, hidden, onToggle, onHighlight, enlarged, onEnlar
         <button
           type="button"
           className={chartsStyles.enlarge}
-          aria-label={`Enlarge ${panel.title}`}
+          aria-label={fillText(TEXTS.enlarge, { panel: panel.title })}
           aria-pressed={enlarged === true}
-          title={enlarged ? "Show all panels (Esc)" : "Show this panel alone; Esc shows all"}
+          title={enlarged ? TEXTS.showAll : TEXTS.showAlone}
           onClick={onEnlarge}
         >
           {enlarged ? <TbArrowsMinimize size={15} /> : <TbArrowsMaximize size={15} />}
@@ -121,7 +123,7 @@ export function Legend({ panel, hidden, onToggle, onHighlight, enlarged, onEnlar
       ))}
       {panel.over !== undefined && (
         <span className={chartsStyles.over}>
-          over <SymbolText name={panel.over.name} />
+          {TEXTS.versus} <SymbolText name={panel.over.name} />
           {panel.over.unit !== "1" && <span>[{panel.over.unit}]</span>}
           <span className={chartsStyles.value} data-role="over" />
         </span>

@@ -4,6 +4,7 @@ import { TbArrowDown, TbArrowUp, TbMinus, TbPlus, TbTrash, TbX } from "react-ico
 import { CommittedTextInput } from "../components/fields";
 import { SymbolText } from "../components/values";
 import { fixed } from "../samples/format";
+import { fillText } from "../samples/texts";
 import { useDerived } from "../service/api/formulas";
 import {
   type Edited,
@@ -23,6 +24,7 @@ import chartsStyles from "./Charts.module.css";
 import layoutEditorStyles from "./LayoutEditor.module.css";
 import type { Readout } from "./readout";
 import { signalChoices } from "./SignalTree";
+import { TEXTS } from "./texts";
 
 /** One panel of a layout in its editor. */
 
@@ -61,7 +63,7 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
   return (
     <li ref={row} className={layoutEditorStyles.panel} aria-label={title} data-panel-row={place}>
       <CommittedTextInput
-        label={`Title of panel ${place + 1}`}
+        label={fillText(TEXTS.titleOf, { number: place + 1 })}
         text={title}
         onDone={(text) => onEdit((now) => withTitle(now, place, text))}
       />
@@ -71,7 +73,7 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
             key={name}
             type="button"
             className={layoutEditorStyles.signal}
-            aria-label={`Remove ${name} from ${title}`}
+            aria-label={fillText(TEXTS.removeSignal, { signal: name, panel: title })}
             onClick={() => onEdit((now) => withoutSignal(now, place, name))}
           >
             <SymbolText name={name} /> <TbX size={12} aria-hidden="true" />
@@ -79,42 +81,42 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
         ))}
       </span>
       <NativeSelect
-        aria-label={`Add a signal to ${title}`}
+        aria-label={fillText(TEXTS.addSignalTo, { panel: title })}
         value=""
         onChange={({ currentTarget: { value } }) => onEdit((now) => withSignal(now, place, value))}
         data={[
-          { value: "", label: "Add a signal …", disabled: true },
+          { value: "", label: TEXTS.addSignal, disabled: true },
           ...signalChoices(unitOf(signals[0] ?? ""), derived),
         ]}
         w={130}
       />
       <NativeSelect
-        aria-label={`Axis of ${title}`}
+        aria-label={fillText(TEXTS.axisOf, { panel: title })}
         value={over ?? ""}
         onChange={({ currentTarget: { value } }) => onEdit((now) => withOver(now, place, value || null))}
-        data={[{ value: "", label: "over time" }, ...signalChoices(null, derived)]}
+        data={[{ value: "", label: TEXTS.overTime }, ...signalChoices(null, derived)]}
         w={110}
       />
       <span className={layoutEditorStyles.tools}>
         <Tool
-          name={`Make ${title} lower`}
+          name={fillText(TEXTS.lower, { panel: title })}
           idle={share <= LEAST_SHARE}
           onClick={() => onEdit((now) => resized(now, place, -1))}
         >
           <TbMinus size={14} />
         </Tool>
-        <output className={layoutEditorStyles.share} aria-label={`Height of ${title}`}>
+        <output className={layoutEditorStyles.share} aria-label={fillText(TEXTS.heightOf, { panel: title })}>
           × {fixed(share, 1)}
         </output>
         <Tool
-          name={`Make ${title} higher`}
+          name={fillText(TEXTS.higher, { panel: title })}
           idle={share >= MOST.share}
           onClick={() => onEdit((now) => resized(now, place, 1))}
         >
           <TbPlus size={14} />
         </Tool>
         <Tool
-          name={`Move ${title} up`}
+          name={fillText(TEXTS.moveUp, { panel: title })}
           move="up"
           idle={neighbour(layout, place, -1) === null}
           onClick={() => move(-1)}
@@ -122,14 +124,18 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
           <TbArrowUp size={14} />
         </Tool>
         <Tool
-          name={`Move ${title} down`}
+          name={fillText(TEXTS.moveDown, { panel: title })}
           move="down"
           idle={neighbour(layout, place, 1) === null}
           onClick={() => move(1)}
         >
           <TbArrowDown size={14} />
         </Tool>
-        <Tool name={`Remove ${title}`} idle={false} onClick={() => onEdit((now) => withoutPanel(now, place))}>
+        <Tool
+          name={fillText(TEXTS.removePanel, { panel: title })}
+          idle={false}
+          onClick={() => onEdit((now) => withoutPanel(now, place))}
+        >
           <TbTrash size={14} />
         </Tool>
       </span>
@@ -182,7 +188,7 @@ export function MeasureCursors({ readout, measuring, span_s }: MeasureCursorsPro
           className={chartsStyles.measure}
           data-role={`cursor-${cursor}`}
           role="slider"
-          aria-label={`Measuring cursor ${cursor + 1} [s]`}
+          aria-label={fillText(TEXTS.cursor, { number: cursor + 1 })}
           aria-valuenow={0}
           tabIndex={measuring ? 0 : -1}
           onKeyDown={(event) => {

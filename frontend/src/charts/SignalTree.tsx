@@ -3,10 +3,12 @@ import { useState } from "react";
 import { TbPlus } from "react-icons/tb";
 import { SymbolText } from "../components/values";
 import type { DerivedSignal } from "../samples/formula";
+import { fillText } from "../samples/texts";
 import { useDerived } from "../service/api/formulas";
 import { DRAWN, meaningOf } from "../theme/signals";
 import { DRAGGED } from "./gestures";
 import styles from "./LayoutEditor.module.css";
+import { TEXTS } from "./texts";
 
 /** Signals to choose from, by unit; those of one unit first. Pure. */
 
@@ -15,20 +17,18 @@ interface Choices {
   readonly items: { readonly value: string; readonly label: string }[];
 }
 
-const WITHOUT_UNIT = "numbers";
-
 /** `first` is the unit that a panel has already, null where any will do; `derived` are offered besides. */
 export function signalChoices(first: string | null, derived: readonly DerivedSignal[] = []): Choices[] {
   const all = [...DRAWN, ...derived.map(({ name, unit }) => ({ name, unit, meaning: meaningOf(name) }))];
   const units = [...new Set(all.map(({ unit }) => unit))];
   const ordered = first === null ? units : [first, ...units.filter((unit) => unit !== first)];
   return ordered.map((unit) => ({
-    group: unit === "1" ? WITHOUT_UNIT : unit,
+    group: unit === "1" ? TEXTS.dimensionless : unit,
     items: all
       .filter((one) => one.unit === unit)
       .map(({ name, meaning }) => ({
         value: name,
-        label: `${name}: ${meaning}`,
+        label: fillText(TEXTS.signalChoice, { signal: name, meaning }),
       })),
   }));
 }
@@ -53,26 +53,28 @@ export function SignalTree({ onPress }: { onPress: (name: string) => void }) {
   const [words, search] = useState("");
   const groups = found(signalChoices(null, useDerived()), words);
   return (
-    <section className={styles.tree} aria-label="Signals">
+    <section className={styles.tree} aria-label={TEXTS.signals}>
       <span className={styles.name}>
-        Signals
+        {TEXTS.signals}
         <TextInput
-          aria-label="Search signals"
-          placeholder="Search"
+          aria-label={TEXTS.searchSignals}
+          placeholder={TEXTS.search}
           value={words}
           onChange={(event) => search(event.currentTarget.value)}
           w={160}
         />
-        <span className={styles.note}>
-          Drag a signal onto a panel, or press + for a new one. Drag the lower edge of a panel to change its
-          height.
-        </span>
+        <span className={styles.note}>{TEXTS.signalsHint}</span>
       </span>
-      {groups.length === 0 && <span className={styles.note}>No signal matches “{words}”.</span>}
+      {groups.length === 0 && <span className={styles.note}>{fillText(TEXTS.noSignal, { words })}</span>}
       <div className={styles.groups}>
         {groups.map(({ group, items }) => (
           // biome-ignore lint/a11y/useSemanticElements: a fieldset would be of a form
-          <div key={group} role="group" aria-label={`Signals in ${group}`} className={styles.group}>
+          <div
+            key={group}
+            role="group"
+            aria-label={fillText(TEXTS.signalsIn, { unit: group })}
+            className={styles.group}
+          >
             <span className={styles.note}>{group}</span>
             {items.map(({ value, label }) => (
               // biome-ignore lint/a11y/noStaticElementInteractions: who does not drag has the button, and the lists of the panels
@@ -90,8 +92,8 @@ export function SignalTree({ onPress }: { onPress: (name: string) => void }) {
                 <button
                   type="button"
                   className={styles.own}
-                  aria-label={`New panel with ${value}`}
-                  title={`New panel with ${value}`}
+                  aria-label={fillText(TEXTS.newPanel, { signal: value })}
+                  title={fillText(TEXTS.newPanel, { signal: value })}
                   onClick={() => onPress(value)}
                 >
                   <TbPlus size={13} aria-hidden="true" />

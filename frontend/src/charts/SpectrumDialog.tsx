@@ -4,6 +4,7 @@ import uPlot from "uplot";
 import { SignalName } from "../components/values";
 import { type SignalSpectrum, type Spectra, type Spectrum, spectraOf } from "../samples/analysis";
 import { fixed, significant } from "../samples/format";
+import { fillText } from "../samples/texts";
 import type { SampleTable, TimeRange } from "../samples/timeSeries";
 import { dashOf, type Panel } from "../theme/signals";
 import { PERIOD_S } from "../wire/sample.gen";
@@ -13,6 +14,7 @@ import { TraceLine } from "./PanelRow";
 import styles from "./Spectrum.module.css";
 import { describeBasis, grouped } from "./StatisticsTable";
 import type { StoredData } from "./storedRuns";
+import { TEXTS } from "./texts";
 
 /** Spectra of a range: of the page's own samples at once, or computed by the service, which takes a moment. */
 
@@ -70,7 +72,7 @@ interface SpectrumDialogProps {
 
 export function SpectrumDialog({ panels, order, timeText, onClose }: SpectrumDialogProps) {
   return (
-    <Modal opened={order !== null} onClose={onClose} title="Spectrum" size={860}>
+    <Modal opened={order !== null} onClose={onClose} title={TEXTS.spectrum} size={860}>
       {order !== null && <Content panels={panels} order={order} timeText={timeText} />}
     </Modal>
   );
@@ -98,19 +100,19 @@ function Content({ panels, order, timeText }: ContentProps) {
     <div className={styles.content}>
       <div className={styles.choices}>
         <NativeSelect
-          aria-label="Chart"
+          aria-label={TEXTS.chart}
           data={panels.map((one) => one.title)}
           value={panel.title}
           onChange={(event) => setTitle(event.currentTarget.value)}
         />
         <SegmentedControl
           size="xs"
-          aria-label="Quantity"
+          aria-label={TEXTS.quantity}
           value={quantity}
           onChange={(value) => setQuantity(value as Quantity)}
           data={[
-            { value: "density", label: "Power density" },
-            { value: "amplitude", label: "Amplitude" },
+            { value: "density", label: TEXTS.density },
+            { value: "amplitude", label: TEXTS.amplitude },
           ]}
         />
         {panel.traces.map((trace) => (
@@ -119,29 +121,46 @@ function Content({ panels, order, timeText }: ContentProps) {
           </span>
         ))}
       </div>
-      {problem !== "" && <p className={styles.empty}>Not computed: {problem}</p>}
+      {problem !== "" && <p className={styles.empty}>{fillText(TEXTS.notComputed, { reason: problem })}</p>}
       {problem === "" && found === null && (
         <div className={styles.empty}>
-          <p>Reading every sample of the range: {fixed(100 * share, 0)} %. Close the dialog to stop.</p>
-          <Progress value={100 * share} aria-label="Spectrum progress" />
+          <p>{fillText(TEXTS.spectrumReading, { percent: fixed(100 * share, 0) })}</p>
+          <Progress value={100 * share} aria-label={TEXTS.spectrumProgress} />
         </div>
       )}
       {computed && <SpectrumPlot panel={panel} spectra={spectra} quantity={quantity} />}
       {found !== null && !computed && (
-        <p className={styles.empty}>{sentence("No spectrum", reasonsOf(found, names))}</p>
+        <p className={styles.empty}>{fillText(TEXTS.noSpectrum, { reasons: reasonsOf(found, names) })}</p>
       )}
       {found !== null && (
-        <output className={styles.foot} aria-label="Spectrum facts">
-          {computed && `${unit} over Hz. Welch's method: ${methodOf(found, names)}. `}
-          From {describeBasis(found.basis, timeText)}.
-          {computed && sentence("Left out", leftOut(found, names))}
-          {computed && sentence("No spectrum", reasonsOf(found, names))}
+        <output className={styles.foot} aria-label={TEXTS.spectrumFacts}>
+          {factsOf(found, names, computed ? unit : null, timeText)}
         </output>
       )}
     </div>
   );
 }
 
+/** How the spectra were made, from which samples, and what they lack. `unit` is null where there are none. */
+function factsOf(
+  found: Spectra,
+  names: readonly string[],
+  unit: string | null,
+  timeText: (time_s: number) => string,
+): string {
+  const basis = fillText(TEXTS.from, { basis: describeBasis(found.basis, timeText) });
+  if (unit === null) return basis;
+  const excluded = leftOut(found, names);
+  const reasons = reasonsOf(found, names);
+  return [
+    fillText(TEXTS.spectrumMethod, { unit, method: methodOf(found, names) }),
+    basis,
+    excluded === "" ? "" : fillText(TEXTS.excluded, { samples: excluded }),
+    reasons === "" ? "" : fillText(TEXTS.noSpectrum, { reasons }),
+  ]
+    .filter((one) => one !== "")
+    .join(" ");
+}
 /** The spectrum of a signal in the unit shown. */
 function scaled(found: Spectra | null, name: string, { factor }: Panel): SignalSpectrum | null {
   const spectrum = found?.signals.get(name);
@@ -159,9 +178,7 @@ function methodOf({ signals }: Spectra, names: readonly string[]): string {
     const spectrum = signals.get(name);
     if (spectrum === undefined) return [];
     const step = significant(spectrum.frequencies[0] ?? Number.NaN, 3);
-    return [
-      `${spectrum.segments} Hann windows of ${grouped(spectrum.segment)} samples that overlap by half, resolution ${step} Hz`,
-    ];
+    return [fillText(TEXTS.windows, { count: spectrum.segments, length: grouped(spectrum.segment), step })];
   });
 }
 
@@ -172,9 +189,9 @@ function leftOut({ signals }: Spectra, names: readonly string[]): string {
     if (spectrum === undefined) return [];
     const { values, withoutValue, used, density } = spectrum;
     return [
-      withoutValue > 0 ? `${grouped(withoutValue)} samples without value` : "",
-      values > used ? `${grouped(values - used)} samples in no window` : "",
-      density.every((value) => value === 0) ? "constant, not drawn" : "",
+      withoutValue > 0 ? fillText(TEXTS.samplesWithoutValue, { count: grouped(withoutValue) }) : "",
+      values > used ? fillText(TEXTS.samplesInNoWindow, { count: grouped(values - used) }) : "",
+      density.every((value) => value === 0) ? TEXTS.constant : "",
     ].filter(Boolean);
   });
 }
@@ -185,7 +202,9 @@ function together(names: readonly string[], saying: (name: string) => readonly s
   for (const name of names)
     for (const words of saying(name)) said.set(words, [...(said.get(words) ?? []), name]);
   return [...said]
-    .map(([words, of]) => (of.length === names.length ? words : `${of.join(", ")}: ${words}`))
+    .map(([words, of]) =>
+      of.length === names.length ? words : fillText(TEXTS.ofSignals, { signals: of.join(", "), words }),
+    )
     .join("; ");
 }
 
@@ -194,10 +213,6 @@ function reasonsOf({ reasons }: Spectra, names: readonly string[]): string {
     const reason = reasons.get(name);
     return reason === undefined ? [] : [reason];
   });
-}
-
-function sentence(before: string, words: string): string {
-  return words === "" ? "" : ` ${before}: ${words}.`;
 }
 
 interface SpectrumPlotProps {
@@ -252,7 +267,14 @@ function SpectrumPlot({ panel, spectra, quantity }: SpectrumPlotProps) {
     );
     return () => plot.destroy();
   }, [panel, spectra, quantity, scheme]);
-  return <div ref={host} className={styles.plot} role="img" aria-label={`Spectrum of ${panel.title}`} />;
+  return (
+    <div
+      ref={host}
+      className={styles.plot}
+      role="img"
+      aria-label={fillText(TEXTS.spectrumOf, { panel: panel.title })}
+    />
+  );
 }
 
 /** Spectra on one frequency axis, which they share unless one had a gap; zeros cannot be drawn on a log axis. */

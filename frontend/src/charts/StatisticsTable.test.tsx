@@ -101,7 +101,7 @@ describe("basis", () => {
 
   it("calls no envelope every sample", () => {
     const words = describeBasis([{ ...WHOLE, bucket_s: 0.3, samples: 2000 }], told);
-    expect(words).toBe("min and max per 0.300 s between 0:00.000 and 9:59.999: 2\u202f000 pairs");
+    expect(words).toBe("min/max per 0.300 s between 0:00.000 and 9:59.999: 2\u202f000 pairs");
   });
 
   it("groups digits in threes", () => {

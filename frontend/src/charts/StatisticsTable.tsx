@@ -3,10 +3,12 @@ import { useEffect, useRef, useState } from "react";
 import { SignalName, ValueOrReason } from "../components/values";
 import { type Basis, type Figures, figuresOf } from "../samples/analysis";
 import { fixed, significant } from "../samples/format";
+import { fillText } from "../samples/texts";
 import type { SampleTable, TimeRange } from "../samples/timeSeries";
 import type { Panel } from "../theme/signals";
 import styles from "./Statistics.module.css";
 import type { StoredData } from "./storedRuns";
+import { TEXTS } from "./texts";
 
 /** Statistics of what is in sight, or between the cursors: from the page's own samples, or computed by the service. */
 
@@ -77,22 +79,24 @@ export function useStatistics({ names, range, table }: Asked, stored: StoredData
 
 /** "every sample between 0:00.000 and 9:59.999: 599 988 samples, 12 missing"; of several recordings, of each. */
 export function describeBasis(basis: readonly Basis[], timeText: (time_s: number) => string): string {
-  if (basis.length === 0) return "no sample in this range";
+  if (basis.length === 0) return TEXTS.noSampleInRange;
   return basis.map((one) => wordsOf(one, timeText)).join("; ");
 }
 
-function wordsOf(
-  { of, range, samples, missing, bucket_s }: Basis,
+function wordsOf(basis: Basis, timeText: (time_s: number) => string): string {
+  const words = wordsOfOne(basis, timeText);
+  return basis.of === "" ? words : fillText(TEXTS.ofRecording, { recording: basis.of, words });
+}
+function wordsOfOne(
+  { range, samples, missing, bucket_s }: Basis,
   timeText: (time_s: number) => string,
 ): string {
-  const before = of === "" ? "" : `${of}: `;
-  if (range === null) return `${before}no sample in this range`;
-  const stretch = `between ${timeText(range.from_s)} and ${timeText(range.to_s)}`;
-  if (bucket_s !== null) {
-    return `${before}min and max per ${significant(bucket_s, 3)} s ${stretch}: ${grouped(samples)} pairs`;
-  }
-  const lacking = missing === 0 ? "" : `, ${grouped(missing)} missing`;
-  return `${before}every sample ${stretch}: ${grouped(samples)} samples${lacking}`;
+  if (range === null) return TEXTS.noSampleInRange;
+  const fields = { from: timeText(range.from_s), to: timeText(range.to_s), count: grouped(samples) };
+  if (bucket_s !== null) return fillText(TEXTS.extremes, { ...fields, bucket: significant(bucket_s, 3) });
+  return missing === 0
+    ? fillText(TEXTS.everySample, fields)
+    : fillText(TEXTS.everySampleBut, { ...fields, missing: grouped(missing) });
 }
 
 /** A whole number with its digits in threes. */
@@ -111,13 +115,13 @@ interface StatisticsTableProps {
 }
 
 const HEADINGS = [
-  ["Signal", undefined],
-  ["Values", "Samples that have a value. Those without one were not measured, or not in force."],
-  ["Min, at", undefined],
-  ["Max, at", undefined],
-  ["Mean", undefined],
-  ["Std dev", "Standard deviation about the mean, divided by the number of values."],
-  ["Unit", undefined],
+  [TEXTS.signal, undefined],
+  [TEXTS.values, TEXTS.valuesHint],
+  [TEXTS.min, undefined],
+  [TEXTS.max, undefined],
+  [TEXTS.mean, undefined],
+  [TEXTS.deviation, TEXTS.deviationHint],
+  [TEXTS.columnUnit, undefined],
 ] as const;
 
 function StatisticsTable({ panels, hidden, shown, timeText }: StatisticsTableProps) {
@@ -128,10 +132,10 @@ function StatisticsTable({ panels, hidden, shown, timeText }: StatisticsTablePro
       .map((trace) => ({ panel, name: trace.name, key: `${panel.title} ${trace.name}` })),
   );
   const ofBuckets = figures?.basis.some(({ bucket_s }) => bucket_s !== null) === true;
-  const none = figures === null ? "not computed yet" : "no sample of this range has a value";
+  const none = figures === null ? TEXTS.notComputedYet : TEXTS.noValueInRange;
   return (
     <div className={styles.frame} aria-busy={share !== null}>
-      <table className={styles.table} aria-label="Statistics" data-old={share !== null}>
+      <table className={styles.table} aria-label={TEXTS.statistics} data-old={share !== null}>
         <thead>
           <tr>
             {HEADINGS.map(([heading, hint]) => (
@@ -144,7 +148,7 @@ function StatisticsTable({ panels, hidden, shown, timeText }: StatisticsTablePro
         <tbody>
           {rows.map(({ panel, name, key }) => {
             const figure = figures?.signals.get(name);
-            const number = (value: number | undefined, decimals: number, why = none) => (
+            const number = (value: number | undefined, decimals: number, why: string = none) => (
               <ValueOrReason value={value} why={why}>
                 {(some) => fixed(some * panel.factor, decimals)}
               </ValueOrReason>
@@ -156,7 +160,7 @@ function StatisticsTable({ panels, hidden, shown, timeText }: StatisticsTablePro
                 </ValueOrReason>
               </div>
             );
-            const needsAll = ofBuckets ? "it needs every sample: only min and max are here" : none;
+            const needsAll = ofBuckets ? TEXTS.needsEverySample : none;
             return (
               <tr key={key}>
                 <th scope="row">
@@ -167,7 +171,9 @@ function StatisticsTable({ panels, hidden, shown, timeText }: StatisticsTablePro
                     {grouped}
                   </ValueOrReason>
                   {figure !== undefined && !ofBuckets && figure.withoutValue > 0 && (
-                    <div className={styles.when}>{grouped(figure.withoutValue)} without value</div>
+                    <div className={styles.when}>
+                      {fillText(TEXTS.withoutValue, { count: grouped(figure.withoutValue) })}
+                    </div>
                   )}
                 </td>
                 <td>
@@ -186,12 +192,14 @@ function StatisticsTable({ panels, hidden, shown, timeText }: StatisticsTablePro
           })}
         </tbody>
       </table>
-      <output className={styles.foot} aria-label="Statistics facts">
-        {problem !== "" && `Not computed: ${problem}`}
-        {problem === "" && figures !== null && `From ${describeBasis(figures.basis, timeText)}.`}
-        {share !== null && ` Reading every sample of the new range: ${fixed(100 * share, 0)} %`}
+      <output className={styles.foot} aria-label={TEXTS.statisticsFacts}>
+        {problem !== "" && fillText(TEXTS.notComputed, { reason: problem })}
+        {problem === "" &&
+          figures !== null &&
+          fillText(TEXTS.from, { basis: describeBasis(figures.basis, timeText) })}
+        {share !== null && ` ${fillText(TEXTS.statisticsReading, { percent: fixed(100 * share, 0) })}`}
       </output>
-      {share !== null && <Progress value={100 * share} size={3} aria-label="Statistics progress" />}
+      {share !== null && <Progress value={100 * share} size={3} aria-label={TEXTS.statisticsProgress} />}
     </div>
   );
 }

@@ -12,6 +12,7 @@ import {
   timeText,
   timeTitle,
 } from "./axes";
+import { TEXTS } from "./texts";
 
 describe("range", () => {
   const BEFORE = { min: -10, max: 10 };
@@ -181,9 +182,9 @@ describe("time axis", () => {
 
   it("is printed in seconds with their unit, or as the time of day", () => {
     const epoch_s = new Date(2026, 2, 1, 14, 5, 9).getTime() / 1000;
-    expect([printedTime(605, 5, null), timeTitle(null)]).toEqual(["605", "time since the start [s]"]);
+    expect([printedTime(605, 5, null), timeTitle(null)]).toEqual(["605", TEXTS.timeSinceStart]);
     expect(printedTime(-0.25, 0.05, null)).toBe("−0.25");
-    expect([printedTime(61.5, 0.1, epoch_s), timeTitle(epoch_s)]).toEqual(["14:06:10.5", "time of day"]);
+    expect([printedTime(61.5, 0.1, epoch_s), timeTitle(epoch_s)]).toEqual(["14:06:10.5", TEXTS.timeOfDay]);
   });
 
   it("takes the finest distance for which there is room", () => {

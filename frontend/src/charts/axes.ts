@@ -2,6 +2,7 @@
 
 import type { Extent } from "../samples/decimate";
 import { clockTime, dayTime, decimalsOf, fixed, MINUS } from "../samples/format";
+import { TEXTS } from "./texts";
 
 /** Labels of the grid lines of an axis: whoever reads one reads where the line is. Pure. */
 
@@ -68,7 +69,7 @@ export function printedTime(time_s: number, step_s: number, epoch_s: number | nu
 
 /** What such an axis is of. */
 export function timeTitle(epoch_s: number | null): string {
-  return epoch_s === null ? "time since the start [s]" : "time of day";
+  return epoch_s === null ? TEXTS.timeSinceStart : TEXTS.timeOfDay;
 }
 
 /** The finest distance of lines that leaves `room_px` for each. */

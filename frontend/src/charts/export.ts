@@ -1,6 +1,7 @@
 import { useState } from "react";
 import { statistics } from "../samples/analysis";
 import { dateTime, fixed, short } from "../samples/format";
+import { fillText } from "../samples/texts";
 import { type SampleTable, type TimeRange, toCsv } from "../samples/timeSeries";
 import { dashOf, type Panel, type Trace, unitOf } from "../theme/signals";
 import { answered, api, RequestError } from "../wire/client";
@@ -10,6 +11,7 @@ import { type DrawnPlane, drawnNow, extentOf, gridOf, type Plane } from "./Plane
 import { withShortPaths } from "./plot";
 import type { PlotSource } from "./sources";
 import type { StoredData } from "./storedRuns";
+import { TEXTS } from "./texts";
 
 /** What the charts show as one drawing at print size: vectors, with its axes, readings and where it comes from. Pure. */
 
@@ -149,7 +151,7 @@ function planePanel(plane: Plane, drawn: DrawnPlane, box: Box): string[] {
   const over = text(
     box.left + box.width,
     box.top + box.height - 6,
-    `over ${plane.over.name}${unit}`,
+    fillText(TEXTS.overSignal, { signal: plane.over.name, unit }),
     PALE,
     "end",
   );
@@ -183,8 +185,11 @@ function heading(panel: Panel, box: Box, columns: readonly ArrayLike<number>[]):
     const { minimum, maximum } = extentOf([columns[index] as ArrayLike<number>]);
     const told =
       maximum < minimum
-        ? "no value"
-        : `${fixed(minimum, panel.decimals)} to ${fixed(maximum, panel.decimals)}`;
+        ? TEXTS.noValue
+        : fillText(TEXTS.range, {
+            from: fixed(minimum, panel.decimals),
+            to: fixed(maximum, panel.decimals),
+          });
     const words = `${trace.name.replace(" - ", " − ")}  ${told}`;
     const signal = `data-signal="${escaped(trace.name)}"`;
     parts.push(text(right, middle, words, INK, "end", signal));
@@ -304,10 +309,7 @@ function stamp(when: Date): string {
 
 /** Dots to the inch in print. */
 const DPI = 300;
-const REMEDY = "hide some signals, or save it as SVG.";
-const TOO_LARGE = `It has too many curves for a PDF: ${REMEDY}`;
-/** The service gives a body so long; a link that is too slow for it breaks off without an answer. */
-const NOT_SENT = `It could not be sent to the service. If the link is slow, ${REMEDY}`;
+
 const MM_PER_INCH = 25.4;
 
 /** A drawing as a picture of so many millimetres in width. Rejects where the browser cannot draw it. */
@@ -322,7 +324,7 @@ async function pngOf(svg: string, width_mm: number): Promise<Blob> {
     canvas.height = Math.round((canvas.width * image.height) / image.width);
     canvas.getContext("2d")?.drawImage(image, 0, 0, canvas.width, canvas.height);
     return await new Promise((resolve, reject) => {
-      canvas.toBlob((content) => (content === null ? reject(new Error("no picture")) : resolve(content)));
+      canvas.toBlob((content) => (content === null ? reject(new Error(TEXTS.noPicture)) : resolve(content)));
     });
   } finally {
     URL.revokeObjectURL(address);
@@ -343,8 +345,9 @@ async function pdfOf(svg: string): Promise<Blob> {
     return await answered(api.POST("/api/chart-sheet.pdf", { body, parseAs: "blob" }));
   } catch (error) {
     const status = error instanceof RequestError ? error.status : null;
-    if (status === 413) throw new Error(TOO_LARGE);
-    throw status === 0 || status === 408 ? new Error(NOT_SENT) : error;
+    if (status === 413) throw new Error(TEXTS.tooLarge);
+    // the service waits a limited time for a body; a connection too slow for it ends without an answer
+    throw status === 0 || status === 408 ? new Error(TEXTS.notSent) : error;
   }
 }
 
@@ -384,7 +387,7 @@ export function useSaving({ name, names, stored, sheet, range, table }: Saving) 
       save(await picture(svgOf(sheet()), kind), `${name}-${stamp(new Date())}.${kind}`);
       setUnsaved(null);
     } catch (error) {
-      setUnsaved(`The picture was not saved: ${(error as Error).message}`);
+      setUnsaved(fillText(TEXTS.pictureNotSaved, { reason: (error as Error).message }));
     }
   }
 
@@ -397,7 +400,7 @@ export function useSaving({ name, names, stored, sheet, range, table }: Saving) 
       return;
     }
     const file = stored.file(names, range());
-    if (file === null) setUnsaved(`No data were saved: ${stored.fileOf} has no sample in this range.`);
+    if (file === null) setUnsaved(fillText(TEXTS.dataNotSaved, { recording: stored.fileOf }));
     else saveFrom(file);
   }
 
@@ -425,7 +428,7 @@ interface Drawn extends Omit<Sheet, "planes" | "foot"> {
 export function sheetNow({ planes, looked_s, ...drawn }: Drawn, { of, plant, bank }: Origin): Sheet {
   const { source, hidden, seen, epoch_s } = drawn;
   const [from, to] = [seen.from_s, seen.to_s].map((time_s) => timeText(time_s, 0.001, epoch_s));
-  const of_day = epoch_s === null ? " since the start" : "";
+  const times = { from: String(from), to: String(to), time: dateTime(new Date().toISOString()) };
   return {
     ...drawn,
     planes: planes.map((plane) => ({ plane, drawn: drawnNow(plane, source, hidden, seen, looked_s, null) })),
@@ -433,7 +436,7 @@ export function sheetNow({ planes, looked_s, ...drawn }: Drawn, { of, plant, ban
       [of, plant, ...(plant === "" ? [] : lambdas(source, seen)), bank]
         .filter((part) => part !== "")
         .join(" · "),
-      `${from} to ${to}${of_day} · saved ${dateTime(new Date().toISOString())}`,
+      epoch_s === null ? fillText(TEXTS.footSinceStart, times) : fillText(TEXTS.foot, times),
     ],
   };
 }
@@ -443,9 +446,13 @@ function lambdas(source: PlotSource, seen: TimeRange): string[] {
   const { t, raw, columns } = source.table(Object.keys(TUNING), seen);
   return Object.entries(TUNING).map(([name, symbol]) => {
     const column = columns.find((one) => one.name === name);
-    if (column === undefined) return `${symbol} not recorded`;
+    if (column === undefined) return fillText(TEXTS.notRecorded, { symbol });
     const { minimum, maximum } = statistics(column, t, raw);
-    if (Number.isNaN(minimum)) return `${symbol} not in force`;
-    return `${symbol} ${minimum === maximum ? short(minimum) : `${short(minimum)} to ${short(maximum)}`} s`;
+    if (Number.isNaN(minimum)) return fillText(TEXTS.notInForce, { symbol });
+    const value =
+      minimum === maximum
+        ? short(minimum)
+        : fillText(TEXTS.range, { from: short(minimum), to: short(maximum) });
+    return fillText(TEXTS.lambda, { symbol, value });
   });
 }

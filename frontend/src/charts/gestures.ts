@@ -139,7 +139,6 @@ export function inside(element: HTMLElement, clientY: number): boolean {
 
 /** Says once for each opening of the page how the wheel zooms. */
 
-export const WHEEL_HINT = "Ctrl and wheel zoom the chart.";
 const SHOWN_MS = 5000;
 
 let told = false;

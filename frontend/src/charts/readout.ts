@@ -7,15 +7,16 @@ import type { Panel } from "../theme/signals";
 import { marksNear, type PlacedMark } from "./decorations";
 import type { PlotSource } from "./sources";
 import { type StoredData, StoredMoments } from "./storedRuns";
+import { TEXTS } from "./texts";
 import type { Playhead } from "./viewport";
 
 const EVERY_MS = 100;
 const GRAB_FRACTION = 0.015;
 /** Why there is no value: nothing was sampled then, or what is sampled beside it is followed by no loop. */
-const NO_SAMPLE = "no sample at this moment";
-const NOT_IN_FORCE = "none in force at this moment";
-const NOT_AT_BOTH = "not there at both cursors";
-const UNDER_WAY = "being read from the recording";
+const NO_SAMPLE = TEXTS.noSample;
+const NOT_IN_FORCE = TEXTS.notActive;
+const NOT_AT_BOTH = TEXTS.notAtBoth;
+const UNDER_WAY = TEXTS.loading;
 /** How near to the pointer a mark has to be to be told in full [CSS px]. */
 const NEAR_PX = 6;
 /** Beyond this share of the width what stands beside a line stands to its left; the time under the pointer stays off those of the cursors. */

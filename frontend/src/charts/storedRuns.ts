@@ -1,4 +1,5 @@
 import type { Basis, Figures, SignalSpectrum, Spectra, Statistics } from "../samples/analysis";
+import { fillText } from "../samples/texts";
 import type { TimeRange } from "../samples/timeSeries";
 import {
   type RecordedSpectra,
@@ -11,6 +12,7 @@ import {
 } from "../service/api/recordings";
 import { PERIOD_S } from "../wire/sample.gen";
 import { parted } from "./sources";
+import { TEXTS } from "./texts";
 
 /** What the service computes from every sample of what is drawn, and the file of it. */
 
@@ -108,7 +110,7 @@ export class StoredRuns implements StoredData {
   constructor(private readonly runs: readonly StoredRun[]) {}
 
   get fileOf(): string {
-    return `run ${this.runs[0]?.id}`;
+    return fillText(TEXTS.run, { run: String(this.runs[0]?.id) });
   }
 
   async statistics(names: readonly string[], range: TimeRange, waiting: Waiting): Promise<Figures> {
@@ -129,7 +131,7 @@ export class StoredRuns implements StoredData {
       rangeSpectra(run.id, own, recorded, shared),
     );
     const signals = new Map<string, SignalSpectrum>();
-    const reasons = new Map(names.map((name) => [name, "the run has no sample in this range"]));
+    const reasons = new Map<string, string>(names.map((name) => [name, TEXTS.runHasNoSample]));
     for (const [part, result] of found) {
       part.drawn.forEach((name, n) => {
         const { spectrum, reason } = spectrumOf(result, part.recorded[n] as string);
@@ -208,7 +210,7 @@ export class StoredRuns implements StoredData {
   ): Basis {
     const offset_s = offsetOf(run);
     return {
-      of: this.runs.length > 1 ? `run ${run.id}` : "",
+      of: this.runs.length > 1 ? fillText(TEXTS.run, { run: run.id }) : "",
       range: { from_s: from_s + offset_s, to_s: to_s + offset_s },
       samples,
       missing,

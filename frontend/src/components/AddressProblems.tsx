@@ -5,6 +5,7 @@ import { useLive } from "../live/react";
 import { capital } from "../samples/format";
 import { addressCheckQuery, NO_STREAM } from "../service/api/system";
 import styles from "./AddressProblems.module.css";
+import { TEXTS } from "./texts";
 
 /** The first connection is given up for lost after so many attempts, about two seconds. */
 const ATTEMPTS = 3;
@@ -22,13 +23,13 @@ export function Problems({ isWithoutStream = false }: { isWithoutStream?: boolea
   const said = isWithoutStream && way.isAnswered ? [...way.problems, NO_STREAM] : way.problems;
   if (said.length === 0) return null;
   return (
-    <div className={styles.problems} role="alert" aria-label="Set-up of the address">
+    <div className={styles.problems} role="alert" aria-label={TEXTS.addressSetup}>
       {said.map((problem) => (
         <p key={problem}>
-          <strong>This address is not set up right.</strong> {capital(problem)}
+          <strong>{TEXTS.addressWrong}</strong> {capital(problem)}
         </p>
       ))}
-      {!way.isAnswered && <p>STOP on this page does not work either: use the stop at the machine.</p>}
+      {!way.isAnswered && <p>{TEXTS.addressNoStop}</p>}
     </div>
   );
 }

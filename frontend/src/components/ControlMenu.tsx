@@ -3,7 +3,8 @@ import { useMutation, useQuery } from "@tanstack/react-query";
 import { type FormEvent, type ReactNode, useEffect, useRef, useState, useSyncExternalStore } from "react";
 import { TbAlertTriangle, TbDeviceGamepad2, TbHandStop } from "react-icons/tb";
 import { useLive } from "../live/react";
-import { pluralized, timeOfDay } from "../samples/format";
+import { timeOfDay } from "../samples/format";
+import { countThings, fillText } from "../samples/texts";
 import { sessionQuery, useSignOut } from "../service/api/session";
 import { describeLoss, NO_CONTROL, nextControlState, useMayCommand } from "../service/control/control";
 import {
@@ -32,6 +33,7 @@ import controlMenuStyles from "./ControlMenu.module.css";
 import { ChoiceField, TextField } from "./fields";
 import handOverStyles from "./HandOver.module.css";
 import { Refusal, TakeControl } from "./Refusal";
+import { TEXTS } from "./texts";
 
 /** The forms in which control is asked for, offered, and kept or handed over: each with a reason. */
 
@@ -48,15 +50,15 @@ function AskForm({ onDone }: Done) {
   const holder = useLive((live) => live.state?.holder?.name);
   return (
     <ReasonForm
-      title={`Ask ${holder ?? "nobody"} for control`}
-      label="What for?"
+      title={fillText(TEXTS.askForControl, { name: holder ?? TEXTS.nobody })}
+      label={TEXTS.reason}
       error={ask.error}
       reason={reason}
       onReason={setReason}
       onSubmit={() => ask.mutate(reason, { onSuccess: () => discardAndClose(discard, onDone) })}
     >
       <Button type="submit" size="compact-sm" disabled={reason.trim() === ""} loading={ask.isPending}>
-        Ask
+        {TEXTS.ask}
       </Button>
       <Close onDone={onDone} />
     </ReasonForm>
@@ -74,13 +76,22 @@ function OfferForm({ onDone }: Done) {
   const choices = others.includes(to) || to === "" ? others : [...others, to];
   return (
     <ReasonForm
-      title="Hand control over"
-      label="Why?"
+      title={TEXTS.handControlOver}
+      label={TEXTS.reason}
       error={offer.error}
       reason={reason}
       onReason={setReason}
       onSubmit={() => offer.mutate({ to, reason }, { onSuccess: () => discardAndClose(discard, onDone) })}
-      above={<ChoiceField label="To" name="to" size="xs" data={choices} value={to} onChange={setTo} />}
+      above={
+        <ChoiceField
+          label={TEXTS.handOverTo}
+          name="to"
+          size="xs"
+          data={choices}
+          value={to}
+          onChange={setTo}
+        />
+      }
     >
       <Button
         type="submit"
@@ -88,7 +99,7 @@ function OfferForm({ onDone }: Done) {
         disabled={reason.trim() === "" || to === ""}
         loading={offer.isPending}
       >
-        Offer control
+        {TEXTS.offerControl}
       </Button>
       <Close onDone={onDone} />
     </ReasonForm>
@@ -106,15 +117,17 @@ function AnswerForm({ number, onDone }: Done & { readonly number: number }) {
     answer.mutate({ number, answer: said, reason }, { onSuccess: () => discardAndClose(discard, onDone) });
   return (
     <ReasonForm
-      title={isOver ? "This request is over" : `${wish.name} asks for control: “${wish.reason}”`}
-      label="Say something to that (needed to keep control)"
+      title={
+        isOver ? TEXTS.requestEnded : fillText(TEXTS.requestOf, { name: wish.name, reason: wish.reason })
+      }
+      label={TEXTS.reply}
       error={answer.error}
       reason={reason}
       onReason={setReason}
       onSubmit={() => undefined}
     >
       <Button size="compact-sm" disabled={isOver} loading={answer.isPending} onClick={() => say("hand_over")}>
-        Hand over
+        {TEXTS.handOver}
       </Button>
       <Button
         size="compact-sm"
@@ -122,7 +135,7 @@ function AnswerForm({ number, onDone }: Done & { readonly number: number }) {
         disabled={isOver || answer.isPending || reason.trim() === ""}
         onClick={() => say("decline")}
       >
-        Keep control
+        {TEXTS.keepControl}
       </Button>
       <Close onDone={onDone} />
     </ReasonForm>
@@ -138,7 +151,7 @@ function discardAndClose(discard: () => void, onDone: () => void): void {
 function Close({ onDone }: Done) {
   return (
     <Button size="compact-sm" variant="subtle" color="gray" onClick={onDone}>
-      Close
+      {TEXTS.close}
     </Button>
   );
 }
@@ -183,11 +196,11 @@ function ReasonForm({ title, label, error, reason, above, children, onReason, on
 /** Who asks for control, or offers it, in the status line, where nothing moves for it; and what is said to that. */
 
 const WORDS: Record<NoticeAction, string> = {
-  answer: "Answer …",
-  withdraw: "Withdraw",
-  take: "Take control",
-  decline: "Decline",
-  read: "OK",
+  answer: TEXTS.answer,
+  withdraw: TEXTS.withdraw,
+  take: TEXTS.takeControl,
+  decline: TEXTS.decline,
+  read: TEXTS.read,
 };
 
 interface HandOverProps {
@@ -215,7 +228,7 @@ export function HandOver({ form, onForm }: HandOverProps) {
         <Popover.Target>
           <span className={handOverStyles.anchor} aria-hidden="true" />
         </Popover.Target>
-        <Popover.Dropdown p="sm" aria-label="Control">
+        <Popover.Dropdown p="sm" aria-label={TEXTS.control}>
           {form?.kind === "ask" && <AskForm onDone={() => onForm(null)} />}
           {form?.kind === "offer" && <OfferForm onDone={() => onForm(null)} />}
           {form?.kind === "answer" && <AnswerForm number={form.number} onDone={() => onForm(null)} />}
@@ -286,7 +299,7 @@ function NoticeLine({ notice, more, onRead, onForm }: NoticeLineProps) {
   }
 
   return (
-    <section className={handOverStyles.notice} data-wish={wish.standing} aria-label="Control asked for">
+    <section className={handOverStyles.notice} data-wish={wish.standing} aria-label={TEXTS.controlRequest}>
       <TbHandStop size={16} aria-hidden="true" className={handOverStyles.icon} />
       <NoticeMessage text={refusal ?? text} urgent={urgent} />
       {more > 0 && <span className={handOverStyles.more}>+{more}</span>}
@@ -336,14 +349,14 @@ export function ControlLoss() {
   if (kept.lost === null) return null;
   const at = new Date(kept.lost.at_ms).toLocaleTimeString("sv-SE");
   return (
-    <div className={controlLossStyles.loss} role="alert" aria-label="Control lost">
+    <div className={controlLossStyles.loss} role="alert" aria-label={TEXTS.controlLost}>
       <TbAlertTriangle size={18} aria-hidden="true" />
       <span className={controlLossStyles.message}>
         <strong>{at}</strong> {describeLoss(kept.lost)}
       </span>
       <TakeControl variant="white" color="dark" />
       <Button size="compact-xs" variant="subtle" color="dark" onClick={() => keep(NO_CONTROL)}>
-        Stay an observer
+        {TEXTS.keepObserving}
       </Button>
     </div>
   );
@@ -377,7 +390,7 @@ export function ControlMenu({ onName, onForm }: ControlMenuProps) {
   const signOut = useSignOut();
   const epoch = useSyncExternalStore(watchHeld, heldEpoch);
   const mine = holder !== null && holder.epoch === epoch;
-  const name = holder === null ? "nobody" : mine ? "you" : holder.name;
+  const name = holder === null ? TEXTS.nobody : mine ? TEXTS.you : holder.name;
   const asking = useLive((live) => live.state?.wishes ?? NO_WISHES).filter(isRequested);
   const others = othersToGetControl(people, me?.name);
   const refusal = useErrorLifetime(take.error ?? giveUp.error ?? signOut.error)?.message;
@@ -389,11 +402,8 @@ export function ControlMenu({ onName, onForm }: ControlMenuProps) {
           variant={mine ? "light" : "subtle"}
           color={mine ? undefined : "gray"}
           leftSection={<TbDeviceGamepad2 size={16} aria-hidden="true" />}
-          title={
-            refusal ??
-            `Control: ${name}${holder?.lost ? ", not heard" : ""}. Here is also who is connected, and Sign out`
-          }
-          aria-label={`Control: ${name}`}
+          title={refusal ?? fillText(holder?.lost ? TEXTS.controlTitleLost : TEXTS.controlTitle, { name })}
+          aria-label={fillText(TEXTS.controlOf, { name })}
           styles={{ label: { maxWidth: "10ch", minWidth: "7ch" } }}
         >
           {name}
@@ -405,46 +415,49 @@ export function ControlMenu({ onName, onForm }: ControlMenuProps) {
             <>
               {asking.map(({ number, name }) => (
                 <Menu.Item key={number} onClick={() => onForm({ kind: "answer", number })}>
-                  Answer {name} …
+                  {fillText(TEXTS.answerItem, { name })}
                 </Menu.Item>
               ))}
               {others.length > 0 && (
-                <Menu.Item onClick={() => onForm({ kind: "offer" })}>Hand over …</Menu.Item>
+                <Menu.Item onClick={() => onForm({ kind: "offer" })}>{TEXTS.handOverItem}</Menu.Item>
               )}
-              <Menu.Item onClick={() => giveUp.mutate()}>Give up control</Menu.Item>
+              <Menu.Item onClick={() => giveUp.mutate()}>{TEXTS.giveUpControl}</Menu.Item>
             </>
           ) : (
             <>
               {holder?.page && holder.name !== me?.name && !asking.some((one) => one.name === me?.name) && (
-                <Menu.Item onClick={() => onForm({ kind: "ask" })}>Ask {holder.name} for control …</Menu.Item>
+                <Menu.Item onClick={() => onForm({ kind: "ask" })}>
+                  {fillText(TEXTS.askItem, { name: holder.name })}
+                </Menu.Item>
               )}
               <Menu.Item onClick={() => take.mutate(holder !== null)}>
-                {holder === null ? "Take control" : `Take over from ${holder.name}`}
+                {holder === null ? TEXTS.takeControl : fillText(TEXTS.takeOver, { name: holder.name })}
               </Menu.Item>
             </>
           )}
         </OperatorsOnly>
-        <Menu.Label>Anyone may press STOP</Menu.Label>
+        <Menu.Label>{TEXTS.anyoneStops}</Menu.Label>
         <Menu.Divider />
-        <Menu.Label>Connected</Menu.Label>
+        <Menu.Label>{TEXTS.connected}</Menu.Label>
         {/* biome-ignore lint/a11y/useSemanticElements: a menu holds items only; these can be read and do nothing */}
-        <div role="group" className={controlMenuStyles.people} aria-label="Connected">
+        <div role="group" className={controlMenuStyles.people} aria-label={TEXTS.connected}>
           {people.map((person) => (
             <div role="menuitem" aria-disabled tabIndex={-1} key={`${person.name} ${person.role}`}>
               <span>
-                {person.name}
-                {person.name === me?.name && ", you"}
+                {person.name === me?.name ? fillText(TEXTS.personYou, { name: person.name }) : person.name}
               </span>
               <span className={controlMenuStyles.what}>
-                {whatOf(person, holder?.name ?? null)},{" "}
-                <span className={controlMenuStyles.since}>since {timeOfDay(person.since)}</span>
+                {whatOf(person, holder?.name ?? null)}{" "}
+                <span className={controlMenuStyles.since}>
+                  {fillText(TEXTS.since, { time: timeOfDay(person.since) })}
+                </span>
               </span>
             </div>
           ))}
         </div>
         <Menu.Divider />
-        <Menu.Item onClick={onName}>Change name</Menu.Item>
-        <Menu.Item onClick={() => signOut.mutate()}>Sign out</Menu.Item>
+        <Menu.Item onClick={onName}>{TEXTS.changeName}</Menu.Item>
+        <Menu.Item onClick={() => signOut.mutate()}>{TEXTS.signOut}</Menu.Item>
       </Menu.Dropdown>
     </Menu>
   );
@@ -452,6 +465,6 @@ export function ControlMenu({ onName, onForm }: ControlMenuProps) {
 
 /** What somebody who is connected may do and does. */
 function whatOf({ name, role, pages }: State["people"][number], holder: string | null): string {
-  const part = role === "viewer" ? "VIEW" : name === holder ? "has control" : "may take control";
-  return `${part}, ${pluralized(pages, "page")}`;
+  const right = role === "viewer" ? TEXTS.viewer : name === holder ? TEXTS.hasControl : TEXTS.canTakeControl;
+  return fillText(TEXTS.personState, { right, pages: countThings(pages, "page") });
 }

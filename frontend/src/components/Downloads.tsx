@@ -1,15 +1,17 @@
 import { Button, Checkbox } from "@mantine/core";
 import { useState } from "react";
 import { TbDownload, TbExternalLink } from "react-icons/tb";
+import { fillText } from "../samples/texts";
 import { useFormulas } from "../service/api/formulas";
+import { TEXTS } from "./texts";
 
 /** What can be taken home from a run. */
 
 const DATA = [
-  { format: "csv", label: "Data (CSV)" },
-  { format: "parquet", label: "Data (Parquet)" },
-  { format: "mat", label: "Data (MAT)" },
-  { format: "mcap", label: "Data (MCAP)" },
+  { format: "csv", label: TEXTS.dataCsv },
+  { format: "parquet", label: TEXTS.dataParquet },
+  { format: "mat", label: TEXTS.dataMat },
+  { format: "mcap", label: TEXTS.dataMcap },
 ] as const;
 
 export function Downloads({ run, report }: { run: number; report: boolean }) {
@@ -29,7 +31,7 @@ export function Downloads({ run, report }: { run: number; report: boolean }) {
             variant="default"
             leftSection={<TbExternalLink size={14} />}
           >
-            Report (HTML)
+            {TEXTS.reportHtml}
           </Button>
           <Button
             component="a"
@@ -38,7 +40,7 @@ export function Downloads({ run, report }: { run: number; report: boolean }) {
             variant="default"
             leftSection={<TbDownload size={14} />}
           >
-            Report (PDF)
+            {TEXTS.reportPdf}
           </Button>
         </>
       )}
@@ -56,8 +58,8 @@ export function Downloads({ run, report }: { run: number; report: boolean }) {
       ))}
       {formulas.length > 0 && (
         <Checkbox
-          label="with formulas"
-          title={`Columns behind the recorded ones: ${names.replaceAll(",", ", ")}`}
+          label={TEXTS.withFormulas}
+          title={fillText(TEXTS.withFormulasHint, { names: names.replaceAll(",", ", ") })}
           checked={wanted}
           onChange={(event) => want(event.currentTarget.checked)}
         />
@@ -68,9 +70,9 @@ export function Downloads({ run, report }: { run: number; report: boolean }) {
         download
         variant="default"
         leftSection={<TbDownload size={14} />}
-        title="The run with all that it came from, for another installation: sinew runs import"
+        title={TEXTS.bundleHint}
       >
-        Bundle
+        {TEXTS.bundle}
       </Button>
       <Button
         component="a"
@@ -78,9 +80,9 @@ export function Downloads({ run, report }: { run: number; report: boolean }) {
         download
         variant="default"
         leftSection={<TbDownload size={14} />}
-        title="Shows the MCAP in Foxglove and Lichtblick"
+        title={TEXTS.layoutHint}
       >
-        Layout
+        {TEXTS.layout}
       </Button>
     </>
   );
@@ -101,10 +103,10 @@ export function SeriesReports({ runs }: { runs: readonly number[] }) {
         variant="default"
         size="xs"
       >
-        Report (HTML)
+        {TEXTS.reportHtml}
       </Button>
       <Button component="a" href={address("pdf")} download variant="default" size="xs">
-        Report (PDF)
+        {TEXTS.reportPdf}
       </Button>
     </>
   );

@@ -56,7 +56,7 @@ it("survives leaving, is marked, and belongs to one person", () => {
   open("Mara");
   expect(mark()).toBeNull();
   type("typed");
-  expect(mark()?.textContent).toMatch(/^Draft, not saved, since \d{4}-\d\d-\d\d \d\d:\d\d:\d\d\./);
+  expect(mark()?.textContent).toMatch(/^Unsaved draft, since \d{4}-\d\d-\d\d \d\d:\d\d:\d\d\./);
   cleanup();
   open("Vera");
   expect(box().value).toBe("saved");

@@ -1,8 +1,10 @@
 import { Button } from "@mantine/core";
 import { type ReactNode, useState } from "react";
 import { dateTime } from "../samples/format";
+import { fillText } from "../samples/texts";
 import type { FormDraft } from "../service/forms/drafts";
 import draftMarkStyles from "./DraftMark.module.css";
+import { TEXTS } from "./texts";
 
 /** Says that a form holds a draft, since when, and offers to discard it. Discarding asks first. */
 
@@ -17,19 +19,19 @@ interface DraftMarkProps {
   onDiscard(): void;
 }
 
-export function DraftMark({ draft, of, words = "Draft, not saved", back, onDiscard }: DraftMarkProps) {
+export function DraftMark({ draft, of, words = TEXTS.draft, back, onDiscard }: DraftMarkProps) {
   const [asking, ask] = useState(false);
   if (draft.since === null) return null;
   return (
     // biome-ignore lint/a11y/useSemanticElements: a mark of a form is no fieldset
-    <div className={draftMarkStyles.mark} role="group" aria-label={`Draft of the ${of}`}>
+    <div className={draftMarkStyles.mark} role="group" aria-label={fillText(TEXTS.draftOf, { form: of })}>
       <span>
-        {words}, since {dateTime(draft.since)}.
-        {!draft.stored && " This browser stores nothing: a reload loses it."}
+        {fillText(TEXTS.draftSince, { draft: words, time: dateTime(draft.since) })}
+        {!draft.stored && ` ${TEXTS.draftNotStored}`}
       </span>
       {asking ? (
         <>
-          <span>Discard it? {back}</span>
+          <span>{fillText(TEXTS.discardQuestion, { result: back })}</span>
           <Button
             size="compact-xs"
             color="red"
@@ -39,20 +41,20 @@ export function DraftMark({ draft, of, words = "Draft, not saved", back, onDisca
               onDiscard();
             }}
           >
-            Discard draft
+            {TEXTS.discardDraft}
           </Button>
           <Button size="compact-xs" variant="default" onClick={() => ask(false)}>
-            Keep draft
+            {TEXTS.keepDraft}
           </Button>
         </>
       ) : (
         <Button
           size="compact-xs"
           variant="default"
-          aria-label={`Discard the draft of the ${of}`}
+          aria-label={fillText(TEXTS.discardDraftOf, { form: of })}
           onClick={() => ask(true)}
         >
-          Discard …
+          {TEXTS.discard}
         </Button>
       )}
     </div>
@@ -72,8 +74,8 @@ export function useReplaceDraft(isDraft: boolean): [(action: () => void) => void
   const guard = (action: () => void): void => (isDraft ? wait({ action }) : action());
   const question =
     waiting === null ? null : (
-      <div className={draftMarkStyles.mark} role="alertdialog" aria-label="Replace the draft">
-        <span>This replaces the draft, which is not saved.</span>
+      <div className={draftMarkStyles.mark} role="alertdialog" aria-label={TEXTS.replaceTitle}>
+        <span>{TEXTS.replaceHint}</span>
         <Button
           size="compact-xs"
           color="red"
@@ -83,10 +85,10 @@ export function useReplaceDraft(isDraft: boolean): [(action: () => void) => void
             waiting.action();
           }}
         >
-          Replace draft
+          {TEXTS.replaceDraft}
         </Button>
         <Button size="compact-xs" variant="default" onClick={() => wait(null)}>
-          Keep draft
+          {TEXTS.keepDraft}
         </Button>
       </div>
     );

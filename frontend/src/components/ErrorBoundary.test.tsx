@@ -4,6 +4,7 @@ import { MantineProvider } from "@mantine/core";
 import { cleanup, fireEvent, type RenderResult, render, screen } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { ErrorBoundary } from "./ErrorBoundary";
+import { TEXTS } from "./texts";
 
 const broken = { now: true };
 let shown: RenderResult;
@@ -40,7 +41,7 @@ it("names the part and the reason, and leaves what is beside it", () => {
 });
 
 it("shows the part again where its cause is gone, and fails again where it is not", () => {
-  const again = () => fireEvent.click(screen.getByRole("button", { name: "Show it again" }));
+  const again = () => fireEvent.click(screen.getByRole("button", { name: TEXTS.retry }));
   again();
   expect(screen.getByRole("alert", { name: "Charts failed" })).toBeTruthy();
   broken.now = false;

@@ -2,7 +2,9 @@
 
 import { Button } from "@mantine/core";
 import { Component, type ReactNode } from "react";
+import { fillText } from "../samples/texts";
 import styles from "./Boundary.module.css";
+import { TEXTS } from "./texts";
 
 interface BoundaryProps {
   /** Name of the part, as a person knows it. */
@@ -16,7 +18,7 @@ export class ErrorBoundary extends Component<BoundaryProps, { readonly error: un
   override state: { readonly error: unknown } = { error: null };
 
   static getDerivedStateFromError(error: unknown): { readonly error: unknown } {
-    return { error: error ?? "no reason given" };
+    return { error: error ?? TEXTS.noReason };
   }
 
   override componentDidUpdate(before: BoundaryProps): void {
@@ -28,17 +30,21 @@ export class ErrorBoundary extends Component<BoundaryProps, { readonly error: un
     if (error === null) return this.props.children;
     const reason = error instanceof Error ? error.message : String(error);
     return (
-      <div role="alert" aria-label={`${this.props.of} failed`} className={styles.failed}>
+      <div
+        role="alert"
+        aria-label={fillText(TEXTS.failed, { part: this.props.of })}
+        className={styles.failed}
+      >
         <p>
-          <strong>{this.props.of} failed.</strong> STOP and the other parts of this page work. What is typed
-          in this part may be lost. Reason: {reason}
+          <strong>{fillText(TEXTS.failedTitle, { part: this.props.of })}</strong>{" "}
+          {fillText(TEXTS.failedHint, { reason })}
         </p>
         <div className={styles.remedies}>
           <Button size="compact-sm" variant="default" onClick={() => this.setState({ error: null })}>
-            Show it again
+            {TEXTS.retry}
           </Button>
           <Button size="compact-sm" variant="default" onClick={() => globalThis.location.reload()}>
-            Reload the page
+            {TEXTS.reload}
           </Button>
         </div>
       </div>

@@ -15,6 +15,7 @@ import {
   useExplained,
 } from "../service/glossary";
 import styles from "./Explained.module.css";
+import { TEXTS } from "./texts";
 import { SymbolText } from "./values";
 
 /** An entry of the glossary, as it is shown in place and in the list of all. */
@@ -119,7 +120,7 @@ function Tooltip({ shown }: { shown: Explained }) {
 }
 
 function closes(anchor: HTMLElement): string {
-  return anchor.matches("input, select") ? "Escape closes." : "Escape closes; arrow keys: the next word.";
+  return anchor.matches("input, select") ? TEXTS.explanationKeysOfBox : TEXTS.explanationKeys;
 }
 
 /**

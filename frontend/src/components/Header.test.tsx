@@ -4,6 +4,7 @@ import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-libra
 import { afterEach, expect, it, vi } from "vitest";
 import { preferencesQuery } from "../service/api/preferences";
 import { look, shown, tones, useBrowser } from "../service/notifications/browser.fixture";
+import { TEXTS as SERVICE } from "../service/texts";
 import type { Preferences } from "../wire/types";
 import { NotificationMenu } from "./Header";
 
@@ -66,9 +67,7 @@ it("says what to do where the person or the browser refuses, and stays off", asy
   useBrowser("default", "denied");
   await opened();
   await press("Notifications");
-  expect(screen.getByRole("status", { name: "Notifications here" }).textContent).toContain(
-    "Allow them in its settings for this site",
-  );
+  expect(screen.getByRole("status", { name: "Notifications here" }).textContent).toContain(SERVICE.denied);
   expect(item("Notifications").getAttribute("aria-checked")).toBe("false");
   expect(kept).toEqual([]);
 });
@@ -78,7 +77,7 @@ it("is not on in a browser that has not been asked, though it was switched on in
   await opened({ notify: true });
   expect(item("Notifications").getAttribute("aria-checked")).toBe("false");
   expect(screen.getByRole("status", { name: "Notifications here" }).textContent).toContain(
-    "has not allowed notifications of this page yet",
+    SERVICE.notAllowedYet,
   );
 });
 
@@ -86,7 +85,7 @@ it("says what to do where the browser's question was not answered", async () => 
   useBrowser("default", "default");
   await opened();
   await press("Notifications");
-  expect(screen.getByRole("status", { name: "Notifications here" }).textContent).toContain("and allow it");
+  expect(screen.getByRole("status", { name: "Notifications here" }).textContent).toBe(SERVICE.notAllowedYet);
   expect(kept).toEqual([]);
 });
 
@@ -94,7 +93,7 @@ it("says where a browser has none at all", async () => {
   useBrowser("granted");
   vi.stubGlobal("isSecureContext", false);
   await opened();
-  expect(screen.getByRole("status", { name: "Notifications here" }).textContent).toContain("over HTTPS");
+  expect(screen.getByRole("status", { name: "Notifications here" }).textContent).toBe(SERVICE.insecure);
 });
 
 it("has a sound of its own, which is heard when it is switched on", async () => {

@@ -11,6 +11,7 @@ import { TbBell, TbBellOff, TbDeviceDesktop, TbKeyboard, TbMoon, TbSun } from "r
 import { age_ms, health, type Link } from "../live/link";
 import { useLive, useNow, useSampleAge } from "../live/react";
 import { age, capital, fixed, kilohertz } from "../samples/format";
+import { fillText } from "../samples/texts";
 import { usePreferences } from "../service/api/preferences";
 import { useMayCommand } from "../service/control/control";
 import type { ControlForm } from "../service/control/handover";
@@ -26,6 +27,7 @@ import { ControlMenu } from "./ControlMenu";
 import { Explained, Terms } from "./Explained";
 import headerStyles from "./Header.module.css";
 import notificationMenuStyles from "./NotificationMenu.module.css";
+import { TEXTS } from "./texts";
 import { Metric } from "./values";
 
 /** How fresh the page's knowledge is. */
@@ -34,21 +36,18 @@ function LinkStatus({ link, now_ms }: { link: Link; now_ms: number }) {
   const condition = health(link, now_ms);
   const old = age_ms(link, now_ms);
   const value = {
-    live: link.latency_ms === null ? "connected" : age(link.latency_ms),
-    stale: old === null ? "stale" : `stale ${age(old)}`,
-    down: old === null ? "connecting" : `down ${age(old)}`,
+    live: link.latency_ms === null ? TEXTS.linkConnected : age(link.latency_ms),
+    stale: old === null ? TEXTS.linkStale : fillText(TEXTS.linkStaleFor, { age: age(old) }),
+    down: old === null ? TEXTS.linkConnecting : fillText(TEXTS.linkDownFor, { age: age(old) }),
   }[condition];
   return (
-    <span role="status" aria-label="Link" data-health={condition} style={{ display: "flex" }}>
+    <span role="status" aria-label={TEXTS.link} data-health={condition} style={{ display: "flex" }}>
       <Metric of="timing:latency_ms" value={value} width="11ch" />
     </span>
   );
 }
 
 /** Switches for what tells the person something while they do not look at the page. */
-
-const WHEN =
-  "While no tab of this page is in sight: when an experiment or an identification is over, and when the joint trips.";
 
 export function NotificationMenu() {
   const { preferences, change } = usePreferences();
@@ -86,22 +85,25 @@ export function NotificationMenu() {
         <ActionIcon
           variant="subtle"
           color="gray"
-          aria-label="Notifications"
-          title={`Notifications ${on ? "on" : "off"}, sound ${preferences.sound ? "on" : "off"}`}
+          aria-label={TEXTS.notifications}
+          title={fillText(TEXTS.notificationsState, {
+            notifications: on ? TEXTS.on : TEXTS.off,
+            sound: preferences.sound ? TEXTS.on : TEXTS.off,
+          })}
         >
           <Icon size={18} />
         </ActionIcon>
       </Menu.Target>
       <Menu.Dropdown>
         <Menu.CheckboxItem checked={on} onChange={() => void toggle()}>
-          Notifications
+          {TEXTS.notifications}
         </Menu.CheckboxItem>
         <Menu.CheckboxItem checked={preferences.sound} onChange={toggleSound}>
-          Sound
+          {TEXTS.sound}
         </Menu.CheckboxItem>
-        <p className={notificationMenuStyles.told}>{WHEN}</p>
+        <p className={notificationMenuStyles.told}>{TEXTS.notificationsHint}</p>
         {refused !== "" && (
-          <output aria-label="Notifications here" className={notificationMenuStyles.told}>
+          <output aria-label={TEXTS.notificationsHere} className={notificationMenuStyles.told}>
             {refused}
           </output>
         )}
@@ -114,10 +116,10 @@ export function NotificationMenu() {
 
 /** A plant of a package goes by its own name. */
 const SHORT: Partial<Record<PlantView["kind"], string>> = {
-  simulator: "SIM",
-  rig: "RIG",
-  virtual_card: "VIRTUAL CARD",
-  replay: "REPLAY",
+  simulator: TEXTS.simulator,
+  rig: TEXTS.rig,
+  virtual_card: TEXTS.virtualCard,
+  replay: TEXTS.replay,
 };
 
 /** Of a package nobody knows better: it counts as real. */
@@ -127,7 +129,7 @@ const MAY_BE_REAL: readonly PlantView["kind"][] = ["rig", "package"];
 export function plantWord(name: string): string {
   const kinds: Readonly<Record<string, string>> = SHORT;
   const word = kinds[name.replaceAll(" ", "_")];
-  return word === undefined ? name : `${word} (${name})`;
+  return word === undefined ? name : fillText(TEXTS.plantWord, { kind: word, name });
 }
 
 interface PlantBadgeProps {
@@ -138,7 +140,12 @@ interface PlantBadgeProps {
 export function PlantBadge({ plant, parameters }: PlantBadgeProps) {
   if (plant === undefined) {
     return (
-      <span className={badgeStyles.badge} role="img" aria-label="Plant unknown" title="Plant unknown">
+      <span
+        className={badgeStyles.badge}
+        role="img"
+        aria-label={TEXTS.plantUnknown}
+        title={TEXTS.plantUnknown}
+      >
         ···
       </span>
     );
@@ -150,7 +157,10 @@ export function PlantBadge({ plant, parameters }: PlantBadgeProps) {
       data-real={MAY_BE_REAL.includes(plant.kind)}
       role="img"
       aria-label={name}
-      title={`${capital(plant.says) || name}, parameters ${parameters}`}
+      title={fillText(TEXTS.plantParameters, {
+        plant: capital(plant.says) || name,
+        parameters: parameters ?? TEXTS.unknown,
+      })}
     >
       {SHORT[plant.kind] ?? plant.name}
     </span>
@@ -159,7 +169,7 @@ export function PlantBadge({ plant, parameters }: PlantBadgeProps) {
 
 /** The unit in which this person reads and types angles, everywhere. */
 
-const NAMES = { deg: "degrees", rad: "radians" } as const;
+const NAMES = { deg: TEXTS.degrees, rad: TEXTS.radians } as const;
 const SIGNS = { deg: "°", rad: "rad" } as const;
 
 function AngleSwitch() {
@@ -170,8 +180,11 @@ function AngleSwitch() {
       variant="subtle"
       color="gray"
       size="compact-sm"
-      aria-label={`Angles in ${NAMES[preferences.angles]}: ${SIGNS.deg} / ${SIGNS.rad}`}
-      title={`Angles in ${NAMES[preferences.angles]}, for you alone: press for ${NAMES[other]}`}
+      aria-label={fillText(TEXTS.anglesIn, {
+        unit: NAMES[preferences.angles],
+        choices: `${SIGNS.deg} / ${SIGNS.rad}`,
+      })}
+      title={fillText(TEXTS.anglesHint, { unit: NAMES[preferences.angles], other: NAMES[other] })}
       onClick={() => change({ angles: other })}
       px={4}
       fw={400}
@@ -206,42 +219,45 @@ export function Header({ onShortcuts, onName, onForm }: HeaderProps) {
     <header className={headerStyles.header}>
       <span className={headerStyles.brand}>
         <img src="./sinew.svg" alt="" width="24" height="24" />
-        Sinew
+        {TEXTS.brand}
       </span>
       <PlantBadge plant={state?.plant} parameters={state?.parameters} />
       {useMayCommand() === false && (
-        <span
-          className={badgeStyles.badge}
-          role="img"
-          aria-label="Viewer"
-          title="You look on, and may press STOP"
-        >
-          VIEW
+        <span className={badgeStyles.badge} role="img" aria-label={TEXTS.viewerName} title={TEXTS.viewerHint}>
+          {TEXTS.viewer}
         </span>
       )}
       <Terms>
         <span
           className={headerStyles.mode}
           role="status"
-          aria-label="Mode"
+          aria-label={TEXTS.mode}
           data-mode={state?.mode}
           data-stale={stale}
-          title={old_s === null ? undefined : `as it was ${age(1000 * old_s)} ago`}
+          title={old_s === null ? undefined : fillText(TEXTS.lastKnown, { age: age(1000 * old_s) })}
         >
           <span className={headerStyles.dot} aria-hidden="true" />
           <Explained of={`mode:${state?.mode}`} quiet>
-            {state?.mode ?? "unknown"}
+            {state?.mode ?? TEXTS.unknown}
           </Explained>
         </span>
         {/* biome-ignore lint/a11y/useSemanticElements: a fieldset is for inputs, these are readings */}
-        <div className={headerStyles.metrics} role="group" aria-label="Loop timing" data-stale={stale}>
-          <Metric of="timing:rate_Hz" value={timing ? kilohertz(timing.rate_Hz) : "unknown"} width="9ch" />
+        <div className={headerStyles.metrics} role="group" aria-label={TEXTS.loopTiming} data-stale={stale}>
+          <Metric
+            of="timing:rate_Hz"
+            value={timing ? kilohertz(timing.rate_Hz) : TEXTS.unknown}
+            width="9ch"
+          />
           <Metric
             of="timing:lateness_p99_ms"
-            value={timing ? `${fixed(timing.lateness_p99_ms, 2)} ms` : "unknown"}
+            value={timing ? `${fixed(timing.lateness_p99_ms, 2)} ms` : TEXTS.unknown}
             width="8ch"
           />
-          <Metric of="timing:overruns" value={timing ? fixed(timing.overruns, 0) : "unknown"} width="8ch" />
+          <Metric
+            of="timing:overruns"
+            value={timing ? fixed(timing.overruns, 0) : TEXTS.unknown}
+            width="8ch"
+          />
           <LinkStatus link={link} now_ms={now_ms} />
         </div>
       </Terms>
@@ -250,8 +266,8 @@ export function Header({ onShortcuts, onName, onForm }: HeaderProps) {
         <AngleSwitch />
         <NotificationMenu />
         <SchemeMenu />
-        <Tooltip label="Keyboard shortcuts (?)">
-          <ActionIcon variant="subtle" color="gray" aria-label="Keyboard shortcuts" onClick={onShortcuts}>
+        <Tooltip label={TEXTS.shortcutsHint}>
+          <ActionIcon variant="subtle" color="gray" aria-label={TEXTS.shortcuts} onClick={onShortcuts}>
             <TbKeyboard size={18} />
           </ActionIcon>
         </Tooltip>
@@ -272,19 +288,19 @@ function SchemeMenu() {
   return (
     <Menu position="bottom-end" width={140}>
       <Menu.Target>
-        <ActionIcon variant="subtle" color="gray" aria-label="Colour scheme" title="Colour scheme">
+        <ActionIcon variant="subtle" color="gray" aria-label={TEXTS.colourScheme} title={TEXTS.colourScheme}>
           <Current size={18} />
         </ActionIcon>
       </Menu.Target>
       <Menu.Dropdown>
         <Menu.Item leftSection={<TbSun size={16} />} onClick={() => choose("light")}>
-          Light
+          {TEXTS.light}
         </Menu.Item>
         <Menu.Item leftSection={<TbMoon size={16} />} onClick={() => choose("dark")}>
-          Dark
+          {TEXTS.dark}
         </Menu.Item>
         <Menu.Item leftSection={<TbDeviceDesktop size={16} />} onClick={() => choose("auto")}>
-          System
+          {TEXTS.system}
         </Menu.Item>
       </Menu.Dropdown>
     </Menu>

@@ -3,6 +3,7 @@
 import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { type FormEvent, useState } from "react";
+import { fillText } from "../samples/texts";
 import { usePreferences } from "../service/api/preferences";
 import { sessionQuery, useSetName } from "../service/api/session";
 import { RefusedFields } from "../service/forms/refusals";
@@ -10,6 +11,7 @@ import { readStored, storeText } from "../wire/browserStorage";
 import { TextField } from "./fields";
 import styles from "./NameQuestion.module.css";
 import { Refusal } from "./Refusal";
+import { TEXTS } from "./texts";
 
 /** Under which this browser keeps that its person goes by the role. */
 const LEFT_OUT = "sinew-goes-by-role";
@@ -45,9 +47,9 @@ export function NameQuestion({ wanted, onDone }: NameQuestionProps) {
 
   return (
     <RefusedFields error={set.error} about={name} only="name">
-      <form className={styles.question} aria-label="Your name" onSubmit={submit}>
+      <form className={styles.question} aria-label={TEXTS.yourName} onSubmit={submit}>
         <label className={styles.label} htmlFor="own-name">
-          {wanted ? "What do the others here call you?" : `You are signed in as ${role}: what is your name?`}
+          {wanted ? TEXTS.nameWanted : fillText(TEXTS.nameAsked, { role })}
         </label>
         <TextField
           id="own-name"
@@ -61,19 +63,13 @@ export function NameQuestion({ wanted, onDone }: NameQuestionProps) {
           onChange={setName}
         />
         <Button type="submit" size="compact-sm" disabled={name.trim() === ""} loading={set.isPending}>
-          Save name
+          {TEXTS.saveName}
         </Button>
         <Button size="compact-sm" variant="subtle" color="gray" onClick={close}>
-          {wanted ? "Leave as it is" : `Go on as ${role}`}
+          {wanted ? TEXTS.keepName : fillText(TEXTS.continueAs, { role })}
         </Button>
         <div className={styles.refusal}>
-          <Refusal
-            id="refusal-of-name"
-            error={set.error}
-            forFields
-            about={name}
-            hint="The log names you with it, and the page keeps your settings under it."
-          />
+          <Refusal id="refusal-of-name" error={set.error} forFields about={name} hint={TEXTS.nameHint} />
         </div>
       </form>
     </RefusedFields>

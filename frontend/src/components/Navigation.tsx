@@ -24,6 +24,7 @@ import { useLive } from "../live/react";
 import { usePreferences } from "../service/api/preferences";
 import type { PlantView } from "../wire/types";
 import styles from "./Navigation.module.css";
+import { TEXTS } from "./texts";
 
 /** Everything that explains: docs, glossary, tour, keys. */
 
@@ -34,23 +35,23 @@ function HelpMenu({ onShortcuts }: { onShortcuts: () => void }) {
   return (
     <Menu position="right-end" width={210} withinPortal>
       <Menu.Target>
-        <button type="button" className={styles.link} aria-label="Help" data-here={here}>
+        <button type="button" className={styles.link} aria-label={TEXTS.help} data-here={here}>
           <TbHelp size={22} strokeWidth={1.6} aria-hidden="true" />
-          Help
+          {TEXTS.help}
         </button>
       </Menu.Target>
       <Menu.Dropdown>
         <Menu.Item leftSection={<TbBook2 size={16} />} onClick={() => go("/docs")}>
-          Docs
+          {TEXTS.docs}
         </Menu.Item>
         <Menu.Item leftSection={<TbVocabulary size={16} />} onClick={() => go("/glossary")}>
-          Glossary
+          {TEXTS.glossary}
         </Menu.Item>
         <Menu.Item leftSection={<TbMap2 size={16} />} onClick={() => change({ toured: false })}>
-          Tour
+          {TEXTS.tour}
         </Menu.Item>
         <Menu.Item leftSection={<TbKeyboard size={16} />} onClick={onShortcuts}>
-          Keyboard shortcuts
+          {TEXTS.shortcuts}
         </Menu.Item>
       </Menu.Dropdown>
     </Menu>
@@ -67,15 +68,15 @@ interface PageEntry {
 }
 
 const PAGES: readonly PageEntry[] = [
-  { path: "/operate", name: "Operate", key: "o", Icon: TbActivityHeartbeat },
-  { path: "/bring-up", name: "Bring-up", key: "u", Icon: TbPlugConnected, only: ["rig", "virtual_card"] },
-  { path: "/identify", name: "Identify", key: "i", Icon: TbWaveSine },
-  { path: "/banks", name: "Banks", key: "b", Icon: TbAdjustmentsHorizontal },
-  { path: "/experiments", name: "Experiments", key: "e", Icon: TbFlask },
-  { path: "/studies", name: "Studies", key: "t", Icon: TbGridDots },
-  { path: "/runs", name: "Runs", key: "r", Icon: TbDatabase },
-  { path: "/log", name: "Log", key: "h", Icon: TbListDetails },
-  { path: "/system", name: "System", key: "s", Icon: TbServerCog },
+  { path: "/operate", name: TEXTS.operate, key: "o", Icon: TbActivityHeartbeat },
+  { path: "/bring-up", name: TEXTS.bringUp, key: "u", Icon: TbPlugConnected, only: ["rig", "virtual_card"] },
+  { path: "/identify", name: TEXTS.identify, key: "i", Icon: TbWaveSine },
+  { path: "/banks", name: TEXTS.banks, key: "b", Icon: TbAdjustmentsHorizontal },
+  { path: "/experiments", name: TEXTS.experiments, key: "e", Icon: TbFlask },
+  { path: "/studies", name: TEXTS.studies, key: "t", Icon: TbGridDots },
+  { path: "/runs", name: TEXTS.runs, key: "r", Icon: TbDatabase },
+  { path: "/log", name: TEXTS.log, key: "h", Icon: TbListDetails },
+  { path: "/system", name: TEXTS.systemPage, key: "s", Icon: TbServerCog },
 ];
 
 /** The pages to be offered now. */
@@ -93,7 +94,7 @@ export function Navigation({ onSetup, onShortcuts }: NavigationProps) {
   const [location] = useLocation();
   const pages = usePages();
   return (
-    <nav className={styles.nav} aria-label="Main">
+    <nav className={styles.nav} aria-label={TEXTS.main}>
       {pages.map(({ path, name, Icon }) => {
         const here = location === path || location.startsWith(`${path}/`);
         return (
@@ -106,11 +107,11 @@ export function Navigation({ onSetup, onShortcuts }: NavigationProps) {
       <button
         type="button"
         className={`${styles.link} ${styles.setup}`}
-        aria-label="Set-up"
+        aria-label={TEXTS.setup}
         onClick={onSetup}
       >
         <TbListCheck size={22} strokeWidth={1.6} aria-hidden="true" />
-        Set-up
+        {TEXTS.setup}
       </button>
       <HelpMenu onShortcuts={onShortcuts} />
     </nav>

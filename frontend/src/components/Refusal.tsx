@@ -5,12 +5,14 @@ import { useMutation } from "@tanstack/react-query";
 import type { ReactNode } from "react";
 import { useLive } from "../live/react";
 import { localizeText } from "../samples/quantity";
+import { fillText } from "../samples/texts";
 import { useAngleUnit } from "../service/api/preferences";
 import { useWhyNoControl } from "../service/control/control";
 import { isAboutControl, useErrorLifetime, useShownAtField } from "../service/forms/refusals";
 import { answeredBy } from "../wire/client";
 import { takeControl } from "../wire/control";
 import styles from "./Refusal.module.css";
+import { TEXTS } from "./texts";
 
 /** Takes control of the actuator for this page, from whoever holds it. */
 
@@ -25,10 +27,10 @@ export function TakeControl(look: Pick<ButtonProps, "variant" | "color">) {
         variant="default"
         {...look}
         loading={take.isPending}
-        title={holder === null ? undefined : `${holder} loses control`}
+        title={holder === null ? undefined : fillText(TEXTS.losesControl, { name: holder })}
         onClick={() => take.mutate()}
       >
-        Take control
+        {TEXTS.takeControl}
       </Button>
       {refused !== null && <span> {refused.message}</span>}
     </>
@@ -65,7 +67,7 @@ export function Refusal({ error, about, id, text, forFields = false, hint = "", 
     <output
       id={id}
       className={styles.refusal}
-      aria-label="Refusal"
+      aria-label={TEXTS.refusal}
       data-refused={refused}
       title={refused ? localizeText(standing?.message ?? said, angles) : undefined}
     >

@@ -11,11 +11,13 @@ import {
 } from "react-icons/tb";
 import { heading } from "../samples/format";
 import { localizeText } from "../samples/quantity";
+import { fillText } from "../samples/texts";
 import { useAngleUnit } from "../service/api/preferences";
 import { entryOf } from "../service/glossary";
 import type { Experiment, Run } from "../wire/types";
 import { Explained, type Meaning } from "./Explained";
 import runStateStyles from "./RunState.module.css";
+import { TEXTS } from "./texts";
 import verdictStyles from "./Verdict.module.css";
 import { LocalizedText } from "./values";
 
@@ -53,9 +55,11 @@ export function RunState({
       data-state={state}
     >
       <Icon size={15} aria-hidden="true" />
-      <Explained of={of && { ...of, more: why === "" ? [] : [["Here", localizeText(why, angles)]] }} quiet>
-        {heading(state)}
-        {lacksResult && ", not evaluated"}
+      <Explained
+        of={of && { ...of, more: why === "" ? [] : [[TEXTS.runReason, localizeText(why, angles)]] }}
+        quiet
+      >
+        {lacksResult ? fillText(TEXTS.runNotEvaluated, { state: heading(state) }) : heading(state)}
       </Explained>
     </span>
   );
@@ -64,7 +68,7 @@ export function RunState({
 /** Why a run has no result, for `RunState`. */
 export function unevaluated(run: Run): string | undefined {
   if (run.evaluation !== "missing") return undefined;
-  return run.evaluation_problem === "" ? "the service ended before it was evaluated" : run.evaluation_problem;
+  return run.evaluation_problem === "" ? TEXTS.notEvaluatedInTime : run.evaluation_problem;
 }
 
 /** Good or not, with icon and words, never by colour alone. */

@@ -8,7 +8,9 @@ vi.mock("../drawing/canvas", () => ({
   paintsInSoftware: () => browser.software,
 }));
 
+import { fillText } from "../samples/texts";
 import { PATIENCE_S, SceneFrame } from "./SceneFrame";
+import { TEXTS } from "./texts";
 
 beforeEach(() => {
   vi.useFakeTimers();
@@ -27,8 +29,9 @@ const view = (address: string) => (
   </MantineProvider>
 );
 const frame = () => screen.getByTitle<HTMLIFrameElement>("3D view");
-const words = () => screen.getByRole("status", { name: "3D view status" }).textContent;
-const again = () => screen.queryByRole("button", { name: "Try again" });
+const words = () =>
+  screen.getByRole("status", { name: fillText(TEXTS.sceneStatus, { title: "3D view" }) }).textContent;
+const again = () => screen.queryByRole("button", { name: TEXTS.tryAgain });
 
 function mark(stage: string): void {
   frame().contentDocument?.documentElement.setAttribute("data-stage", stage);
@@ -42,13 +45,13 @@ function reaches(stage: string, source: Window | null = frame().contentWindow): 
 
 it("says what it waits for, step by step, and nothing once there is a picture", () => {
   render(view("about:blank?"));
-  expect(words()).toBe("The 3D view is loading: it waits for its page from the service.");
+  expect(words()).toBe(TEXTS.sceneLoadingPage);
   reaches("connecting");
-  expect(words()).toBe("The 3D view is loading: it waits for the scene from the service.");
+  expect(words()).toBe(TEXTS.sceneLoadingData);
   fireEvent.load(frame());
-  expect(words()).toContain("it waits for the scene");
+  expect(words()).toBe(TEXTS.sceneLoadingData);
   reaches("drawing");
-  expect(words()).toContain("the browser to draw it, which takes some seconds without a graphics processor");
+  expect(words()).toBe(TEXTS.sceneDrawingSlowly);
   reaches("shown");
   expect(words()).toBe("");
   expect(again()).toBeNull();
@@ -58,7 +61,7 @@ it("promises no seconds where there is a graphics processor", () => {
   browser.software = false;
   render(view("about:blank?"));
   reaches("drawing");
-  expect(words()).toBe("The 3D view is loading: it waits for the browser to draw it.");
+  expect(words()).toBe(TEXTS.sceneDrawing);
 });
 
 it("offers to try again when nothing comes, and takes it back when something does", () => {
@@ -66,22 +69,22 @@ it("offers to try again when nothing comes, and takes it back when something doe
   act(() => void vi.advanceTimersByTime(PATIENCE_S * 1000 - 1));
   expect(again()).toBeNull();
   act(() => void vi.advanceTimersByTime(1));
-  expect(words()).toContain("for more than 20 s");
+  expect(words()).toBe(fillText(TEXTS.sceneLatePage, { time: PATIENCE_S }));
   expect(again()).not.toBeNull();
   reaches("connecting");
-  expect(words()).not.toContain("more than");
+  expect(words()).toBe(TEXTS.sceneLoadingData);
   expect(again()).toBeNull();
 });
 
 it("says when what came is not its page, and asks for another when told to try again", () => {
   render(view("about:blank?"));
   fireEvent.load(frame());
-  expect(words()).toContain("The 3D view failed: its page did not come from the service");
+  expect(words()).toBe(TEXTS.sceneFailed);
   const before = frame();
-  fireEvent.click(screen.getByRole("button", { name: "Try again" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.tryAgain }));
   expect(frame()).not.toBe(before);
   expect(frame().getAttribute("src")).not.toBe(before.getAttribute("src"));
-  expect(words()).toContain("it waits for its page");
+  expect(words()).toBe(TEXTS.sceneLoadingPage);
 });
 
 it("does not take what it showed before for what it shows when its page comes again without the scene", () => {
@@ -89,16 +92,16 @@ it("does not take what it showed before for what it shows when its page comes ag
   reaches("shown");
   frame().contentDocument?.documentElement.removeAttribute("data-stage");
   fireEvent.load(frame());
-  expect(words()).toContain("failed");
+  expect(words()).toBe(TEXTS.sceneFailed);
 });
 
 it("says that it is cut off until there is a picture again", () => {
   render(view("about:blank?"));
   reaches("shown");
   reaches("lost");
-  expect(words()).toContain("cut off from the service: the actuator stands as it was");
+  expect(words()).toBe(TEXTS.sceneLost);
   reaches("drawing");
-  expect(words()).toContain("the browser to draw it");
+  expect(words()).toBe(TEXTS.sceneDrawingSlowly);
   reaches("shown");
   expect(words()).toBe("");
 });
@@ -107,22 +110,22 @@ it("says that the browser has given up drawing", () => {
   render(view("about:blank?"));
   reaches("shown");
   reaches("dropped");
-  expect(words()).toContain("The browser has stopped drawing the 3D view");
+  expect(words()).toBe(TEXTS.sceneDropped);
   expect(again()).not.toBeNull();
 });
 
 it("listens to its own frame only, and to no stage that there is not", () => {
   render(view("about:blank?"));
   reaches("shown", window);
-  expect(words()).toContain("it waits for its page");
+  expect(words()).toBe(TEXTS.sceneLoadingPage);
   reaches("all is well");
-  expect(words()).toContain("failed");
+  expect(words()).toBe(TEXTS.sceneFailed);
 });
 
 it("says so where the browser cannot draw in 3D", () => {
   browser.solid = false;
   render(view("about:blank?"));
-  expect(words()).toContain("This browser cannot draw in 3D: it has no WebGL 2");
+  expect(words()).toBe(TEXTS.sceneImpossible);
   expect(again()).toBeNull();
 });
 

@@ -2,8 +2,10 @@ import { Button, NativeSelect } from "@mantine/core";
 import { useEffect, useRef, useState } from "react";
 import { canDrawSolid, paintsInSoftware } from "../drawing/canvas";
 import { FramePacer, paceWindow } from "../drawing/pacer";
+import { fillText } from "../samples/texts";
 import { watchKeys } from "../stop/stop";
 import styles from "./SceneFrame.module.css";
+import { TEXTS } from "./texts";
 
 /** How far a 3D view has come, and what is said of it until there is a picture. */
 
@@ -16,14 +18,16 @@ type Stage = (typeof TOLD)[number] | "page" | "failed";
 /** Somebody who has waited so long is told so [s]. */
 export const PATIENCE_S = 20;
 
-const AWAITED = {
-  page: "its page from the service",
-  connecting: "the scene from the service",
-  drawing: "the browser to draw it",
-};
-
-const NO_3D =
-  "This browser cannot draw in 3D: it has no WebGL 2. Press Show flat, or allow graphics in the browser's settings.";
+const LOADING = {
+  page: TEXTS.sceneLoadingPage,
+  connecting: TEXTS.sceneLoadingData,
+  drawing: TEXTS.sceneDrawing,
+} as const;
+const LATE = {
+  page: TEXTS.sceneLatePage,
+  connecting: TEXTS.sceneLateData,
+  drawing: TEXTS.sceneLateDrawing,
+} as const;
 
 /** The stage that the document in a frame tells; another document than the view's, as the browser's own, tells none. */
 function stageIn(frame: HTMLIFrameElement): Stage {
@@ -37,16 +41,14 @@ function describeStage(stage: Stage, late: boolean, software: boolean): string {
     case "shown":
       return "";
     case "failed":
-      return "The 3D view failed: its page did not come from the service.";
+      return TEXTS.sceneFailed;
     case "lost":
-      return "The 3D view is cut off from the service: the actuator stands as it was then. It connects again by itself.";
+      return TEXTS.sceneLost;
     case "dropped":
-      return "The browser has stopped drawing the 3D view: the actuator stands as it was then, or is not seen.";
+      return TEXTS.sceneDropped;
   }
-  if (late) return `The 3D view has waited for ${AWAITED[stage]} for more than ${PATIENCE_S} s.`;
-  const slow =
-    stage === "drawing" && software ? ", which takes some seconds without a graphics processor" : "";
-  return `The 3D view is loading: it waits for ${AWAITED[stage]}${slow}.`;
+  if (late) return fillText(LATE[stage], { time: PATIENCE_S });
+  return stage === "drawing" && software ? TEXTS.sceneDrawingSlowly : LOADING[stage];
 }
 
 /** A 3D view of the service in a frame: it says what it waits for, STOP is heard in it, and it leaves the page time to act. */
@@ -105,17 +107,17 @@ function View({ address, title, onAgain }: SceneFrameProps & { onAgain: () => vo
     return () => window.clearTimeout(timer);
   }, [stage]);
 
-  const words = possible ? describeStage(stage, late === stage, paintsInSoftware()) : NO_3D;
+  const words = possible ? describeStage(stage, late === stage, paintsInSoftware()) : TEXTS.sceneImpossible;
   const stuck = stage === "failed" || stage === "dropped" || (stage !== "shown" && late === stage);
   return (
     <div className={styles.frame}>
       <iframe ref={frame} src={address} title={title} className={styles.view} data-stage={stage} />
       <div className={styles.words} data-empty={words === ""}>
         {/* always there, so that a change of its words is heard */}
-        <output aria-label={`${title} status`}>{words}</output>
+        <output aria-label={fillText(TEXTS.sceneStatus, { title })}>{words}</output>
         {possible && stuck && (
           <Button size="compact-xs" variant="default" onClick={onAgain}>
-            Try again
+            {TEXTS.tryAgain}
           </Button>
         )}
       </div>
@@ -126,17 +128,19 @@ function View({ address, title, onAgain }: SceneFrameProps & { onAgain: () => vo
 /** Where the 3D view can be looked at from. Pure. In the scene's units: ten to the metre, z up, the joint at the origin. */
 
 interface Camera {
+  /** Stored in the preferences. */
   readonly name: string;
+  readonly label: string;
   readonly position: readonly [number, number, number];
   readonly lookAt: readonly [number, number, number];
 }
 
 const CAMERAS: readonly Camera[] = [
-  { name: "Front", position: [1.6, -10.2, 1], lookAt: [0, 0, -0.48] },
-  { name: "Side", position: [9.5, -3.4, 0.4], lookAt: [0, 0, -0.6] },
-  { name: "Above", position: [1.2, -6.4, 8], lookAt: [0, 0, -0.4] },
-  { name: "Joint", position: [0.6, -4.6, 1.2], lookAt: [0, 0, 0.4] },
-  { name: "Springs", position: [0.4, -5, -1.4], lookAt: [0, 0, -1.9] },
+  { name: "Front", label: TEXTS.cameraFront, position: [1.6, -10.2, 1], lookAt: [0, 0, -0.48] },
+  { name: "Side", label: TEXTS.cameraSide, position: [9.5, -3.4, 0.4], lookAt: [0, 0, -0.6] },
+  { name: "Above", label: TEXTS.cameraAbove, position: [1.2, -6.4, 8], lookAt: [0, 0, -0.4] },
+  { name: "Joint", label: TEXTS.cameraJoint, position: [0.6, -4.6, 1.2], lookAt: [0, 0, 0.4] },
+  { name: "Springs", label: TEXTS.cameraSprings, position: [0.4, -5, -1.4], lookAt: [0, 0, -1.9] },
 ];
 
 /** The address of the 3D view, at `path`, seen by the camera of this name. */
@@ -152,11 +156,11 @@ export function sceneAddress(path: string, name: string): string {
 export function CameraChoice({ camera, onChange }: { camera: string; onChange: (name: string) => void }) {
   return (
     <NativeSelect
-      aria-label="Camera"
+      aria-label={TEXTS.camera}
       size="xs"
       value={camera}
       onChange={(event) => onChange(event.currentTarget.value)}
-      data={CAMERAS.map(({ name }) => name)}
+      data={CAMERAS.map(({ name, label }) => ({ value: name, label }))}
       styles={{ input: { height: 24, minHeight: 24 } }}
     />
   );

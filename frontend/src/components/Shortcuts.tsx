@@ -1,34 +1,39 @@
 import { Button, Kbd, Modal, Table } from "@mantine/core";
 import type { FormEvent } from "react";
 import { Link } from "wouter";
+import { fillText } from "../samples/texts";
 import { usePreferences } from "../service/api/preferences";
 import { closeExplanation, type Entry } from "../service/glossary";
 import { explaining, type Handlers } from "./Explained";
 import { usePages } from "./Navigation";
+import { TEXTS } from "./texts";
 
 /** What the keys do. */
 
 type Keys = readonly (readonly [string[], string])[];
 
-const STOP: Keys = [[["Ctrl/⌘", "Shift", "E"], "STOP: zero volts at once, from anywhere, text fields too"]];
+const STOP: Keys = [[["Ctrl/⌘", "Shift", "E"], TEXTS.keyStop]];
 const KEYS: Keys = [
-  [["C"], "Set-up: what is done, missing and out of date"],
-  [["L"], "Operate: follow the newest sample (Live)"],
-  [["Space"], "Operate: hold the charts, go on"],
-  [["M"], "Operate: measuring cursors"],
-  [["Ctrl", "Wheel"], "Charts: zoom time; hold V for the value axis, B for both"],
-  [["←", "→"], "Chart in focus: pan; ↑ ↓ zoom, Home resets"],
-  [["Enter"], "Chart in focus: show it alone; Esc shows all"],
-  [["G"], "Glossary: what every symbol, figure, verdict and fault means"],
-  [["D"], "Docs: the first hour, and everything else that is written, with a search"],
-  [["?"], "This list"],
+  [["C"], TEXTS.keySetup],
+  [["L"], TEXTS.keyLive],
+  [["Space"], TEXTS.keyHold],
+  [["M"], TEXTS.keyCursors],
+  [["Ctrl", "Wheel"], TEXTS.keyWheel],
+  [["←", "→"], TEXTS.keyArrows],
+  [["Enter"], TEXTS.keyEnter],
+  [["G"], TEXTS.keyGlossary],
+  [["D"], TEXTS.keyDocs],
+  [["?"], TEXTS.keyList],
 ];
 
 export function Shortcuts({ opened, onClose }: { opened: boolean; onClose: () => void }) {
   const { change } = usePreferences();
-  const pages = usePages().map(({ key, name }): Keys[number] => [[key.toUpperCase()], `Go to ${name}`]);
+  const pages = usePages().map(({ key, name }): Keys[number] => [
+    [key.toUpperCase()],
+    fillText(TEXTS.keyPage, { page: name }),
+  ]);
   return (
-    <Modal opened={opened} onClose={onClose} title="Keyboard shortcuts" size="lg">
+    <Modal opened={opened} onClose={onClose} title={TEXTS.shortcuts} size="lg">
       <Button
         variant="default"
         size="compact-sm"
@@ -38,7 +43,7 @@ export function Shortcuts({ opened, onClose }: { opened: boolean; onClose: () =>
           onClose();
         }}
       >
-        Show the tour again
+        {TEXTS.showTour}
       </Button>
       <Button
         component={Link}
@@ -49,7 +54,7 @@ export function Shortcuts({ opened, onClose }: { opened: boolean; onClose: () =>
         ml="xs"
         onClick={onClose}
       >
-        Glossary
+        {TEXTS.glossary}
       </Button>
       <Button
         component={Link}
@@ -60,7 +65,7 @@ export function Shortcuts({ opened, onClose }: { opened: boolean; onClose: () =>
         ml="xs"
         onClick={onClose}
       >
-        Docs
+        {TEXTS.docs}
       </Button>
       <Table withRowBorders={false}>
         <Table.Tbody>

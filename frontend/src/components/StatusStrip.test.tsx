@@ -2,6 +2,7 @@ import { act, cleanup, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
+import { fillText } from "../samples/texts";
 import { describeStop, pressStop } from "../stop/stop";
 import type { State, StopProof } from "../wire/types";
 import {
@@ -13,6 +14,7 @@ import {
   taskTitle,
   timeLeft,
 } from "./StatusStrip";
+import { TEXTS } from "./texts";
 
 // the REST client takes hold of fetch when it is made
 const fetched = vi.hoisted(() => {
@@ -42,7 +44,7 @@ function press(): void {
 }
 
 const notice = () => screen.getByRole("alert", { name: "STOP" }).textContent;
-const result = () => screen.getByRole("status", { name: "Stop result" }).textContent;
+const result = () => screen.getByRole("status", { name: TEXTS.stopResult }).textContent;
 
 beforeEach(() => {
   store = new LiveStore(0);
@@ -150,9 +152,9 @@ describe("status", () => {
 
     it("shows nothing of the state before a reconnection", () => {
       const before = currentStatus(state({ recording_run: 22 }), "live", 10, true, false);
-      expect(before.text).toBe("Connected. Waiting for the state of the loop.");
+      expect(before.text).toBe(TEXTS.statusWaiting);
       expect(currentStatus(state({ recording_run: 22 }), "live", 10).text).toBe(
-        "Loops closed. Recording run 22.",
+        `${TEXTS.statusRun} ${fillText(TEXTS.statusRecording, { run: 22 })}`,
       );
     });
 
@@ -170,19 +172,17 @@ describe("status", () => {
         expect(status.text).toContain("Mara Stein");
         expect(status.remedy).toContain("soft stop");
       }
-      expect(currentStatus(state({ mode: "off", holder }), "live", 10).text).toBe("Motors off.");
+      expect(currentStatus(state({ mode: "off", holder }), "live", 10).text).toBe(TEXTS.statusOff);
     });
 
     it("calls what identifies without a task a step of the bring-up", () => {
-      expect(currentStatus(state({ mode: "identify" }), "live", 10).text).toBe(
-        "A step of the bring-up is running.",
-      );
+      expect(currentStatus(state({ mode: "identify" }), "live", 10).text).toBe(TEXTS.statusBringUp);
     });
 
     it("names the force of a contact that the joint gives way to", () => {
       const touch = { felt: { F_ext_hat: -6.24 } } as State["touch"];
       const status = currentStatus(state({ mode: "compliance", touch }), "live", 10);
-      expect(status).toMatchObject({ tone: "warn", text: "Contact of 6.2 N: the joint gives way." });
+      expect(status).toMatchObject({ tone: "warn", text: fillText(TEXTS.statusContact, { force: "6.2" }) });
       expect(currentStatus(state({ mode: "compliance" }), "live", 10).text).toMatch(
         /^Compliance: joint loop open/,
       );
@@ -265,7 +265,7 @@ describe("status", () => {
     it("never says that less than nothing is left", () => {
       expect(timeLeft(TASK)).toBe("18.0 s left of 24.0 s");
       expect(timeLeft({ ...TASK, elapsed_s: 25.5 })).toBe("1.5 s longer than expected");
-      expect(timeLeft({ ...TASK, phase: "evaluation", elapsed_s: 24 })).toBe("computing the result");
+      expect(timeLeft({ ...TASK, phase: "evaluation", elapsed_s: 24 })).toBe(TEXTS.computing);
     });
 
     it("does not hide problems of the service behind a task", () => {
@@ -276,10 +276,10 @@ describe("status", () => {
     it("tells what to do next only to who may do it", () => {
       const off = state({ mode: "off" });
       expect(currentStatus(off, "live", 10)).toMatchObject({
-        text: "Motors off.",
-        remedy: "Start Pretension to wind the tendons up.",
+        text: TEXTS.statusOff,
+        remedy: TEXTS.nextOff,
       });
-      expect(currentStatus(off, "live", 10, false)).toMatchObject({ text: "Motors off.", remedy: "" });
+      expect(currentStatus(off, "live", 10, false)).toMatchObject({ text: TEXTS.statusOff, remedy: "" });
     });
 
     it("does not send to Pretension where something has to come before it", () => {
@@ -288,8 +288,10 @@ describe("status", () => {
     });
 
     it("says what comes next, and what is recorded", () => {
-      expect(currentStatus(state({ mode: "pretension" }), "live", 10).text).toContain("Ready to run");
-      expect(currentStatus(state({ recording_run: 7 }), "live", 10).text).toContain("Recording run 7");
+      expect(currentStatus(state({ mode: "pretension" }), "live", 10).text).toBe(TEXTS.statusReady);
+      expect(currentStatus(state({ recording_run: 7 }), "live", 10).text).toContain(
+        fillText(TEXTS.statusRecording, { run: 7 }),
+      );
     });
   });
 

@@ -5,8 +5,9 @@ import { TbAlertTriangle, TbCircleX, TbInfoCircle, TbPlayerPlay } from "react-ic
 import { Link } from "wouter";
 import { age_ms, type Health, health } from "../live/link";
 import { useLive, useNow } from "../live/react";
-import { age, capital, clockTime, duration, fixed, pluralized, spacedName } from "../samples/format";
+import { age, capital, clockTime, duration, fixed, spacedName } from "../samples/format";
 import { localizeText } from "../samples/quantity";
+import { countThings, fillText } from "../samples/texts";
 import { useReset } from "../service/api/actuator";
 import { useAngleUnit } from "../service/api/preferences";
 import { flightOf, flightsQuery } from "../service/api/recordings";
@@ -27,6 +28,7 @@ import { HandOver } from "./ControlMenu";
 import { Explained } from "./Explained";
 import { TakeControl } from "./Refusal";
 import statusStripStyles from "./StatusStrip.module.css";
+import { TEXTS } from "./texts";
 
 /** Commands to the actuator: mode, references, pushes, contact, wall; and what became of STOP. */
 
@@ -49,14 +51,14 @@ interface Status {
 }
 
 const HINTS: Record<State["mode"], string> = {
-  off: "Motors off.",
-  pretension: "Winding up the tendons to pretension.",
-  run: "Loops closed.",
-  compliance: "Compliance: joint loop open, q_ref acts through geometry alone; stiffness loop closed.",
-  identify: "Identification is running.",
-  experiment: "Experiment is running.",
-  stopping: "Soft stop: bringing the joint to rest under tension.",
-  tripped: "Stopped and latched.",
+  off: TEXTS.statusOff,
+  pretension: TEXTS.statusPretension,
+  run: TEXTS.statusRun,
+  compliance: TEXTS.statusCompliance,
+  identify: TEXTS.statusIdentify,
+  experiment: TEXTS.statusExperiment,
+  stopping: TEXTS.statusStopping,
+  tripped: TEXTS.statusTripped,
 };
 
 /** Modes in which the loss of the page that holds control ends in a soft stop. */
@@ -69,7 +71,7 @@ const MOVABLE: ReadonlySet<State["mode"]> = new Set([
 ]);
 
 /** What whoever may command does next. */
-const NEXT: Partial<Record<State["mode"], string>> = { off: "Start Pretension to wind the tendons up." };
+const NEXT: Partial<Record<State["mode"], string>> = { off: TEXTS.nextOff };
 
 function sentence(tone: Tone, text: string, more: Partial<Status> = {}): Status {
   return { tone, text, remedy: "", task: null, resettable: false, ...more };
@@ -83,23 +85,30 @@ export function currentStatus(
   isStateCurrent = true,
 ): Status {
   if (health === "down") {
-    const since = age_ms === null ? "" : ` for ${age(age_ms)}`;
-    return sentence("warn", `No connection to the service${since}. Values shown are old; trying again.`);
+    return sentence(
+      "warn",
+      age_ms === null ? TEXTS.statusDown : fillText(TEXTS.statusDownFor, { age: age(age_ms) }),
+    );
   }
   if (health === "stale") {
-    const since = age_ms === null ? "" : ` for ${age(age_ms)}`;
-    return sentence("warn", `Nothing heard from the service${since}. Values are old.`);
+    return sentence(
+      "warn",
+      age_ms === null ? TEXTS.statusStale : fillText(TEXTS.statusStaleFor, { age: age(age_ms) }),
+    );
   }
-  if (state === null || !isStateCurrent)
-    return sentence("calm", "Connected. Waiting for the state of the loop.");
+  if (state === null || !isStateCurrent) return sentence("calm", TEXTS.statusWaiting);
   const { restarting, restarting_s } = state.link;
   if (restarting) {
-    const since = restarting_s == null ? "" : `, ${duration(restarting_s)}`;
-    return sentence("busy", `Restarting the control loop ${restarting}${since}.`);
+    return sentence(
+      "busy",
+      restarting_s == null
+        ? fillText(TEXTS.statusRestarting, { why: restarting })
+        : fillText(TEXTS.statusRestartingFor, { why: restarting, time: duration(restarting_s) }),
+    );
   }
   if (!state.link.alive) {
-    return sentence("fault", "The loop process is not running.", {
-      remedy: "Press Reset to start a new one.",
+    return sentence("fault", TEXTS.statusNoLoop, {
+      remedy: TEXTS.remedyNoLoop,
       resettable: true,
     });
   }
@@ -112,23 +121,26 @@ export function currentStatus(
   if (state.player) return sentence(state.player.playing ? "busy" : "calm", playerSentence(state.player));
   if (state.task !== null) return sentence("busy", taskName(state.task), { task: state.task });
   if (state.holder?.lost && MOVABLE.has(state.mode)) {
-    return sentence("warn", `The page of ${state.holder.name}, who holds control, is not heard.`, {
-      remedy: "The references are held; a soft stop follows unless the page comes back.",
+    return sentence("warn", fillText(TEXTS.statusHolderLost, { name: state.holder.name }), {
+      remedy: TEXTS.remedyHolderLost,
     });
   }
   if (state.mode === "compliance" && state.touch.felt) {
     const { F_ext_hat } = state.touch.felt;
-    return sentence("warn", `Contact of ${fixed(Math.abs(F_ext_hat), 1)} N: the joint gives way.`, {
-      remedy: mayCommand ? "Choose a mode to go on." : "",
+    return sentence("warn", fillText(TEXTS.statusContact, { force: fixed(Math.abs(F_ext_hat), 1) }), {
+      remedy: mayCommand ? TEXTS.remedyContact : "",
     });
   }
-  if (state.mode === "identify" && state.task === null)
-    return sentence("busy", "A step of the bring-up is running.");
+  if (state.mode === "identify" && state.task === null) return sentence("busy", TEXTS.statusBringUp);
   if (state.mode === "pretension" && state.pretension_done) {
-    return sentence("calm", "Pretension held in both tendons. Ready to run.");
+    return sentence("calm", TEXTS.statusReady);
   }
-  const recording = state.recording_run === null ? "" : ` Recording run ${state.recording_run}.`;
-  const missing = state.mode === "off" && state.unready !== "" ? `${capital(state.unready)}.` : undefined;
+  const recording =
+    state.recording_run === null ? "" : ` ${fillText(TEXTS.statusRecording, { run: state.recording_run })}`;
+  const missing =
+    state.mode === "off" && state.unready !== ""
+      ? fillText(TEXTS.remedyUnready, { reason: capital(state.unready) })
+      : undefined;
   return sentence("calm", HINTS[state.mode] + recording, {
     remedy: (mayCommand && (missing ?? NEXT[state.mode])) || "",
   });
@@ -136,13 +148,18 @@ export function currentStatus(
 
 /** What is played, how far it is, and whether it goes on: "Replay of run 12, 0:12 of 1:42, playing at 2×." */
 function playerSentence({ title, t, duration_s, playing, ended, speed }: PlayerPosition): string {
-  const pace = speed === 1 ? "playing" : `playing at ${speed}×`;
-  const doing = playing ? pace : ended ? "ended" : "paused";
-  return `Replay of ${title}, ${clockTime(t, 1)} of ${clockTime(duration_s, 1)}, ${doing}.`;
+  const pace = speed === 1 ? TEXTS.playing : fillText(TEXTS.playingAt, { speed });
+  const doing = playing ? pace : ended ? TEXTS.ended : TEXTS.paused;
+  return fillText(TEXTS.statusReplay, {
+    title,
+    at: clockTime(t, 1),
+    length: clockTime(duration_s, 1),
+    state: doing,
+  });
 }
 
 function taskName(task: Task): string {
-  return `${taskTitle(task)}: ${partOf(task)}`;
+  return fillText(TEXTS.taskDoing, { task: taskTitle(task), part: partOf(task) });
 }
 
 /**
@@ -151,27 +168,44 @@ function taskName(task: Task): string {
  */
 export function taskTitle({ kind, title, run, number, following, part, phase }: Task): string {
   const several = (following > 0 || number > 1) && part?.doing == null && phase !== "evaluation";
-  return `${title || capital(spacedName(kind))}, run ${run}${several ? `, ${number} of ${number + following}` : ""}`;
+  const named = { title: title || capital(spacedName(kind)), run };
+  return several
+    ? fillText(TEXTS.taskTitleOfSeveral, { ...named, number, total: number + following })
+    : fillText(TEXTS.taskTitle, named);
 }
 
 /** What is being done for it: "part 2 of 3, Breaths, 12 s left", "2 of 4: 20 N, exciting, 12 s left", or "pretension". */
 export function partOf({ phase, part }: Task): string {
   if (part === null) return spacedName(phase);
-  if (part.doing !== null) {
-    return `${part.number} of ${part.of}: ${part.title}, ${part.doing}, ${duration(part.left_s)} left`;
+  if (part.doing != null) {
+    return fillText(TEXTS.partDoing, {
+      number: part.number,
+      total: part.of,
+      title: part.title,
+      activity: part.doing,
+      left: duration(part.left_s),
+    });
   }
-  const place = part.of > 1 ? `part ${part.number} of ${part.of}, ` : "";
-  return `${place}${part.title}${part.of > 1 ? `, ${duration(part.left_s)} left` : ""}`;
+  if (part.of <= 1) return part.title;
+  return fillText(TEXTS.partOfSeveral, {
+    number: part.number,
+    total: part.of,
+    title: part.title,
+    left: duration(part.left_s),
+  });
 }
 
 /** Of the whole run, as it is expected now, and how many of its order follow it. */
 export function timeLeft({ phase, elapsed_s, duration_s, following }: Task): string {
-  if (phase === "evaluation") return "computing the result";
+  if (phase === "evaluation") return TEXTS.computing;
   const left_s = duration_s - elapsed_s;
-  const more = following === 0 ? "" : `, then ${pluralized(following, "more run")}`;
-  return left_s >= 0
-    ? `${duration(left_s)} left of ${duration(duration_s)}${more}`
-    : `${duration(-left_s)} longer than expected${more}`;
+  const runs = countThings(following, "more run");
+  if (left_s < 0) {
+    const time = duration(-left_s);
+    return following === 0 ? fillText(TEXTS.overdue, { time }) : fillText(TEXTS.overdueThen, { time, runs });
+  }
+  const times = { left: duration(left_s), total: duration(duration_s) };
+  return following === 0 ? fillText(TEXTS.timeLeft, times) : fillText(TEXTS.timeLeftThen, { ...times, runs });
 }
 
 /** Part of a task that is done, 0 to 1. */
@@ -200,7 +234,7 @@ export function StopResult() {
     if (state !== null) observeState(state);
   }, [state]);
   return (
-    <output className={statusStripStyles.proof} aria-label="Stop result" data-kind={stop.kind}>
+    <output className={statusStripStyles.proof} aria-label={TEXTS.stopResult} data-kind={stop.kind}>
       {stopSentence(stop, state)}
     </output>
   );
@@ -247,7 +281,7 @@ export function StatusStrip({ form, onForm }: StatusStripProps) {
         <>
           <FlightLink />
           <Link href="/log" className={statusStripStyles.more}>
-            What happened
+            {TEXTS.events}
           </Link>
         </>
       )}
@@ -265,7 +299,7 @@ export function StatusStrip({ form, onForm }: StatusStripProps) {
           loading={reset.isPending}
           onClick={() => reset.mutate()}
         >
-          Reset
+          {TEXTS.reset}
         </Button>
       )}
       <StopResult />
@@ -281,7 +315,7 @@ function FlightLink() {
   if (flight === undefined) return null;
   return (
     <Link href={`/flights/${flight.id}`} className={statusStripStyles.more}>
-      Flight record
+      {TEXTS.flightRecord}
     </Link>
   );
 }
@@ -303,13 +337,13 @@ function Message({ status, instead }: { status: Status; instead: string | undefi
   const title = told(`${status.text} ${status.remedy}`);
   if (status.tone === "fault") {
     return (
-      <div role="alert" aria-label="Fault" className={statusStripStyles.message}>
+      <div role="alert" aria-label={TEXTS.fault} className={statusStripStyles.message}>
         {content}
       </div>
     );
   }
   return (
-    <output aria-label="Status" className={statusStripStyles.message} title={title}>
+    <output aria-label={TEXTS.status} className={statusStripStyles.message} title={title}>
       {content}
     </output>
   );
@@ -320,10 +354,13 @@ function TaskProgress({ task }: { task: Task }) {
   return (
     <span className={statusStripStyles.task}>
       <Progress.Root size={6} w={160}>
-        <Progress.Section value={percent} aria-label="Task progress" />
+        <Progress.Section value={percent} aria-label={TEXTS.taskProgress} />
       </Progress.Root>
       <span>
-        {duration(task.elapsed_s)} of {duration(task.duration_s)}
+        {fillText(TEXTS.taskTime, {
+          elapsed: duration(task.elapsed_s),
+          total: duration(task.duration_s),
+        })}
       </span>
     </span>
   );

@@ -4,21 +4,31 @@ import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useLive } from "../live/react";
 import { fixed } from "../samples/format";
+import { fillText } from "../samples/texts";
 import { banksQuery } from "../service/api/banks";
 import { describeTuning, motorMarginsQuery, type useTuningStep, whyNoStep } from "../service/api/tuning";
 import { useWhyNoControl } from "../service/control/control";
 import type { MotorMargins as Margins } from "../wire/types";
 import { Explained } from "./Explained";
+import { TEXTS } from "./texts";
 
 /** Margins of the motor loop in words. Pure. */
 
 /** A gain that may not fall is told with the one that it may rise to: the loop is lost at either end. */
 export function marginsText({ M_s, gain_margin, gain_reduction_margin, phase_margin_deg }: Margins): string {
-  const up = gain_margin === null ? "any" : `×${fixed(gain_margin, 1)}`;
+  const up =
+    gain_margin === null
+      ? TEXTS.unlimited
+      : fillText(TEXTS.gainMargin, {
+          up: fixed(gain_margin, 1),
+          dB: fixed(20 * Math.log10(gain_margin), 1),
+        });
   const gain =
-    gain_reduction_margin === null ? `up to ${up}` : `×${fixed(gain_reduction_margin, 3)} to ${up}`;
-  const phase = phase_margin_deg === null ? "any" : `${fixed(phase_margin_deg, 0)}°`;
-  return `M_s ${fixed(M_s, 3)}, gain ${gain}, phase margin ${phase}`;
+    gain_reduction_margin === null
+      ? up
+      : fillText(TEXTS.gainMarginBothWays, { down: fixed(gain_reduction_margin, 3), up });
+  const phase = phase_margin_deg === null ? TEXTS.unlimited : `${fixed(phase_margin_deg, 0)}°`;
+  return fillText(TEXTS.margins, { peak: fixed(M_s, 3), gain, phase });
 }
 
 /** How robust the motor loops are at a λ_motor, as the service computes it of the sampled loop with L/R. */
@@ -34,8 +44,9 @@ export function MotorMargins({ lam_motor, bank, className }: MotorMarginsProps) 
   const { data, error } = useQuery(motorMarginsQuery(lam_motor, bank));
   const words = error?.message ?? (data === undefined ? "…" : marginsText(data));
   return (
-    <output className={className} aria-label="Motor loop">
-      Motor loop at <Explained of="quantity:lam_motor">λ_motor</Explained> {lam_motor} s: {words}
+    <output className={className} aria-label={TEXTS.motorLoop}>
+      {TEXTS.motorLoopAt} <Explained of="quantity:lam_motor">λ_motor</Explained>{" "}
+      {fillText(TEXTS.motorLoopMargins, { lambda: lam_motor, margins: words })}
     </output>
   );
 }
@@ -78,10 +89,10 @@ function StepButton({ step, command, size }: StepButtonProps) {
       {...(size === undefined ? {} : { size })}
       disabled={reason !== null}
       loading={command.isPending}
-      title={reason ?? `${isUndo ? "Back to" : "Again"} ${words}`}
+      title={reason ?? fillText(isUndo ? TEXTS.undoTo : TEXTS.redoTo, { tuning: words })}
       onClick={() => command.mutate()}
     >
-      {isUndo ? "Undo change" : "Redo change"}
+      {isUndo ? TEXTS.undoChange : TEXTS.redoChange}
     </Button>
   );
 }

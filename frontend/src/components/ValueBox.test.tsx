@@ -2,7 +2,9 @@ import { MantineProvider } from "@mantine/core";
 import { cleanup, fireEvent, render, screen } from "@testing-library/react";
 import { useState } from "react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { fillText } from "../samples/texts";
 import { NumberField } from "./fields";
+import { TEXTS } from "./texts";
 import { ValueBox } from "./ValueBox";
 
 const NOT_NUMBERS = ["5-3", "1e", "0,5,1", "12°", "--4"];
@@ -40,7 +42,7 @@ it.each(NOT_NUMBERS)("commands nothing for %j, says so, and Escape restores", (t
   expect(sent).not.toHaveBeenCalled();
   expect(box().value).toBe(text);
   expect(box().getAttribute("aria-invalid")).toBe("true");
-  expect(told).toHaveBeenLastCalledWith(`“${text}” is not a number: nothing was sent. Escape restores.`);
+  expect(told).toHaveBeenLastCalledWith(fillText(TEXTS.oddNotSent, { problem: `“${text}” is not a number` }));
   press("Escape");
   expect(box().value).toBe("12.0");
   expect(told).toHaveBeenLastCalledWith(null);
@@ -69,13 +71,13 @@ it.each(["blur", "Escape"])(
     const { sent, told } = openBox();
     type("25,04");
     expect(box().dataset.unsent).toBe("true");
-    expect(told).toHaveBeenLastCalledWith("25.0° is not sent: Enter sends it, Escape restores.");
+    expect(told).toHaveBeenLastCalledWith(fillText(TEXTS.unsent, { value: "25.0°" }));
     if (how === "blur") fireEvent.blur(box());
     else press("Escape");
     expect(sent).not.toHaveBeenCalled();
     expect(box().value).toBe("12.0");
     expect(box().dataset.unsent).toBeUndefined();
-    if (how === "blur") expect(told).toHaveBeenLastCalledWith("25.0° was not sent: Enter sends a value.");
+    if (how === "blur") expect(told).toHaveBeenLastCalledWith(fillText(TEXTS.wasNotSent, { value: "25.0°" }));
     vi.advanceTimersByTime(10_000);
     expect(told).toHaveBeenLastCalledWith(null);
     vi.useRealTimers();

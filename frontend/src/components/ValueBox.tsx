@@ -8,9 +8,11 @@ import { TextInput } from "@mantine/core";
 import { type KeyboardEvent, useEffect, useEffectEvent, useRef, useState } from "react";
 import { notANumber, numberIn } from "../samples/format";
 import { withUnit } from "../samples/quantity";
+import { fillText } from "../samples/texts";
 import { useDescribedBy, useRefusedInput } from "../service/forms/refusals";
 import { closeExplanation, type Entry } from "../service/glossary";
 import { help } from "./Shortcuts";
+import { TEXTS } from "./texts";
 
 /** So long the page says that a value that was left was not sent [ms]. */
 const REMINDER_MS = 8000;
@@ -82,22 +84,22 @@ export function ValueBox(props: ValueBoxProps) {
     window.clearTimeout(reminder.current);
     setTyped(text);
     setOdd(problem !== null);
-    onProblem(problem ?? (isInForm ? null : unsent(text, "is not sent: Enter sends it, Escape restores.")));
+    onProblem(problem ?? (isInForm ? null : unsent(text, TEXTS.unsent)));
     onDraft?.(text === null ? undefined : (numberIn(text) ?? undefined));
   }
 
-  /** `after` is what to say of a text that is a number: "is not sent"; null where it says nothing. */
-  function unsent(text: string | null, after: string): string | null {
+  /** The message about a typed number, by its entry of the catalogue; null where the text is none. */
+  function unsent(text: string | null, message: "{value}" | `{value}${string}`): string | null {
     const number = text === null ? null : numberIn(text);
     if (number === null) return null;
-    return `${withUnit(shown(number, decimals), unit)} ${after}`;
+    return fillText(message, { value: withUnit(shown(number, decimals), unit) });
   }
 
   function commit(): void {
     if (typed === null) return;
     const number = numberIn(typed);
     if (typed.trim() === "") take(null);
-    else if (number === null) take(typed, `${notANumber(typed)}: nothing was sent. Escape restores.`);
+    else if (number === null) take(typed, fillText(TEXTS.oddNotSent, { problem: notANumber(typed) }));
     else {
       take(null);
       onCommit(rounded(number, decimals));
@@ -106,7 +108,7 @@ export function ValueBox(props: ValueBoxProps) {
 
   /** Restore the value before, and say for a while that the typed one was not sent. */
   function leave(): void {
-    const was = unsent(typed, "was not sent: Enter sends a value.");
+    const was = unsent(typed, TEXTS.wasNotSent);
     if (typed === null) return;
     take(null);
     if (was === null) return;

@@ -19,6 +19,8 @@ import { ModeCard } from "../pages/operate/ModeCard";
 import { TEXTS as OPERATE } from "../pages/operate/texts";
 import { WallCard } from "../pages/operate/WallCard";
 import DeveloperPage from "../pages/system/DeveloperPage";
+import { TEXTS as SYSTEM } from "../pages/system/texts";
+import { fillText } from "../samples/texts";
 import type { PlantView, State } from "../wire/types";
 import { PlantBadge } from "./Header";
 import { Navigation } from "./Navigation";
@@ -109,15 +111,15 @@ it.each(KINDS)("offers the bring-up where there are wires: %s", (kind) => {
 });
 
 it.each([
-  ["simulator", "Break the simulator while"],
-  ["virtual_card", "Break the virtual card while"],
-  ["rig", "no simulator but a rig: nothing is broken"],
-  ["replay", "no simulator but the replay of a recording: nothing is broken"],
-  ["package", "no simulator but the plant “servo-bench” of a package: nothing is broken"],
+  ["simulator", "Inject faults into the simulator while"],
+  ["virtual_card", "Inject faults into the virtual card while"],
+  ["rig", "only into a simulator. Current plant: rig."],
+  ["replay", "only into a simulator. Current plant: replay of a recording."],
+  ["package", "only into a simulator. Current plant: “servo-bench” from a package."],
 ] as const)("says at the faults what is driven: %s", async (kind, words) => {
   open(<DeveloperPage />, kind);
   expect(document.body.textContent).toContain(words);
-  const mend = await screen.findByRole<HTMLButtonElement>("button", { name: "Mend everything" });
+  const mend = await screen.findByRole<HTMLButtonElement>("button", { name: SYSTEM.clearAll });
   await waitFor(() => expect(mend.disabled).toBe(!PLANTS[kind].simulated));
 });
 
@@ -133,7 +135,9 @@ it.each(KINDS)("offers a wall where the joint is simulated: %s", (kind) => {
 
 it("breaks a fault's cause and a part of the card by the same button", async () => {
   open(<DeveloperPage />, "virtual_card");
-  const inject = await screen.findByRole<HTMLButtonElement>("button", { name: "Inject a sample is lost" });
+  const inject = await screen.findByRole<HTMLButtonElement>("button", {
+    name: fillText(SYSTEM.injectNamed, { name: "a sample is lost" }),
+  });
   expect(inject.disabled).toBe(false);
   const [faults, card] = screen.getAllByRole("table").map((table) => table.textContent);
   expect(faults).toContain("press STOP");

@@ -2,7 +2,9 @@
 
 import { type KeyboardEvent, type ReactNode, useEffect, useState } from "react";
 import { TbLock } from "react-icons/tb";
+import { fillText } from "../samples/texts";
 import styles from "./TouchLock.module.css";
+import { TEXTS } from "./texts";
 
 /**
  * Keys that would take a slider to its end in one step: they show the target first, Enter commands it, Escape leaves
@@ -89,7 +91,7 @@ export function TouchLock({ name, children }: { name: string; children: ReactNod
         <button
           type="button"
           className={styles.lock}
-          aria-label={`Unlock ${name}`}
+          aria-label={fillText(TEXTS.unlock, { name })}
           onClick={() => setTouched(performance.now())}
         >
           <TbLock size={14} aria-hidden="true" />

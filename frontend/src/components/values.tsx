@@ -5,6 +5,7 @@ import { useAngleUnit } from "../service/api/preferences";
 import { entryOf, symbolEntries } from "../service/glossary";
 import { Explained } from "./Explained";
 import styles from "./Metric.module.css";
+import { TEXTS } from "./texts";
 
 /** A text of the service, with the angles in it as this person reads them. */
 
@@ -95,7 +96,7 @@ export function writeValue(into: HTMLElement, text: string): void {
 /** `near` is the figure of the row in SI, whose prefix the unit takes. */
 export function Unit({ unit, near = 1 }: { unit: string; near?: number | undefined }) {
   const angles = useAngleUnit();
-  return unit === "1" || unit === "" ? <Absent why="it has no unit" /> : readingNear(near, unit, angles).unit;
+  return unit === "1" || unit === "" ? <Absent why={TEXTS.noUnit} /> : readingNear(near, unit, angles).unit;
 }
 
 /** A small reading: what above, how much below, in a width that does not change with the digits. */

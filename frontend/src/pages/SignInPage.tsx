@@ -2,7 +2,9 @@
 
 import { Alert, Box, Button, Paper, PasswordInput, Stack, Text, TextInput, Title } from "@mantine/core";
 import { type FormEvent, useState } from "react";
+import { fillText } from "../samples/texts";
 import { useSignIn } from "../service/api/session";
+import { TEXTS } from "./texts";
 
 /** Shown in place of everything else where the browser keeps no cookies: nobody can be signed in there. */
 
@@ -12,11 +14,10 @@ export function CookiesBlockedPage() {
     <Box pt="12vh" px="xs">
       <Paper component="main" withBorder maw={480} mx="auto" p="xl">
         <Title order={1} size="h3" mb="md">
-          Cookies are blocked
+          {TEXTS.cookiesBlocked}
         </Title>
         <Text role="alert" style={{ overflowWrap: "anywhere" }}>
-          This browser blocks cookies for {host}, so nobody can be signed in and STOP does not work here:
-          allow cookies for {host}, load this page again, and until then use the stop at the machine.
+          {fillText(TEXTS.cookiesHint, { host })}
         </Text>
       </Paper>
     </Box>
@@ -41,18 +42,14 @@ export function SignInPage() {
         <form onSubmit={submit}>
           <Stack gap="md">
             <Title order={1} size="h3">
-              Sign in to Sinew
+              {TEXTS.title}
             </Title>
             <Text size="sm" c="dimmed">
-              Open the sign-in link that the service printed when it started, or paste its token here. The
-              token is also kept in the data folder.
+              {TEXTS.lead}
             </Text>
-            <Text size="sm">
-              STOP works here as long as this browser was signed in and did not sign out. If it is not
-              confirmed, use the stop at the machine.
-            </Text>
+            <Text size="sm">{TEXTS.stopHint}</Text>
             <PasswordInput
-              label="Token"
+              label={TEXTS.token}
               required
               withAsterisk={false}
               autoComplete="current-password"
@@ -60,14 +57,14 @@ export function SignInPage() {
               onChange={(event) => setToken(event.currentTarget.value)}
             />
             <TextInput
-              label="Your name"
-              description="shown to the others at this machine"
+              label={TEXTS.name}
+              description={TEXTS.nameHint}
               value={name}
               onChange={(event) => setName(event.currentTarget.value)}
             />
             {signIn.error && <Alert color="yellow">{signIn.error.message}</Alert>}
             <Button type="submit" size="sm" loading={signIn.isPending} disabled={token.trim() === ""}>
-              Sign in
+              {TEXTS.signIn}
             </Button>
           </Stack>
         </form>

@@ -22,6 +22,7 @@ const fetched = vi.hoisted(() => {
 });
 
 import { NameQuestion } from "../components/NameQuestion";
+import { TEXTS as SHARED } from "../components/texts";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
 import { fillText } from "../samples/texts";
@@ -242,10 +243,10 @@ it.each<Case>([
   [
     "name of a person",
     <NameQuestion key="" wanted onDone={nothing} />,
-    [type("What do the others here call you?", "Ana"), press("Save name")],
+    [type(SHARED.nameWanted, "Ana"), press(SHARED.saveName)],
     "/api/session/name",
     undefined,
-    field("What do the others here call you?"),
+    field(SHARED.nameWanted),
   ],
   [
     "name of a bank",

@@ -4,6 +4,7 @@ import { type AngleUnit, formatWithUnit, rangeWithUnit } from "../samples/quanti
 import { type Entry, GLOSSARY } from "../wire/glossary.gen";
 import { COMBINED } from "../wire/sample.gen";
 import type { Metric, Setting } from "../wire/types";
+import { TEXTS } from "./texts";
 
 /** Looking a word up in the glossary that the service's sources make (`backend/glossary`). */
 
@@ -54,23 +55,23 @@ export function figureEntry({
 
 /** What entries are of, as the glossary's headings, in its order. */
 export const KIND_TITLES: Readonly<Record<Entry["kind"], string>> = {
-  signal: "Signals",
-  quantity: "Control and identification",
-  parameter: "Parameters of the plant",
-  setting: "Settings and orders",
-  figure: "Figures of results",
-  outcome: "What a run came to",
-  criterion: "Criteria",
-  grade: "Grades of a model",
-  end: "How a run ended",
-  mode: "Modes",
-  cause: "Causes of a change of mode",
-  fault: "Faults",
-  limit: "Limits",
-  chain: "Safety chain",
-  step: "Steps of the bring-up",
-  setup: "Set-up list",
-  timing: "Timing of the loop",
+  signal: TEXTS.signals,
+  quantity: TEXTS.quantities,
+  parameter: TEXTS.parameters,
+  setting: TEXTS.settings,
+  figure: TEXTS.metrics,
+  outcome: TEXTS.outcomes,
+  criterion: TEXTS.criteria,
+  grade: TEXTS.grades,
+  end: TEXTS.ends,
+  mode: TEXTS.modes,
+  cause: TEXTS.causes,
+  fault: TEXTS.faults,
+  limit: TEXTS.limits,
+  chain: TEXTS.chain,
+  step: TEXTS.steps,
+  setup: TEXTS.setup,
+  timing: TEXTS.timing,
 };
 
 /** The entries in which every one of the words occurs, wherever; all for no words. */
@@ -163,9 +164,9 @@ export function settingEntry(setting: Setting, angles: AngleUnit): Entry {
   if (typeof usual === "number" && minimum != null && maximum != null) {
     more.push(accepted({ minimum, maximum }, unit, angles));
   }
-  if (choices != null && choices.length > 0) more.push(["Accepted", choices.join(", ")]);
-  if (typeof usual === "number") more.push(["Default", formatWithUnit(usual, unit, angles)]);
-  else if (usual !== null && choices != null) more.push(["Default", String(usual)]);
+  if (choices != null && choices.length > 0) more.push([TEXTS.accepted, choices.join(", ")]);
+  if (typeof usual === "number") more.push([TEXTS.default, formatWithUnit(usual, unit, angles)]);
+  else if (usual !== null && choices != null) more.push([TEXTS.default, String(usual)]);
   return {
     kind: "setting",
     name,
@@ -184,5 +185,5 @@ export function fieldEntry(key: string, angles: AngleUnit, range?: Range): Entry
 }
 
 function accepted({ minimum, maximum }: Range, unit: string, angles: AngleUnit): Line {
-  return ["Accepted", rangeWithUnit(minimum, maximum, unit, angles)];
+  return [TEXTS.accepted, rangeWithUnit(minimum, maximum, unit, angles)];
 }

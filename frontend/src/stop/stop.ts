@@ -3,10 +3,12 @@
  *
  * The page loads this file apart from the application and before it, so that STOP works where the application does not:
  * a bundle that fails to load, a component that throws, text that a translation replaced, storage that is blocked. It
- * imports nothing at run time, and touches neither storage nor cookies.
+ * imports nothing at run time but its texts, which the build puts into the same file, and touches neither storage nor
+ * cookies.
  */
 
 import type { State, StopProof } from "../wire/types";
+import { TEXTS } from "./texts";
 
 export type StopState =
   | { readonly kind: "idle" }
@@ -16,9 +18,7 @@ export type StopState =
 
 const ATTEMPTS = 3;
 const ANSWER_WITHIN_MS = 1500;
-const UNREACHABLE = "The service cannot be reached.";
-const STOPS = "Hard stop: zero volts at once, latched (Ctrl/Cmd+Shift+E)";
-const PAUSES = "Pauses the recording; nothing is driven (Ctrl/Cmd+Shift+E)";
+
 /** Colours of the theme, or their like where its style sheet is missing. */
 const STYLE = `
 .sinew-stop {
@@ -74,7 +74,7 @@ export function pressStop(): void {
 
 /** Take in a state of the service: from here on the service's word counts. */
 export function observeState(told: Parameters<typeof settled>[1] & Partial<Pick<State, "player">>): void {
-  if (shown !== null) shown.button.title = told.player ? PAUSES : STOPS;
+  if (shown !== null) shown.button.title = told.player ? TEXTS.pauses : TEXTS.stops;
   change(settled(state, told));
 }
 
@@ -143,20 +143,27 @@ export function describeStop(stop: StopState): string {
     case "idle":
       return "";
     case "sending":
-      return "STOP sent, waiting for proof …";
+      return TEXTS.sending;
     case "confirmed":
       return describeProof(stop.proof);
     case "unconfirmed":
-      return `STOP NOT CONFIRMED: use the stop at the machine. ${stop.reason}`;
+      return filled(TEXTS.unconfirmed, { reason: stop.reason });
   }
 }
 
+/** A text with its fields filled in; `fillText` is outside of this file. */
+function filled(text: string, fields: Readonly<Record<string, string | number>>): string {
+  return text.replace(/\{(\w+)\}/g, (_, name: string) => String(fields[name]));
+}
 /** The sentence of the proof that a stop took place. */
 export function describeProof(proof: StopProof): string {
-  if (proof.paused_recording) return `Recording paused (tick ${proof.zero_tick}); nothing is driven`;
+  if (proof.paused_recording) return filled(TEXTS.paused, { tick: proof.zero_tick });
   const ticks = proof.zero_tick - proof.arrived_tick;
-  const counted = `${ticks} ${ticks === 1 ? "tick" : "ticks"}`;
-  return `Zero volts in ${counted} · ${proof.milliseconds.toFixed(2)} ms (tick ${proof.zero_tick})`;
+  return filled(TEXTS.proof, {
+    ticks: ticks === 1 ? TEXTS.tick : filled(TEXTS.ticks, { count: ticks }),
+    time: proof.milliseconds.toFixed(2),
+    tick: proof.zero_tick,
+  });
 }
 
 async function post(): Promise<StopProof> {
@@ -166,12 +173,13 @@ async function post(): Promise<StopProof> {
     const signal = AbortSignal.timeout(ANSWER_WITHIN_MS);
     response = await fetch(new Request(address, { method: "POST", credentials: "same-origin", signal }));
   } catch {
-    throw new Error(UNREACHABLE);
+    throw new Error(TEXTS.unreachable);
   }
   const answer = await response.json().catch(() => null);
-  if (!response.ok) throw new Error(answer?.error?.message ?? `The service answered ${response.status}.`);
+  if (!response.ok)
+    throw new Error(answer?.error?.message ?? filled(TEXTS.refused, { status: response.status }));
   // cut off on its way, or of a proxy: no proof, so the stop is asked for again
-  if (typeof answer?.zero_tick !== "number") throw new Error("The answer of the service has no proof.");
+  if (typeof answer?.zero_tick !== "number") throw new Error(TEXTS.noProof);
   return answer;
 }
 
@@ -198,9 +206,9 @@ function install(): { button: HTMLButtonElement; notice: HTMLElement } {
   style.textContent = STYLE;
   button.type = "button";
   button.className = "sinew-stop";
-  button.textContent = "STOP";
-  button.title = STOPS;
-  button.setAttribute("aria-label", "STOP");
+  button.textContent = TEXTS.stop;
+  button.title = TEXTS.stops;
+  button.setAttribute("aria-label", TEXTS.stop);
   button.setAttribute("aria-keyshortcuts", "Control+Shift+E Meta+Shift+E");
   button.addEventListener("pointerdown", (event) => {
     if (event.button === 0) pressStop();
@@ -211,7 +219,7 @@ function install(): { button: HTMLButtonElement; notice: HTMLElement } {
   });
   notice.className = "sinew-stop-notice";
   notice.setAttribute("role", "alert");
-  notice.setAttribute("aria-label", "STOP");
+  notice.setAttribute("aria-label", TEXTS.stop);
   for (const element of [button, notice]) element.setAttribute("translate", "no");
   document.head.append(style);
   document.body.append(button, notice);

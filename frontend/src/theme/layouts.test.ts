@@ -1,4 +1,5 @@
 import { describe, expect, it } from "vitest";
+import { fillText } from "../samples/texts";
 import type { ChartLayout } from "../wire/types";
 import {
   MOST,
@@ -21,6 +22,7 @@ import {
   withTitle,
 } from "./layouts";
 import { DRAWN, scaleOf, signalOf, traceFor, unitOf } from "./signals";
+import { TEXTS } from "./texts";
 
 const MINE: ChartLayout = {
   version: 1,
@@ -58,7 +60,7 @@ describe("what comes with the page", () => {
       ["Joint stiffness", "N·m/rad", 3],
       ["Tendon force", "N", 2],
       ["Motor voltage", "V", 2],
-      ["Outside force", "N", 2],
+      [TEXTS.externalForce, "N", 2],
     ]);
     const forces = PANELS[2]?.traces.map(({ name, hue, broad }) => [name, hue, broad]);
     expect(forces).toEqual([
@@ -109,17 +111,17 @@ it("leaves out what it does not know, as what a later version has kept", () => {
 describe("editing", () => {
   it("refuses a second unit in one panel, and says which two they are", () => {
     expect(withSignal(MINE, 0, "S")).toBe(
-      "S is in N·m/rad, “A” shows rad: one panel has one unit. Add a panel for it.",
+      "S is in N·m/rad, “A” shows rad. A panel has one unit; add a panel for it.",
     );
     expect(done(withSignal(MINE, 0, "theta_A")).panels[0]?.signals).toEqual(["q", "q_ref", "theta_A"]);
-    expect(withSignal(MINE, 0, "q")).toContain("already");
+    expect(withSignal(MINE, 0, "q")).toBe(fillText(TEXTS.signalShown, { title: "A", signal: "q" }));
   });
 
   it("keeps one panel over time, and one signal in each panel", () => {
     const two = done(withoutPanel(MINE, 0));
-    expect(withoutPanel(two, 1)).toContain("over time has to stay");
-    expect(withOver(two, 1, "x_A")).toContain("over time has to stay");
-    expect(withoutSignal(MINE, 2, "F_A")).toContain("remove the panel");
+    expect(withoutPanel(two, 1)).toBe(TEXTS.timeNeeded);
+    expect(withOver(two, 1, "x_A")).toBe(TEXTS.timeNeeded);
+    expect(withoutSignal(MINE, 2, "F_A")).toBe(fillText(TEXTS.lastSignal, { signal: "F_A", title: "B" }));
     expect(done(withoutSignal(MINE, 0, "q_ref")).panels[0]?.signals).toEqual(["q"]);
   });
 
@@ -140,13 +142,13 @@ describe("editing", () => {
     expect(once.panels.at(-1)).toEqual({ title: "Joint position 2", signals: ["q"], over: null, share: 1 });
     expect(titleFor("lateness_s", [])).toBe("lateness_s");
     const full = { ...MINE, panels: Array.from({ length: MOST.panels }, () => MINE.panels[0] as never) };
-    expect(withPanel(full, "q")).toBe("A layout has 12 panels at most.");
+    expect(withPanel(full, "q")).toBe(fillText(TEXTS.panelsFull, { count: 12 }));
   });
 
   it("refuses titles and names that are empty or taken", () => {
-    expect(withTitle(MINE, 0, " B ")).toContain("already");
-    expect(withTitle(MINE, 0, " ")).toContain("needs a title");
-    expect(renamed(MINE, "")).toContain("needs a name");
+    expect(withTitle(MINE, 0, " B ")).toBe(fillText(TEXTS.titleTaken, { title: "B" }));
+    expect(withTitle(MINE, 0, " ")).toBe(TEXTS.titleMissing);
+    expect(renamed(MINE, "")).toBe(TEXTS.nameMissing);
     expect(done(renamed(MINE, " Ours ")).name).toBe("Ours");
   });
 });

@@ -2,18 +2,20 @@
 
 import { capital } from "../samples/format";
 import { type AngleUnit, FINER, readingOf } from "../samples/quantity";
+import { fillText } from "../samples/texts";
 import type { ChartLayout, ChartPanel } from "../wire/types";
 import { isDrawn, meaningOf, type Panel, type Scale, scaleOf, traceFor, unitOf } from "./signals";
+import { TEXTS } from "./texts";
 
 function panel(title: string, signals: readonly string[], over: string | null = null): ChartPanel {
   return { title, signals: [...signals], over, share: 1 };
 }
 
-const POSITION_PANEL = panel("Joint position", ["q_ref", "q"]);
-const STIFFNESS_PANEL = panel("Joint stiffness", ["S_ref", "S"]);
-const FORCE_PANEL = panel("Tendon force", ["F_A", "F_B"]);
-const VOLTAGE_PANEL = panel("Motor voltage", ["u_A", "u_B"]);
-const TOUCH_PANEL = panel("Outside force", ["F_push", "F_ext_hat"]);
+const POSITION_PANEL = panel(TEXTS.position, ["q_ref", "q"]);
+const STIFFNESS_PANEL = panel(TEXTS.stiffness, ["S_ref", "S"]);
+const FORCE_PANEL = panel(TEXTS.force, ["F_A", "F_B"]);
+const VOLTAGE_PANEL = panel(TEXTS.voltage, ["u_A", "u_B"]);
+const TOUCH_PANEL = panel(TEXTS.externalForce, ["F_push", "F_ext_hat"]);
 
 function layout(name: string, ...panels: ChartPanel[]): ChartLayout {
   return { version: 1, name, panels };
@@ -34,32 +36,32 @@ export const READY: readonly ChartLayout[] = [
   layout(
     "Errors",
     POSITION_PANEL,
-    panel("Position error", ["q - q_ref", "q - q_ref_gov"]),
+    panel(TEXTS.positionError, ["q - q_ref", "q - q_ref_gov"]),
     STIFFNESS_PANEL,
-    panel("Stiffness error", ["S - S_ref", "S - S_ref_gov"]),
+    panel(TEXTS.stiffnessError, ["S - S_ref", "S - S_ref_gov"]),
   ),
   layout(
     "Motors",
-    panel("Motor position", ["theta_A_ref", "theta_A", "theta_B_ref", "theta_B"]),
-    panel("Motor error", ["theta_A - theta_A_ref", "theta_B - theta_B_ref"]),
+    panel(TEXTS.motorPosition, ["theta_A_ref", "theta_A", "theta_B_ref", "theta_B"]),
+    panel(TEXTS.motorError, ["theta_A - theta_A_ref", "theta_B - theta_B_ref"]),
     VOLTAGE_PANEL,
-    panel("Joint velocity", ["q_dot"]),
+    panel(TEXTS.velocity, ["q_dot"]),
   ),
   layout(
     "Forces",
     FORCE_PANEL,
     TOUCH_PANEL,
-    panel("Force over elongation A", ["F_A"], "x_A"),
-    panel("Force over elongation B", ["F_B"], "x_B"),
+    panel(TEXTS.forceOverElongationA, ["F_A"], "x_A"),
+    panel(TEXTS.forceOverElongationB, ["F_B"], "x_B"),
   ),
-  layout("Plane", POSITION_PANEL, STIFFNESS_PANEL, panel("Stiffness over position", ["S_ref", "S"], "q")),
+  layout("Plane", POSITION_PANEL, STIFFNESS_PANEL, panel(TEXTS.stiffnessOverPosition, ["S_ref", "S"], "q")),
   layout(
     "Timing",
-    panel("Lateness", ["lateness_s"]),
-    panel("Missed deadlines", ["overruns"]),
-    panel("Mode and fault", ["mode", "fault"]),
-    panel("Tuning", ["lam_q", "lam_S"]),
-    panel("Bank entry", ["bank_entry"]),
+    panel(TEXTS.lateness, ["lateness_s"]),
+    panel(TEXTS.missedDeadlines, ["overruns"]),
+    panel(TEXTS.modeAndFault, ["mode", "fault"]),
+    panel(TEXTS.tuning, ["lam_q", "lam_S"]),
+    panel(TEXTS.bankEntry, ["bank_entry"]),
   ),
 ];
 
@@ -98,7 +100,7 @@ export function readIn(panel: Panel, angles: AngleUnit): Panel {
 function whyNotIn({ title, signals }: ChartPanel, name: string): string | null {
   const [first] = signals;
   if (first === undefined || unitOf(first) === unitOf(name)) return null;
-  return `${name} is in ${unitOf(name)}, “${title}” shows ${unitOf(first)}: one panel has one unit. Add a panel for it.`;
+  return fillText(TEXTS.oneUnit, { signal: name, unit: unitOf(name), title, shown: unitOf(first) });
 }
 
 /** A title for a panel of this signal: what it means, as far as its first comma, where that is short. */
@@ -126,24 +128,23 @@ const SHARE_STEP = 0.5;
 
 export function withTitle(layout: ChartLayout, place: number, text: string): Edited {
   const title = text.trim();
-  if (title === "") return "A panel needs a title.";
-  if (title.length > MOST.title) return `A title has ${MOST.title} characters at most.`;
+  if (title === "") return TEXTS.titleMissing;
+  if (title.length > MOST.title) return fillText(TEXTS.titleTooLong, { count: MOST.title });
   if (layout.panels.some((panel, index) => index !== place && panel.title === title))
-    return `There is a panel “${title}” already; choose another title.`;
+    return fillText(TEXTS.titleTaken, { title });
   return changed(layout, place, { title });
 }
 
 export function withSignal(layout: ChartLayout, place: number, name: string): Edited {
   const panel = layout.panels[place] as ChartPanel;
-  if (panel.signals.includes(name)) return `“${panel.title}” shows ${name} already.`;
-  if (panel.signals.length >= MOST.signals) return `A panel shows ${MOST.signals} signals at most.`;
+  if (panel.signals.includes(name)) return fillText(TEXTS.signalShown, { title: panel.title, signal: name });
+  if (panel.signals.length >= MOST.signals) return fillText(TEXTS.signalsFull, { count: MOST.signals });
   return whyNotIn(panel, name) ?? changed(layout, place, { signals: [...panel.signals, name] });
 }
 
 export function withoutSignal(layout: ChartLayout, place: number, name: string): Edited {
   const panel = layout.panels[place] as ChartPanel;
-  if (panel.signals.length === 1)
-    return `${name} is all that “${panel.title}” shows; remove the panel instead.`;
+  if (panel.signals.length === 1) return fillText(TEXTS.lastSignal, { signal: name, title: panel.title });
   return changed(layout, place, { signals: panel.signals.filter((one) => one !== name) });
 }
 
@@ -185,7 +186,7 @@ export function neighbour({ panels }: ChartLayout, place: number, by: 1 | -1): n
 }
 
 export function withPanel(layout: ChartLayout, name: string): Edited {
-  if (layout.panels.length >= MOST.panels) return `A layout has ${MOST.panels} panels at most.`;
+  if (layout.panels.length >= MOST.panels) return fillText(TEXTS.panelsFull, { count: MOST.panels });
   const title = titleFor(
     name,
     layout.panels.map((panel) => panel.title),
@@ -199,8 +200,8 @@ export function withoutPanel(layout: ChartLayout, place: number): Edited {
 
 export function renamed(layout: ChartLayout, text: string): Edited {
   const name = text.trim();
-  if (name === "") return "A layout needs a name.";
-  return name.length > MOST.title ? `A name has ${MOST.title} characters at most.` : { ...layout, name };
+  if (name === "") return TEXTS.nameMissing;
+  return name.length > MOST.title ? fillText(TEXTS.nameTooLong, { count: MOST.title }) : { ...layout, name };
 }
 
 function changed(layout: ChartLayout, place: number, part: Partial<ChartPanel>): ChartLayout {
@@ -213,5 +214,5 @@ function changed(layout: ChartLayout, place: number, part: Partial<ChartPanel>):
 /** The time axis is that of the lowest panel over time: one has to stay. */
 function kept(layout: ChartLayout): Edited {
   if (layout.panels.some(({ over }) => over === null)) return layout;
-  return "One panel over time has to stay: its axis is that of all.";
+  return TEXTS.timeNeeded;
 }

@@ -1,11 +1,13 @@
 /** Hooks for the layouts of the charts: the one in use, its panels, and changes, which are stored at once. */
 
 import { useMemo } from "react";
+import { fillText } from "../samples/texts";
 import { useDerived } from "../service/api/formulas";
 import { useAngleUnit, usePreferences } from "../service/api/preferences";
 import type { ChartLayout, Preferences } from "../wire/types";
 import { type Edited, MOST, panelsOf, READY, readIn, STANDARD, unused } from "./layouts";
 import { type Panel, signalOf } from "./signals";
+import { TEXTS } from "./texts";
 
 interface Layouts {
   readonly used: ChartLayout;
@@ -57,12 +59,14 @@ function edited(before: Preferences, how: (used: ChartLayout) => Edited): Partia
   const isOwn = layouts.includes(used);
   const others = [...READY, ...layouts].filter((one) => one !== used || !isOwn).map(({ name }) => name);
   if (isOwn) {
-    if (others.includes(to.name)) return `There is a layout “${to.name}” already; choose another name.`;
+    if (others.includes(to.name)) return fillText(TEXTS.nameTaken, { name: to.name });
     return { layout: to.name, layouts: layouts.map((one) => (one === used ? to : one)) };
   }
-  if (layouts.length >= MOST.layouts)
-    return `${MOST.layouts} own layouts are kept at most; remove one first.`;
-  const name = unused(to.name === used.name ? `My ${used.name}` : to.name, others);
+  if (layouts.length >= MOST.layouts) return fillText(TEXTS.layoutsFull, { count: MOST.layouts });
+  const name = unused(
+    to.name === used.name ? fillText(TEXTS.copyOf, { layout: used.name }) : to.name,
+    others,
+  );
   return { layout: name, layouts: [...layouts, { ...to, name }] };
 }
 

@@ -16,6 +16,7 @@ from tests.e2e.test_session import IDENTIFICATION_TIMEOUT_MS, build_and_activate
 IDENTIFY_TEXTS = load_texts("pages/identify")
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
 OPERATE = load_texts("pages/operate")
+SHARED = load_texts("components")
 
 STUDY = """format: 1
 name: small
@@ -66,7 +67,7 @@ def first_time(operator: Operator, look: Look) -> None:
     page = operator.page
     page.goto(operator.service.link)
     expect(page.get_by_role("banner")).to_be_visible()
-    asked = page.get_by_role("button", name="Go on as operator", exact=True)
+    asked = page.get_by_role("button", name=SHARED["continueAs"].replace("{role}", "operator"), exact=True)
     skip = page.get_by_role("button", name="Skip tour", exact=True)
     expect(skip).to_be_visible()
     look(page, "tour")
@@ -197,11 +198,11 @@ def overlays(operator: Operator, look: Look) -> None:
     """What lies over a page: the steps of the set-up, the keys, who is there, what is told, what a word means."""
     page = operator.page
     page.keyboard.press("c")
-    expect(page.get_by_role("list", name="Steps of the set-up")).to_be_visible()
+    expect(page.get_by_role("list", name=SHARED["setupSteps"])).to_be_visible()
     look(page, "set-up")
     page.keyboard.press("Escape")
     page.keyboard.press("?")
-    expect(page.get_by_role("dialog", name="Keyboard shortcuts")).to_be_visible()
+    expect(page.get_by_role("dialog", name=SHARED["shortcuts"])).to_be_visible()
     look(page, "shortcuts")
     page.keyboard.press("Escape")
     for name, of in (("control", re.compile("^Control: ")), ("notifications", "Notifications")):

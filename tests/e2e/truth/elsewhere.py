@@ -16,6 +16,7 @@ QUEUE = EXPERIMENT_TEXTS["queue"]
 BANKS = load_texts("pages/banks")
 RUNS = load_texts("pages/runs")
 OPERATE = load_texts("pages/operate")
+_SYSTEM = load_texts("pages/system")
 
 _ANGLE_FACTORS = {"mrad": 0.18 / math.pi} | dict.fromkeys(("rad", "rad/s", "rad·s"), 180.0 / math.pi)
 
@@ -272,13 +273,17 @@ def system(moment: Moment) -> Findings:
             found.same(f"{link['name']} in the safety chain", said, link["says"])
         else:
             found.sentence(f"{link['name']} in the safety chain", said, f"{link['says']}, {{n}} s ago", (0.0, 2.5))
-    found.same("process of the loop", facts.get("Process"), "alive" if state["link"]["alive"] else "not running")
-    starts = state["link"]["starts"]
     found.same(
-        "starts of the loop", facts.get("Started"), f"{'once' if starts == 1 else f'{starts} times'} by this service"
+        "process of the loop",
+        facts.get(_SYSTEM["process"]),
+        _SYSTEM["alive" if state["link"]["alive"] else "notRunning"],
     )
-    found.same("holder of control", facts.get("Control held by"), (state["holder"] or {"name": "nobody"})["name"])
-    found.figure("deadlines missed", facts.get("Deadlines missed"), moment.timing("overruns"))
+    starts = state["link"]["starts"]
+    started = _SYSTEM["startedOnce"] if starts == 1 else _SYSTEM["startedTimes"].replace("{count}", str(starts))
+    found.same("starts of the loop", facts.get(_SYSTEM["started"]), started)
+    holder = (state["holder"] or {"name": _SYSTEM["nobody"]})["name"]
+    found.same("holder of control", facts.get(_SYSTEM["operator"]), holder)
+    found.figure("deadlines missed", facts.get(_SYSTEM["overruns"]), moment.timing("overruns"))
     return found
 
 

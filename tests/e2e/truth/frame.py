@@ -1,15 +1,18 @@
 """What stands around every page, compared with the service: plant, mode, timing, link, control, status line, STOP."""
 
+from tests.e2e.page_texts import load_texts
 from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.moment import Moment, State
 
+TEXTS = load_texts("components")
+
 BADGES = {"simulator": "SIM", "rig": "RIG", "virtual_card": "VIRTUAL CARD", "replay": "REPLAY"}
 CALM = {
-    "off": "Motors off.",
-    "pretension": "Winding up the tendons to pretension.",
-    "run": "Loops closed.",
-    "compliance": "Compliance: joint loop open",
-    "stopping": "Soft stop",
+    "off": TEXTS["statusOff"],
+    "pretension": TEXTS["statusPretension"],
+    "run": TEXTS["statusRun"],
+    "compliance": TEXTS["statusCompliance"],
+    "stopping": TEXTS["statusStopping"],
 }
 
 
@@ -51,7 +54,7 @@ def _control(found: Findings, moment: Moment) -> None:
     told = "nobody" if holder is None else "you" if moment.holds else holder["name"]
     names = [one.name for one in moment.shown.buttons if one.name.startswith("Control: ")]
     found.same("holder of control", names, [f"Control: {told}"])
-    if "Control lost" in moment.shown.told:
+    if TEXTS["controlLost"] in moment.shown.told:
         found.same("whether control is said to be lost", told == "you", False)
 
 
@@ -75,12 +78,12 @@ def _status_line(found: Findings, moment: Moment) -> None:
 def _calm(found: Findings, calm: str | None, state: State) -> None:
     mode, run = state["mode"], state["recording_run"]
     if mode == "pretension" and state["pretension_done"]:
-        found.holds("status", calm, "Pretension held in both tendons. Ready to run.")
+        found.holds("status", calm, TEXTS["statusReady"])
         return
     if mode in CALM:
         found.holds("status", calm, CALM[mode])
-    recording = "" if run is None else f"Recording run {run}."
-    found.same("run that is recorded", "Recording run" in (calm or ""), run is not None)
+    recording = "" if run is None else TEXTS["statusRecording"].replace("{run}", str(run))
+    found.same("run that is recorded", TEXTS["statusRecording"].split("{")[0] in (calm or ""), run is not None)
     found.holds("run that is recorded", calm, recording)
 
 

@@ -135,10 +135,11 @@ def _motion(found: Findings, moment: Moment) -> None:
 def motor_loop(lam_motor: float, told: State) -> tuple[str, list[float]]:
     """The margins of the motor loop as a sentence with its values."""
     up, down, phase = told["gain_margin"], told["gain_reduction_margin"], told["phase_margin_deg"]
-    rising = "any" if up is None else "×{n}"
-    gain = f"up to {rising}" if down is None else f"×{{n}} to {rising}"
-    margins = f"gain {gain}, phase margin {'any' if phase is None else '{n}°'}"
-    values = [lam_motor, told["M_s"], *(value for value in (down, up, phase) if value is not None)]
+    rising = "unlimited" if up is None else "{n} ({n} dB)"
+    gain = rising if down is None else f"{{n}} to {rising}"
+    margins = f"gain margin {gain}, phase margin {'unlimited' if phase is None else '{n}°'}"
+    decibels = None if up is None else 20.0 * math.log10(up)
+    values = [lam_motor, told["M_s"], *(value for value in (down, up, decibels, phase) if value is not None)]
     return f"Motor loop at λ_motor {{n}} s: M_s {{n}}, {margins}", values
 
 

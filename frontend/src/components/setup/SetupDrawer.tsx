@@ -6,17 +6,19 @@ import type { IconType } from "react-icons";
 import { TbAlertTriangle, TbCircle, TbCircleCheck, TbCircleX } from "react-icons/tb";
 import { Link } from "wouter";
 import { dateTime } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import { checklistQuery } from "../../service/api/system";
 import type { ChecklistStep } from "../../wire/types";
+import { TEXTS } from "../texts";
 import styles from "./SetupDrawer.module.css";
 
 type StepState = ChecklistStep["state"];
 
 const STATES: Record<StepState, { word: string; Icon: IconType }> = {
-  missing: { word: "to do", Icon: TbCircle },
-  done: { word: "done", Icon: TbCircleCheck },
-  outdated: { word: "out of date", Icon: TbAlertTriangle },
-  unusable: { word: "not usable", Icon: TbCircleX },
+  missing: { word: TEXTS.stepMissing, Icon: TbCircle },
+  done: { word: TEXTS.stepDone, Icon: TbCircleCheck },
+  outdated: { word: TEXTS.stepOutdated, Icon: TbAlertTriangle },
+  unusable: { word: TEXTS.stepUnusable, Icon: TbCircleX },
 };
 
 interface StepText {
@@ -28,39 +30,44 @@ interface StepText {
 }
 
 export const STEPS: Record<string, StepText> = {
-  pretension: { title: "Pretension", path: "/operate", action: "Wind the tendons up", told: "pretension" },
+  pretension: {
+    title: TEXTS.pretension,
+    path: "/operate",
+    action: TEXTS.pretensionAction,
+    told: "pretension",
+  },
   motor: {
-    title: "Motor identification",
+    title: TEXTS.motor,
     path: "/identify",
-    action: "Identify the motors",
+    action: TEXTS.motorAction,
     told: "identify-the-motors",
   },
   spring: {
-    title: "Spring identification",
+    title: TEXTS.spring,
     path: "/identify",
-    action: "Identify the springs",
+    action: TEXTS.springAction,
     told: "identify-the-springs",
   },
   actuator: {
-    title: "Actuator identification",
+    title: TEXTS.actuator,
     path: "/identify",
-    action: "Identify the actuator",
+    action: TEXTS.actuatorAction,
     told: "identify-the-actuator",
   },
   bank: {
-    title: "Controller bank",
+    title: TEXTS.bank,
     path: "/banks",
-    action: "Build or activate a bank",
+    action: TEXTS.bankAction,
     told: "build-a-bank",
   },
-  tuning: { title: "Tuning", path: "/operate", action: "Choose λ and save it", told: "tune" },
+  tuning: { title: TEXTS.tuning, path: "/operate", action: TEXTS.tuningAction, told: "tune" },
   experiment: {
-    title: "Experiment",
+    title: TEXTS.experiment,
     path: "/experiments",
-    action: "Run an experiment",
+    action: TEXTS.experimentAction,
     told: "run-an-experiment",
   },
-  report: { title: "Report", path: "/experiments", action: "Open the report", told: "read-the-report" },
+  report: { title: TEXTS.report, path: "/experiments", action: TEXTS.reportAction, told: "read-the-report" },
 };
 
 export function SetupDrawer({ opened, onClose }: { opened: boolean; onClose: () => void }) {
@@ -69,7 +76,7 @@ export function SetupDrawer({ opened, onClose }: { opened: boolean; onClose: () 
     <Drawer
       opened={opened}
       onClose={onClose}
-      title="Set-up"
+      title={TEXTS.setup}
       position="left"
       size={420}
       padding="md"
@@ -77,9 +84,9 @@ export function SetupDrawer({ opened, onClose }: { opened: boolean; onClose: () 
       styles={{ content: { paddingTop: "var(--header)" } }}
     >
       {data === undefined ? (
-        <p>{error?.message ?? "Loading …"}</p>
+        <p>{error?.message ?? TEXTS.loading}</p>
       ) : (
-        <ol className={styles.steps} aria-label="Steps of the set-up">
+        <ol className={styles.steps} aria-label={TEXTS.setupSteps}>
           {data.map((step) => (
             <Step key={step.name} step={step} onFollowed={onClose} />
           ))}
@@ -91,9 +98,13 @@ export function SetupDrawer({ opened, onClose }: { opened: boolean; onClose: () 
 
 function Step({ step, onFollowed }: { step: ChecklistStep; onFollowed: () => void }) {
   const { word, Icon } = STATES[step.state];
-  const about = STEPS[step.name] ?? { title: step.name, path: "/operate", action: "Open", told: "" };
+  const about = STEPS[step.name] ?? { title: step.name, path: "/operate", action: TEXTS.setupOpen, told: "" };
   return (
-    <li className={styles.step} data-state={step.state} aria-label={`${about.title}: ${word}`}>
+    <li
+      className={styles.step}
+      data-state={step.state}
+      aria-label={fillText(TEXTS.setupStep, { step: about.title, state: word })}
+    >
       <Icon size={20} aria-hidden="true" className={styles.icon} />
       <div>
         <div className={styles.head}>
@@ -115,14 +126,14 @@ function Step({ step, onFollowed }: { step: ChecklistStep; onFollowed: () => voi
           )}
           <Link
             href={`/docs/first-hour/${about.told}`}
-            aria-label={`${about.title}: how, and why`}
+            aria-label={fillText(TEXTS.setupHowTo, { step: about.title })}
             onClick={onFollowed}
           >
-            How
+            {TEXTS.setupHow}
           </Link>
           {step.run !== null && step.state === "done" && (
             <Link href={`/runs/${step.run}`} onClick={onFollowed}>
-              Run {step.run}
+              {fillText(TEXTS.setupRun, { run: step.run })}
             </Link>
           )}
         </div>

@@ -4,34 +4,36 @@ import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useEffect, useState } from "react";
 import { useLocation } from "wouter";
+import { fillText } from "../../samples/texts";
 import { usePreferences } from "../../service/api/preferences";
 import { sessionQuery } from "../../service/api/session";
+import { TEXTS } from "../texts";
 import styles from "./Tour.module.css";
 
 const STEPS = [
   {
     target: "STOP",
-    text: "STOP cuts the motors within two ticks, from every page. Ctrl/Cmd+Shift+E does the same, in text fields too.",
+    text: TEXTS.tourStop,
   },
   {
     target: "Change mode",
-    text: "Begin with Pretension: both tendons are wound up to 10 N. Run then closes the loops and records.",
+    text: TEXTS.tourMode,
   },
   {
     target: "Charts",
-    text: "The wheel with Ctrl zooms time (hold V for values), dragging pans, a double click resets, Live returns to now. The arrows beside a title show that panel alone; Esc shows all.",
+    text: TEXTS.tourCharts,
   },
   {
     target: "Reachable map",
-    text: "A click in the map aims at a position and a stiffness, Send target commands both; the service refuses with a reason what the joint cannot reach.",
+    text: TEXTS.tourMap,
   },
   {
     target: "Tuning",
-    text: "In lambda motion λ sets how fast each loop is; in time-optimal motion a voltage limit does, and λ sets robustness. The preview follows while you drag; staged values can be tried for some seconds.",
+    text: TEXTS.tourTuning,
   },
   {
-    target: "Set-up",
-    text: "The set-up list leads from pretension over identification and bank to a report, and shows what is out of date.",
+    target: TEXTS.setup,
+    text: TEXTS.tourSetup,
   },
 ] as const;
 
@@ -70,13 +72,11 @@ export function Tour() {
     change({ toured: true });
   };
   return (
-    <section className={styles.tour} aria-label="Tour">
-      <span className={styles.count}>
-        {at + 1} of {STEPS.length}
-      </span>
+    <section className={styles.tour} aria-label={TEXTS.tour}>
+      <span className={styles.count}>{fillText(TEXTS.tourCount, { step: at + 1, total: STEPS.length })}</span>
       <output className={styles.text}>{step.text}</output>
       <Button variant="default" size="compact-sm" disabled={at === 0} onClick={() => setAt(at - 1)}>
-        Back
+        {TEXTS.tourBack}
       </Button>
       <Button
         size="compact-sm"
@@ -88,11 +88,11 @@ export function Tour() {
           }
         }}
       >
-        {last ? "Done" : "Next"}
+        {last ? TEXTS.tourDone : TEXTS.tourNext}
       </Button>
       {!last && (
         <Button variant="subtle" size="compact-sm" onClick={end}>
-          Skip tour
+          {TEXTS.tourSkip}
         </Button>
       )}
     </section>

@@ -5,6 +5,7 @@ import { useMediaQuery } from "@mantine/hooks";
 import { useEffect, useState } from "react";
 import { Link, useParams } from "wouter";
 import { Card } from "../../components/Card";
+import { countThings, fillText } from "../../samples/texts";
 import page from "../Page.module.css";
 import styles from "./Docs.module.css";
 import {
@@ -18,6 +19,7 @@ import {
   search,
 } from "./documents";
 import { Markdown } from "./Markdown";
+import { TEXTS } from "./texts";
 
 const DECISIONS = "decisions/";
 const MOST = 40;
@@ -30,7 +32,7 @@ const GROUPS: readonly { title: string; documents: readonly Document[] }[] = [
     title,
     documents: DOCUMENTS.filter((one) => purposeOf(one) === purpose),
   })),
-  { title: "Project", documents: DOCUMENTS.filter((one) => purposeOf(one) === null && !isDecision(one)) },
+  { title: TEXTS.project, documents: DOCUMENTS.filter((one) => purposeOf(one) === null && !isDecision(one)) },
 ];
 
 export default function DocsPage() {
@@ -41,12 +43,12 @@ export default function DocsPage() {
   const found = search(words);
   return (
     <div className={page.page}>
-      <h1 className={page.title}>Docs</h1>
+      <h1 className={page.title}>{TEXTS.title}</h1>
       <div className={page.columns}>
-        <Card title="Documents">
+        <Card title={TEXTS.documents}>
           <TextInput
-            label="Search in all of them"
-            placeholder="tension, homing, λ_q …"
+            label={TEXTS.search}
+            placeholder={TEXTS.searchHint}
             value={words}
             onChange={(event) => setWords(event.currentTarget.value)}
           />
@@ -57,7 +59,7 @@ export default function DocsPage() {
           )}
         </Card>
         {shown === undefined ? (
-          <p className={page.empty}>There is no document “{name}”. Choose one of the list.</p>
+          <p className={page.empty}>{fillText(TEXTS.notFound, { name })}</p>
         ) : (
           <Reading document={shown} part={part} />
         )}
@@ -70,9 +72,9 @@ export default function DocsPage() {
 function Contents({ here, chosen }: { here: string; chosen: boolean }) {
   const narrow = useMediaQuery(NARROW, false, { getInitialValueInEffect: false });
   return (
-    <nav className={styles.contents} aria-label="Documents">
+    <nav className={styles.contents} aria-label={TEXTS.documents}>
       <details open={!(narrow && chosen)}>
-        <summary>Documents by purpose</summary>
+        <summary>{TEXTS.byPurpose}</summary>
         {GROUPS.map(({ title, documents }) => (
           <div key={title}>
             <h3>{title}</h3>
@@ -81,7 +83,7 @@ function Contents({ here, chosen }: { here: string; chosen: boolean }) {
         ))}
       </details>
       <details open={here.startsWith(DECISIONS)}>
-        <summary>Design decisions</summary>
+        <summary>{TEXTS.decisions}</summary>
         <Titles of={DOCUMENTS.filter(isDecision)} here={here} />
       </details>
     </nav>
@@ -103,17 +105,19 @@ function Titles({ of, here }: { of: readonly Document[]; here: string }) {
 }
 
 function Results({ found, onFollowed }: { found: readonly Found[]; onFollowed: () => void }) {
+  const sections = countThings(found.length, "section");
   return (
     <div className={styles.contents}>
-      <output className={page.dim} aria-label="Found">
-        {found.length === 1 ? "1 place" : `${found.length} places`}
-        {found.length > MOST && `, the first ${MOST} of them`}
+      <output className={page.dim} aria-label={TEXTS.found}>
+        {found.length > MOST ? fillText(TEXTS.foundFirst, { sections, shown: MOST }) : sections}
       </output>
       <ul>
         {found.slice(0, MOST).map(({ document, part, line }) => (
           <li key={`${document.name}/${part.id}`}>
             <Link href={`/docs/${document.name}/${part.id}`} onClick={onFollowed}>
-              {part.title === document.title ? part.title : `${document.title}: ${part.title}`}
+              {part.title === document.title
+                ? part.title
+                : fillText(TEXTS.titleOfSection, { document: document.title, section: part.title })}
             </Link>
             <p className={styles.line}>{line}</p>
           </li>

@@ -3,8 +3,10 @@
 import type { Token, Tokens } from "marked";
 import { Fragment, type ReactNode } from "react";
 import { Link } from "wouter";
+import { fillText } from "../../samples/texts";
 import styles from "./Docs.module.css";
 import { plain, routeOf } from "./documents";
+import { TEXTS } from "./texts";
 
 interface MarkdownProps {
   /** Name of the document, for where its links lead. */
@@ -78,7 +80,7 @@ function table(of: string, { header, rows }: Tokens.Table): ReactNode {
       className={styles.wide}
       // biome-ignore lint/a11y/noNoninteractiveTabindex: what is wider than the page is scrolled with the keyboard too
       tabIndex={0}
-      aria-label={`Table: ${header.map((cell) => plain(cell.tokens)).join(", ")}`}
+      aria-label={fillText(TEXTS.table, { columns: header.map((cell) => plain(cell.tokens)).join(", ") })}
     >
       <table>
         <thead>

@@ -1,6 +1,7 @@
 /** The documents that come with Sinew, as they stand beside its sources: their names, parts, and what leads where. Pure. */
 
 import { Lexer, type Token, type TokensList } from "marked";
+import { TEXTS } from "./texts";
 
 interface Part {
   /** As a link spells it: small letters, hyphens for blanks. */
@@ -27,7 +28,7 @@ export interface Found {
   readonly line: string;
 }
 
-const TEXTS = import.meta.glob<string>(
+const SOURCES = import.meta.glob<string>(
   ["../../../../docs/**/*.md", "../../../../ARCHITECTURE.md", "../../../../CHANGELOG.md"],
   { query: "?raw", import: "default", eager: true },
 );
@@ -35,10 +36,10 @@ const ROOT = "../../../../";
 
 /** Folders of documents by purpose, in the order of the list. */
 export const PURPOSES = {
-  tutorial: "Tutorial",
-  "how-to": "How-to guides",
-  reference: "Reference",
-  explanation: "Explanation",
+  tutorial: TEXTS.tutorial,
+  "how-to": TEXTS.howTo,
+  reference: TEXTS.reference,
+  explanation: TEXTS.explanation,
 } as const;
 
 type Purpose = keyof typeof PURPOSES;
@@ -67,7 +68,7 @@ const FIRST = [
   "errata",
 ];
 
-export const DOCUMENTS: readonly Document[] = Object.entries(TEXTS)
+export const DOCUMENTS: readonly Document[] = Object.entries(SOURCES)
   .map(([path, text]) => documentOf(path.slice(ROOT.length), text))
   .sort((a, b) => place(a.name) - place(b.name) || a.name.localeCompare(b.name));
 

@@ -4,9 +4,11 @@ import { TextInput } from "@mantine/core";
 import { useState } from "react";
 import { Card } from "../../components/Card";
 import { EntryText } from "../../components/Explanation";
+import { countThings } from "../../samples/texts";
 import { type Entry, KIND_TITLES, search } from "../../service/glossary";
 import page from "../Page.module.css";
 import styles from "./Glossary.module.css";
+import { TEXTS } from "./texts";
 
 export default function GlossaryPage() {
   const [text, setText] = useState("");
@@ -14,20 +16,17 @@ export default function GlossaryPage() {
   const kinds = Object.keys(KIND_TITLES) as Entry["kind"][];
   return (
     <div className={page.page}>
-      <h1 className={page.title}>Glossary</h1>
-      <p className={page.lead}>
-        Every symbol, figure, verdict and fault of these pages. Each explains itself in place as well: point
-        at it, tap it, or go to it with the Tab key and on to the next with the arrow keys.
-      </p>
+      <h1 className={page.title}>{TEXTS.title}</h1>
+      <p className={page.lead}>{TEXTS.lead}</p>
       <search className={styles.search}>
         <TextInput
-          label="Look up"
-          placeholder="a symbol, a word, a unit"
+          label={TEXTS.search}
+          placeholder={TEXTS.searchHint}
           value={text}
           onChange={(event) => setText(event.currentTarget.value)}
         />
-        <output className={page.dim} aria-label="Found">
-          {found.length === 1 ? "1 entry" : `${found.length} entries`}
+        <output className={page.dim} aria-label={TEXTS.found}>
+          {countThings(found.length, "entry", "entries")}
         </output>
       </search>
       {kinds.map((kind) => {

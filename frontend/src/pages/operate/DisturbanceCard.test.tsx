@@ -72,7 +72,9 @@ it("pushes with nothing that is no number", async () => {
   fireEvent.click(button(TEXTS.applyPush));
   await act(() => new Promise((resolve) => setTimeout(resolve, 20)));
   expect(await pushed()).toEqual([]);
-  expect(screen.getByRole("status", { name: "Refusal" }).textContent).toContain("nothing was sent");
+  expect(screen.getByRole("status", { name: "Refusal" }).textContent).toContain(
+    "Not sent. Press Esc to restore.",
+  );
 });
 
 it("is not offered where nothing can push, and says which modes it takes", async () => {

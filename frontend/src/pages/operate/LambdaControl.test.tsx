@@ -51,14 +51,16 @@ const said = () => screen.getByLabelText(TEXTS.pushForecast).textContent;
 it("is offered only where it is known what the estimate reads with nothing outside", () => {
   open(0, false);
   expect(screen.getByRole<HTMLInputElement>("switch").disabled).toBe(true);
-  expect(screen.getByText(/learn at rest first \(Touch\)/)).toBeTruthy();
+  expect(screen.getByText(/Calibrate at rest first \(Touch\)/)).toBeTruthy();
 });
 
 it("is not offered where the estimate moves more than the service takes, and can be switched off", () => {
   open(0, true, null, 0.06);
   const control = () => screen.getByRole<HTMLInputElement>("switch");
   expect(control().disabled).toBe(true);
-  expect(screen.getByText(/standard deviation of the estimate is 0\.06 N, above 0\.05 N/)).toBeTruthy();
+  expect(
+    screen.getByText(/standard deviation of the external-force estimate is 0\.06 N, above 0\.05 N/),
+  ).toBeTruthy();
   cleanup();
   open(0.7, true, null, 0.06);
   expect(control().disabled).toBe(false);

@@ -4,6 +4,7 @@ import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import { fillText } from "../../samples/texts";
 import type { State } from "../../wire/types";
+import { TEXTS as SYSTEM } from "../system/texts";
 import { CardJumps } from "./OperatePage";
 import { TEXTS } from "./texts";
 
@@ -20,7 +21,7 @@ it("leads to each card of the controls, the trigger's too", () => {
     TEXTS.touch,
     TEXTS.push,
     TEXTS.wall,
-    TEXTS.triggerCapture,
+    SYSTEM.trigger,
   ];
   render(
     <LiveProvider store={store}>

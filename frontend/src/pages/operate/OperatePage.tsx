@@ -9,6 +9,7 @@ import { fillText } from "../../samples/texts";
 import { useSceneView } from "../../service/api/preferences";
 import { HUES, paintOf } from "../../theme/signals";
 import { TriggerCard } from "../system/TriggerCard";
+import { TEXTS as SYSTEM } from "../system/texts";
 import { ActuatorDrawing } from "./ActuatorDrawing";
 import { ContactCard } from "./ContactCard";
 import { DisturbanceCard } from "./DisturbanceCard";
@@ -25,7 +26,7 @@ import { WallCard } from "./WallCard";
 /** One press to each card of the controls, however far down it is. */
 
 /** Titles that are too long for the bar. */
-const SHORT: Readonly<Record<string, string>> = { [TEXTS.triggerCapture]: TEXTS.trigger };
+const SHORT: Readonly<Record<string, string>> = { [SYSTEM.trigger]: TEXTS.trigger };
 
 export function CardJumps() {
   const bar = useRef<HTMLElement>(null);
@@ -39,7 +40,7 @@ export function CardJumps() {
     ...(known ? [TEXTS.touch] : []),
     ...(pushes ? [TEXTS.push] : []),
     ...(walls ? [TEXTS.wall] : []),
-    TEXTS.triggerCapture,
+    SYSTEM.trigger,
   ];
 
   function jump(title: string): void {

@@ -21,6 +21,8 @@ const fetched = vi.hoisted(() => {
 
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
+import { fillText } from "../../samples/texts";
+import { TEXTS as SERVICE } from "../../service/texts";
 import type { PlayerPosition, State } from "../../wire/types";
 import { PlayerCard } from "./PlayerCard";
 import { TEXTS } from "./texts";
@@ -142,7 +144,9 @@ it("lets a viewer look on", async () => {
 it("is locked with the reason while somebody else holds control", async () => {
   holder = { name: "Mara", page: true, lost: false, epoch: 3 };
   open();
-  expect(screen.getByRole("status", { name: "Refusal" }).textContent).toContain("Mara holds control");
+  expect(screen.getByRole("status", { name: "Refusal" }).textContent).toContain(
+    fillText(SERVICE.hasControl, { name: "Mara" }),
+  );
   for (const name of [TEXTS.play, TEXTS.go]) {
     expect(screen.getByRole("button", { name }).hasAttribute("disabled")).toBe(true);
   }

@@ -97,7 +97,9 @@ describe("what is allowed", () => {
   it("starts nothing beside a run or a tuning on trial, which the service refuses", () => {
     expect(whyNoStart(FREE, "experiment", null)).toBeNull();
     expect(whyNoStart(changed({ task: { run: 3 } }), "experiment", null)).toBe(TEXTS.anotherRun);
-    expect(whyNoStart(changed({ trial: { remaining_s: 4 } }), "experiment", null)).toContain("on trial");
+    expect(whyNoStart(changed({ trial: { remaining_s: 4 } }), "experiment", null)).toContain(
+      "Keep or revert it first",
+    );
     expect(whyNoStart(changed({ mode: "off", legal_modes: ["pretension"] }), "experiment", null)).toBe(
       TEXTS.tendonsSlack,
     );

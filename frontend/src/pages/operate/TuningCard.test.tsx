@@ -2,6 +2,7 @@ import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { TEXTS as SHARED } from "../../components/texts";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import { fillText } from "../../samples/texts";
@@ -119,14 +120,14 @@ it("keeps its row of buttons in its place on trial, disabled", async () => {
 });
 
 it.each([
-  ["earlier", "Undo change", "Back to", "Redo change"],
-  ["later", "Redo change", "Again", "Undo change"],
+  ["earlier", "Undo change", SHARED.undoTo, "Redo change"],
+  ["later", "Redo change", SHARED.redoTo, "Undo change"],
 ])("steps to the tuning that is %s, and says which that is", (which, name, begin, other) => {
   const steps = { earlier: null, later: null, [which]: { ...SAVED, bank: null } };
   open(OTHER, { trial: null, ...steps, touch: { learned: [] }, holder: null, own_tuning: null });
   const [button, without] = [name, other].map((one) =>
     screen.getByRole("button", { name: one }),
   ) as HTMLButtonElement[];
-  expect(button?.title.startsWith(begin)).toBe(true);
+  expect(button?.title.startsWith(begin.replace("{tuning}", ""))).toBe(true);
   expect(without?.disabled).toBe(true);
 });

@@ -94,6 +94,6 @@ it("says what stands, and puts nothing up that is no number", async () => {
   fireEvent.click(screen.getByRole("button", { name: TEXTS.addWall }));
   await act(() => new Promise((resolve) => setTimeout(resolve, 20)));
   expect(await ordered()).toEqual([]);
-  expect(said.textContent).toContain("nothing was sent");
+  expect(said.textContent).toContain("Not sent. Press Esc to restore.");
   expect(screen.getByText(fillText(TEXTS.wallAbove, { angle: "20.0°" }))).toBeTruthy(); // whatever is refused, it stands
 });

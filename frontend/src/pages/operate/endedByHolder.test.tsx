@@ -81,5 +81,5 @@ it("offers all of it where nobody holds control, nothing of it where somebody el
   cleanup();
   open({ name: "Vera", page: true, epoch: 3, silent_s: 0, lost: false } as State["holder"]);
   await waitFor(() => expect(ENDS.map(offered)).toEqual([false, false, false, false]));
-  expect(screen.getAllByText(/^Vera holds control\./).length).toBeGreaterThan(0);
+  expect(screen.getAllByText(/^Vera has control\./).length).toBeGreaterThan(0);
 });

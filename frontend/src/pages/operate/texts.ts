@@ -3,7 +3,6 @@ export const TEXTS = {
   title: "Operate",
   controls: "Controls",
   goTo: "Go to {card}",
-  triggerCapture: "Trigger capture",
   trigger: "Trigger",
 
   // live charts

@@ -181,7 +181,7 @@ it("names what was run, when and by whom, and shows the curves before anything e
     ["time each reference is held", "t_q", "1.5", "s"],
     ["gain scheduling", "interpolate", "no", "–"],
   ]);
-  expect(settings.getByRole("img", { name: "it has no unit" })).toBeTruthy();
+  expect(settings.getByRole("img", { name: "Dimensionless" })).toBeTruthy();
   for (const style of document.body.querySelectorAll("style")) style.remove();
   expect(document.body.textContent).not.toContain("{");
   const result = within(screen.getByRole("region", { name: TEXTS.result }));

@@ -1,4 +1,4 @@
-/** Break a simulated plant on purpose: each fault with what brings it about, to see the reaction. */
+/** Injects faults into a simulated plant and shows each fault with its injection. */
 
 import { Button, Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
@@ -8,11 +8,14 @@ import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { Absent } from "../../components/values";
 import { useLive } from "../../live/react";
+import { spacedName } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import { faultsQuery, useEndInjection, useInjectFault } from "../../service/api/system";
 import { useMayCommand } from "../../service/control/control";
 import type { Injection, PlantView } from "../../wire/types";
 import page from "../Page.module.css";
 import styles from "./System.module.css";
+import { TEXTS } from "./texts";
 
 export default function DeveloperPage() {
   const { faults, card } = useQuery(faultsQuery).data ?? { faults: [], card: [] };
@@ -23,13 +26,13 @@ export default function DeveloperPage() {
   const mend = useEndInjection();
   return (
     <div className={page.page}>
-      <h1 className={page.title}>Developer page</h1>
+      <h1 className={page.title}>{TEXTS.developer}</h1>
       <p className={page.lead}>
         {breakable
-          ? `Break the ${plant?.name ?? "simulator"} while the joint moves, then mend it and reset the fault.`
-          : `What is driven is no simulator but ${inSentence(plant)}: nothing is broken on purpose here.`}
+          ? fillText(TEXTS.developerHint, { plant: plant?.name ?? TEXTS.simulatorName })
+          : fillText(TEXTS.notInjectable, { plant: inSentence(plant) })}
       </p>
-      <Card title="Faults">
+      <Card title={TEXTS.faults}>
         <OperatorsOnly>
           <div className={styles.actions}>
             <Button
@@ -38,20 +41,20 @@ export default function DeveloperPage() {
               loading={mend.isPending}
               onClick={() => mend.mutate()}
             >
-              Mend everything
+              {TEXTS.clearAll}
             </Button>
             <Refusal error={inject.error ?? mend.error} />
           </div>
         </OperatorsOnly>
         <Breakable
-          label="Faults"
-          columns={["Fault", "Meaning", "Brought about by"]}
+          label={TEXTS.faults}
+          columns={[TEXTS.columnFault, TEXTS.columnMeaning, TEXTS.columnInjection]}
           rows={faults.map(({ code, message, injection, by_hand }) => ({
             name: code,
             cells: [
               <Fragment key="fault">
                 <code>{code}</code>
-                {latched === code && <strong> latched</strong>}
+                {latched === code && <strong> {TEXTS.latched}</strong>}
               </Fragment>,
               message,
               injection === null ? by_hand : described(injection),
@@ -62,10 +65,10 @@ export default function DeveloperPage() {
         />
       </Card>
       {card.length > 0 && (
-        <Card title="The card and its wires">
+        <Card title={TEXTS.card}>
           <Breakable
-            label="The card and its wires"
-            columns={["Broken", "May end in"]}
+            label={TEXTS.card}
+            columns={[TEXTS.columnDefect, TEXTS.columnLeadsTo]}
             rows={card.map(({ injection, says, leads_to }) => ({
               name: says,
               cells: [says, <Codes key="faults" codes={leads_to} />],
@@ -105,7 +108,7 @@ function Breakable({ label, columns, rows, onInject }: BreakableProps) {
             ))}
             {may && (
               <Table.Th>
-                <span className={styles.hidden}>Action</span>
+                <span className={styles.hidden}>{TEXTS.columnAction}</span>
               </Table.Th>
             )}
           </Table.Tr>
@@ -119,16 +122,16 @@ function Breakable({ label, columns, rows, onInject }: BreakableProps) {
               {may && (
                 <Table.Td>
                   {injection === null ? (
-                    <Absent why="nothing that could be broken here brings it about" />
+                    <Absent why={TEXTS.noInjection} />
                   ) : (
                     <Button
                       size="compact-xs"
                       variant="default"
                       disabled={onInject === null}
-                      aria-label={`Inject ${name}`}
+                      aria-label={fillText(TEXTS.injectNamed, { name })}
                       onClick={() => onInject?.(injection)}
                     >
-                      Inject
+                      {TEXTS.inject}
                     </Button>
                   )}
                 </Table.Td>
@@ -151,21 +154,26 @@ function Codes({ codes }: { codes: readonly string[] }) {
 }
 
 function inSentence(plant: PlantView | undefined): string {
-  if (plant?.kind === "package") return `the plant “${plant.name}” of a package`;
-  return plant?.kind === "replay" ? "the replay of a recording" : "a rig";
+  if (plant?.kind === "package") return fillText(TEXTS.plantOfPackage, { name: plant.name });
+  return plant?.kind === "replay" ? TEXTS.replay : TEXTS.rig;
 }
 
-const ABOUT_A_SENSOR = new Set([
-  "no_number",
-  "stuck",
-  "jump",
-  "drift_up",
-  "drift_down",
-  "saturation",
-  "lost_counts",
-]);
+/** Injections into one sensor. */
+const SENSOR_TEXTS = {
+  no_number: TEXTS.invalidReading,
+  stuck: TEXTS.stuck,
+  jump: TEXTS.jump,
+  drift_up: TEXTS.driftUp,
+  drift_down: TEXTS.driftDown,
+  saturation: TEXTS.saturation,
+  lost_counts: TEXTS.lostCounts,
+} as const;
+
+function isAboutSensor(kind: Injection["kind"]): kind is keyof typeof SENSOR_TEXTS {
+  return kind in SENSOR_TEXTS;
+}
 
 function described({ kind, sensor }: Injection): string {
-  const words = kind.replaceAll("_", " ");
-  return ABOUT_A_SENSOR.has(kind) ? `${words} of ${sensor.replace("theta", "θ")}` : words;
+  if (isAboutSensor(kind)) return fillText(SENSOR_TEXTS[kind], { sensor: sensor.replace("theta", "θ") });
+  return spacedName(kind);
 }

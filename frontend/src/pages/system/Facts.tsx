@@ -3,6 +3,7 @@
 import type { ReactNode } from "react";
 import { Card } from "../../components/Card";
 import page from "../Page.module.css";
+import { TEXTS } from "./texts";
 
 interface FactsProps {
   readonly title: string;
@@ -17,7 +18,7 @@ export function Facts({ title, facts, children }: FactsProps) {
         {facts.map(([name, value]) => (
           <div key={name} style={{ display: "contents" }}>
             <dt>{name}</dt>
-            <dd>{value ?? "not known yet"}</dd>
+            <dd>{value ?? TEXTS.unknown}</dd>
           </div>
         ))}
       </dl>

@@ -5,31 +5,33 @@ import { useQuery } from "@tanstack/react-query";
 import { Card } from "../../components/Card";
 import { LocalizedText } from "../../components/values";
 import { dateTime, fixed } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import { flightsQuery } from "../../service/api/recordings";
 import page from "../Page.module.css";
 import styles from "./System.module.css";
+import { TEXTS } from "./texts";
 
-const KINDS = { trip: "Trip", trigger: "Trigger" } as const;
+const KINDS = { trip: TEXTS.trip, trigger: TEXTS.triggered } as const;
 const FORMATS = ["csv", "parquet", "mat", "mcap"] as const;
 
 export function FlightRecords() {
   const flights = useQuery(flightsQuery).data ?? [];
   return (
-    <Card title="Flight records">
+    <Card title={TEXTS.flights}>
       {flights.length === 0 ? (
-        <p className={page.empty}>No trip or trigger yet.</p>
+        <p className={page.empty}>{TEXTS.noFlights}</p>
       ) : (
         <div className={page.tableScroll}>
-          <Table aria-label="Flight records" verticalSpacing={3}>
+          <Table aria-label={TEXTS.flights} verticalSpacing={3}>
             <Table.Thead>
               <Table.Tr>
-                <Table.Th>When</Table.Th>
-                <Table.Th>Kind</Table.Th>
-                <Table.Th>What happened</Table.Th>
-                <Table.Th>Who</Table.Th>
-                <Table.Th>Run</Table.Th>
-                <Table.Th className={styles.number}>Kept [s]</Table.Th>
-                <Table.Th>Data</Table.Th>
+                <Table.Th>{TEXTS.columnTime}</Table.Th>
+                <Table.Th>{TEXTS.columnKind}</Table.Th>
+                <Table.Th>{TEXTS.columnEvent}</Table.Th>
+                <Table.Th>{TEXTS.columnPerson}</Table.Th>
+                <Table.Th>{TEXTS.columnRun}</Table.Th>
+                <Table.Th className={styles.number}>{TEXTS.columnRange}</Table.Th>
+                <Table.Th>{TEXTS.columnData}</Table.Th>
               </Table.Tr>
             </Table.Thead>
             <Table.Tbody>
@@ -45,14 +47,16 @@ export function FlightRecords() {
                   <Table.Td>{flight.who}</Table.Td>
                   <Table.Td>
                     {flight.run === null ? (
-                      "none was recorded"
+                      TEXTS.noRun
                     ) : (
-                      <a href={`#/runs/${flight.run}`}>Run {flight.run}</a>
+                      <a href={`#/runs/${flight.run}`}>{fillText(TEXTS.run, { run: flight.run })}</a>
                     )}
                   </Table.Td>
                   <Table.Td className={styles.number}>
-                    −{fixed(flight.before_s, decimals(flight.before_s))} to{" "}
-                    {fixed(flight.after_s, decimals(flight.after_s))}
+                    {fillText(TEXTS.range, {
+                      before: fixed(flight.before_s, decimals(flight.before_s)),
+                      after: fixed(flight.after_s, decimals(flight.after_s)),
+                    })}
                   </Table.Td>
                   <Table.Td>
                     <span className={styles.links}>

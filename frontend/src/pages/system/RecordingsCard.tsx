@@ -6,11 +6,13 @@ import { useState } from "react";
 import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/RunState";
-import { bytes, dateTime, pluralized, spacedName } from "../../samples/format";
+import { bytes, dateTime, spacedName } from "../../samples/format";
+import { countThings, fillText } from "../../samples/texts";
 import { recordingsQuery, useRemoveRecordings } from "../../service/api/recordings";
 import type { Recordings } from "../../wire/types";
 import { Facts } from "./Facts";
 import styles from "./System.module.css";
+import { TEXTS } from "./texts";
 
 export function RecordingsCard() {
   const found = useQuery(recordingsQuery).data;
@@ -19,30 +21,36 @@ export function RecordingsCard() {
   const mayGo = found?.may_go ?? [];
   return (
     <Facts
-      title="Recordings"
+      title={TEXTS.recordings}
       facts={[
         [
-          "Room taken",
+          TEXTS.storageUsed,
           found && (
             <Verdict good={found.says === ""}>
-              {bytes(found.total_bytes)} of {bytes(found.limit_bytes)}
+              {fillText(TEXTS.usedOfLimit, {
+                used: bytes(found.total_bytes),
+                limit: bytes(found.limit_bytes),
+              })}
             </Verdict>
           ),
         ],
-        ["In use", found && `${bytes(found.in_use_bytes)} that models, results or reports came from stay`],
-        ["May go", found && (mayGo.length === 0 ? "nothing has to go" : summary(mayGo, found.keep_days))],
+        [TEXTS.inUse, found && fillText(TEXTS.inUseKept, { size: bytes(found.in_use_bytes) })],
+        [
+          TEXTS.deletable,
+          found && (mayGo.length === 0 ? TEXTS.deletableNone : summary(mayGo, found.keep_days)),
+        ],
       ]}
     >
       {mayGo.length > 0 && (
         <div className={styles.actions}>
           <OperatorsOnly>
             <Button variant="default" onClick={() => setAsked(mayGo)}>
-              Choose what goes
+              {TEXTS.choose}
             </Button>
           </OperatorsOnly>
         </div>
       )}
-      <Modal opened={asked !== null} onClose={() => setAsked(null)} title="Delete samples" size={720}>
+      <Modal opened={asked !== null} onClose={() => setAsked(null)} title={TEXTS.removal} size={720}>
         {asked !== null && <Removal runs={asked} onDone={() => setAsked(null)} />}
       </Modal>
     </Facts>
@@ -61,20 +69,17 @@ function Removal({ runs, onDone }: RemovalProps) {
   const toggle = (run: number) => setKept((before) => toggled(before, run));
   return (
     <>
-      <p>
-        The samples of the runs ticked here are deleted for good. The runs stay, with their settings and
-        notes. A backup made before has the samples still.
-      </p>
+      <p>{TEXTS.removalHint}</p>
       <Table.ScrollContainer minWidth={560} mah={360}>
         <Table>
           <Table.Thead>
             <Table.Tr>
-              <Table.Th>Delete</Table.Th>
-              <Table.Th>Run</Table.Th>
-              <Table.Th>Started</Table.Th>
-              <Table.Th>By</Table.Th>
-              <Table.Th>Note</Table.Th>
-              <Table.Th className={styles.number}>Samples</Table.Th>
+              <Table.Th>{TEXTS.columnDelete}</Table.Th>
+              <Table.Th>{TEXTS.columnRun}</Table.Th>
+              <Table.Th>{TEXTS.columnStarted}</Table.Th>
+              <Table.Th>{TEXTS.columnPerson}</Table.Th>
+              <Table.Th>{TEXTS.columnNote}</Table.Th>
+              <Table.Th className={styles.number}>{TEXTS.columnSamples}</Table.Th>
             </Table.Tr>
           </Table.Thead>
           <Table.Tbody>
@@ -83,7 +88,7 @@ function Removal({ runs, onDone }: RemovalProps) {
                 <Table.Td>
                   <input
                     type="checkbox"
-                    aria-label={`Delete the samples of run ${run.run}`}
+                    aria-label={fillText(TEXTS.deleteRun, { run: run.run })}
                     checked={!kept.has(run.run)}
                     onChange={() => toggle(run.run)}
                   />
@@ -93,7 +98,7 @@ function Removal({ runs, onDone }: RemovalProps) {
                 </Table.Td>
                 <Table.Td>{dateTime(run.started)}</Table.Td>
                 <Table.Td>{run.who}</Table.Td>
-                <Table.Td>{run.note || "no note"}</Table.Td>
+                <Table.Td>{run.note || TEXTS.noNote}</Table.Td>
                 <Table.Td className={styles.number}>{bytes(run.size_bytes)}</Table.Td>
               </Table.Tr>
             ))}
@@ -112,10 +117,13 @@ function Removal({ runs, onDone }: RemovalProps) {
             )
           }
         >
-          {`Delete the samples of ${pluralized(going.length, "run")} (${bytes(total(going))})`}
+          {fillText(TEXTS.deleteSamples, {
+            runs: countThings(going.length, "run"),
+            size: bytes(total(going)),
+          })}
         </Button>
         <Button variant="default" onClick={onDone}>
-          Keep all
+          {TEXTS.keepAll}
         </Button>
         <Refusal error={remove.error} />
       </div>
@@ -134,5 +142,9 @@ function total(runs: Recordings["may_go"]): number {
 }
 
 function summary(runs: Recordings["may_go"], keepDays: number): string {
-  return `samples of ${pluralized(runs.length, "run")} older than ${pluralized(keepDays, "day")}, ${bytes(total(runs))}`;
+  return fillText(TEXTS.deletableSummary, {
+    runs: countThings(runs.length, "run"),
+    age: countThings(keepDays, "day"),
+    size: bytes(total(runs)),
+  });
 }

@@ -7,6 +7,7 @@ import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/RunState";
 import { useLive } from "../../live/react";
 import { age, bytes, dateTime, duration, fixed, kilohertz } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import { healthQuery, sessionQuery } from "../../service/api/session";
 import { systemQuery, useBackupDatabase, useCheckDatabase } from "../../service/api/system";
 import { entryOf } from "../../service/glossary";
@@ -17,6 +18,7 @@ import { FlightRecords } from "./FlightRecords";
 import { RecordingsCard } from "./RecordingsCard";
 import systemStyles from "./System.module.css";
 import { TriggerCard } from "./TriggerCard";
+import { TEXTS } from "./texts";
 
 /** Disk and database: how they do, a check of all of it, and copies. */
 
@@ -31,32 +33,37 @@ export function DatabaseCard({ system }: { system: SystemState | undefined }) {
   const free = database?.disk_free_bytes ?? 0;
   return (
     <Facts
-      title="Disk and database"
+      title={TEXTS.database}
       facts={[
         [
-          "Database",
-          database && `${database.kind}, ${bytes(database.size_bytes)}, schema ${database.schema_revision}`,
+          TEXTS.databaseEntry,
+          database &&
+            fillText(TEXTS.databaseSummary, {
+              kind: database.kind,
+              size: bytes(database.size_bytes),
+              schema: database.schema_revision ?? TEXTS.schemaUnknown,
+            }),
         ],
-        ["Free on the disk", database && <Verdict good={free >= LITTLE_BYTES}>{bytes(free)}</Verdict>],
+        [TEXTS.diskFree, database && <Verdict good={free >= LITTLE_BYTES}>{bytes(free)}</Verdict>],
         [
-          "Last backup",
-          newest ? `${dateTime(newest.at)}, ${bytes(newest.size_bytes)}, ${newest.name}` : "none yet",
+          TEXTS.lastBackup,
+          newest ? `${dateTime(newest.at)}, ${bytes(newest.size_bytes)}, ${newest.name}` : TEXTS.noBackup,
         ],
-        ["Restore", "stop the service, then: sinew db restore FILE"],
+        [TEXTS.restore, TEXTS.howToRestore],
       ]}
     >
       <div className={systemStyles.actions}>
         <OperatorsOnly>
           <Button variant="default" loading={backup.isPending} onClick={() => backup.mutate()}>
-            Back up now
+            {TEXTS.backUp}
           </Button>
           <Button variant="default" loading={check.isPending} onClick={() => check.mutate()}>
-            Check the database
+            {TEXTS.check}
           </Button>
         </OperatorsOnly>
         {check.data && (
           <Verdict good={check.data.length === 0}>
-            {check.data.length === 0 ? "the database is whole" : check.data.join("; ")}
+            {check.data.length === 0 ? TEXTS.intact : check.data.join("; ")}
           </Verdict>
         )}
         <Refusal error={backup.error ?? check.error} />
@@ -71,12 +78,13 @@ export function SafetyChain() {
   const chain = useLive((live) => live.state?.chain);
   return (
     <Facts
-      title="Safety chain"
+      title={TEXTS.chain}
       facts={(chain ?? []).map((link) => [
         entryOf(`chain:${link.name}`)?.term ?? link.name,
         <Verdict key={link.name} good={link.good} of={`chain:${link.name}`}>
-          {link.says}
-          {link.silent_s !== null && `, ${fixed(link.silent_s, 1)} s ago`}
+          {link.silent_s === null
+            ? link.says
+            : fillText(TEXTS.silentFor, { state: link.says, time: fixed(link.silent_s, 1) })}
         </Verdict>,
       ])}
     />
@@ -90,16 +98,16 @@ export function Lateness({ system }: { system: SystemState | undefined }) {
   const total = classes.reduce((sum, { ticks }) => sum + ticks, 0);
   const granted = system?.granted;
   return (
-    <Card title="Lateness of the last minute">
+    <Card title={TEXTS.latenessCard}>
       <div className={pageStyles.tableScroll}>
-        <Table aria-label="Lateness" verticalSpacing={3}>
+        <Table aria-label={TEXTS.latenessTable} verticalSpacing={3}>
           <Table.Thead>
             <Table.Tr>
-              <Table.Th>Late by [µs]</Table.Th>
-              <Table.Th className={systemStyles.number}>Ticks</Table.Th>
+              <Table.Th>{TEXTS.columnLateness}</Table.Th>
+              <Table.Th className={systemStyles.number}>{TEXTS.columnSteps}</Table.Th>
               <Table.Th className={systemStyles.number}>%</Table.Th>
               <Table.Th className={systemStyles.barColumn}>
-                <span className={systemStyles.hidden}>Share, on a logarithmic scale</span>
+                <span className={systemStyles.hidden}>{TEXTS.columnShare}</span>
               </Table.Th>
             </Table.Tr>
           </Table.Thead>
@@ -108,12 +116,12 @@ export function Lateness({ system }: { system: SystemState | undefined }) {
               <Table.Tr key={from_us}>
                 <Table.Td>
                   {to_us === null
-                    ? `over ${fixed(from_us, 0)}`
-                    : `${fixed(from_us, 0)} to ${fixed(to_us, 0)}`}
+                    ? fillText(TEXTS.over, { from: fixed(from_us, 0) })
+                    : fillText(TEXTS.between, { from: fixed(from_us, 0), to: fixed(to_us, 0) })}
                 </Table.Td>
                 <Table.Td className={systemStyles.number}>{ticks}</Table.Td>
                 <Table.Td className={systemStyles.number}>
-                  {total > 0 ? fixed((100 * ticks) / total, 2) : "no tick yet"}
+                  {total > 0 ? fixed((100 * ticks) / total, 2) : TEXTS.noStep}
                 </Table.Td>
                 <Table.Td>
                   <div
@@ -128,19 +136,23 @@ export function Lateness({ system }: { system: SystemState | undefined }) {
         </Table>
       </div>
       {granted && (
-        <ul className={systemStyles.granted} aria-label="Granted by the machine">
+        <ul className={systemStyles.granted} aria-label={TEXTS.machine}>
           <li>
             <Verdict good={granted.priority > 0}>
-              {granted.priority > 0 ? `FIFO priority ${granted.priority}` : "ordinary scheduling"}
+              {granted.priority > 0
+                ? fillText(TEXTS.fifo, { priority: granted.priority })
+                : TEXTS.ordinaryScheduling}
             </Verdict>
           </li>
           <li>
             <Verdict good={granted.memory_locked}>
-              {granted.memory_locked ? "memory locked" : "memory not locked"}
+              {granted.memory_locked ? TEXTS.memoryLocked : TEXTS.memoryNotLocked}
             </Verdict>
           </li>
           <li>
-            <Verdict good={granted.timer_slack_ns <= 1}>timer slack {granted.timer_slack_ns} ns</Verdict>
+            <Verdict good={granted.timer_slack_ns <= 1}>
+              {fillText(TEXTS.timerSlack, { slack: granted.timer_slack_ns })}
+            </Verdict>
           </li>
           {granted.refusals.map((refusal) => (
             <li key={refusal}>{refusal}</li>
@@ -169,50 +181,63 @@ export default function SystemPage() {
   const timing = state?.timing;
   return (
     <div className={pageStyles.page}>
-      <h1 className={pageStyles.title}>System</h1>
+      <h1 className={pageStyles.title}>{TEXTS.title}</h1>
       <div className={systemStyles.grid}>
         <Facts
-          title="Loop"
+          title={TEXTS.loop}
           facts={[
             [
-              "Process",
+              TEXTS.process,
               state && (
-                <Verdict good={state.link.alive}>{state.link.alive ? "alive" : "not running"}</Verdict>
+                <Verdict good={state.link.alive}>{state.link.alive ? TEXTS.alive : TEXTS.notRunning}</Verdict>
               ),
             ],
             [
-              "Started",
-              state && `${state.link.starts === 1 ? "once" : `${state.link.starts} times`} by this service`,
+              TEXTS.started,
+              state &&
+                (state.link.starts === 1
+                  ? TEXTS.startedOnce
+                  : fillText(TEXTS.startedTimes, { count: state.link.starts })),
             ],
-            ["Running for", state && duration(state.tick * (layout?.period_s ?? 0.001))],
-            ["Period", timing && `${fixed(1000 * timing.period_s, 3)} ms`],
-            ["Rate, last 5 s", timing && kilohertz(timing.rate_Hz)],
-            ["Lateness, median", timing && `${fixed(timing.lateness_p50_ms, 3)} ms`],
-            ["Lateness, 99th percentile", timing && `${fixed(timing.lateness_p99_ms, 3)} ms`],
-            ["Deadlines missed", timing && fixed(timing.overruns, 0)],
+            [TEXTS.uptime, state && duration(state.tick * (layout?.period_s ?? 0.001))],
+            [TEXTS.period, timing && `${fixed(1000 * timing.period_s, 3)} ms`],
+            [TEXTS.rate, timing && kilohertz(timing.rate_Hz)],
+            [TEXTS.latenessMedian, timing && `${fixed(timing.lateness_p50_ms, 3)} ms`],
+            [TEXTS.lateness99, timing && `${fixed(timing.lateness_p99_ms, 3)} ms`],
+            [TEXTS.overruns, timing && fixed(timing.overruns, 0)],
           ]}
         />
         <Facts
-          title="Service and this pageStyles"
+          title={TEXTS.service}
           facts={[
-            ["Version", health.data?.version],
-            ["Made with", system && versions(system.versions)],
-            ["Plant", state && `${state.plant.says || state.plant.name}, parameters ${state.parameters}`],
-            ["Signed in as", session.data && `${session.data.name} (${session.data.role})`],
-            ["Control held by", state && (state.holder?.name ?? "nobody")],
-            ["Link, there and back", link.latency_ms === null ? undefined : age(link.latency_ms)],
-            ["Connections lost in a row", fixed(link.failures, 0)],
-            ["Samples missed by this pageStyles", fixed(missed, 0)],
+            [TEXTS.version, health.data?.version],
+            [TEXTS.software, system && versions(system.versions)],
             [
-              "Interface",
+              TEXTS.plant,
+              state &&
+                fillText(TEXTS.plantAndParameters, {
+                  plant: state.plant.says || state.plant.name,
+                  parameters: state.parameters,
+                }),
+            ],
+            [
+              TEXTS.signedInAs,
+              session.data && fillText(TEXTS.person, { name: session.data.name, role: session.data.role }),
+            ],
+            [TEXTS.operator, state && (state.holder?.name ?? TEXTS.nobody)],
+            [TEXTS.roundTrip, link.latency_ms === null ? undefined : age(link.latency_ms)],
+            [TEXTS.disconnects, fixed(link.failures, 0)],
+            [TEXTS.missedSamples, fixed(missed, 0)],
+            [
+              TEXTS.interface,
               <a key="docs" href="./api/docs">
                 /api/docs
               </a>,
             ],
             [
-              "Faults",
+              TEXTS.faultInjection,
               <Link key="developer" href="/system/developer">
-                Developer pageStyles
+                {TEXTS.developerPage}
               </Link>,
             ],
           ]}
@@ -224,15 +249,15 @@ export default function SystemPage() {
       </div>
       <TriggerCard />
       <FlightRecords />
-      <Card title="Signals">
+      <Card title={TEXTS.signals}>
         <div className={pageStyles.tableScroll}>
-          <Table aria-label="Signals" verticalSpacing={3}>
+          <Table aria-label={TEXTS.signals} verticalSpacing={3}>
             <Table.Thead>
               <Table.Tr>
-                <Table.Th>Name</Table.Th>
-                <Table.Th>Symbol</Table.Th>
-                <Table.Th>Unit</Table.Th>
-                <Table.Th>Meaning</Table.Th>
+                <Table.Th>{TEXTS.columnName}</Table.Th>
+                <Table.Th>{TEXTS.columnSymbol}</Table.Th>
+                <Table.Th>{TEXTS.columnUnit}</Table.Th>
+                <Table.Th>{TEXTS.columnMeaning}</Table.Th>
               </Table.Tr>
             </Table.Thead>
             <Table.Tbody>

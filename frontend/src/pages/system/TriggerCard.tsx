@@ -11,6 +11,7 @@ import { ChoiceField, NumberField } from "../../components/fields";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
 import { localizeText, readingOf } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { useDerived } from "../../service/api/formulas";
 import { useAngleUnit } from "../../service/api/preferences";
 import {
@@ -27,6 +28,7 @@ import { fieldEntry } from "../../service/glossary";
 import { unitOf } from "../../theme/signals";
 import type { TriggerOrder } from "../../wire/types";
 import styles from "./Trigger.module.css";
+import { TEXTS } from "./texts";
 
 type Typed = number | string;
 
@@ -66,14 +68,14 @@ export function TriggerCard() {
   // biome-ignore lint/correctness/useExhaustiveDependencies: each capture is one more record in the list
   useEffect(() => void queries.invalidateQueries({ queryKey: flightsQuery.queryKey }), [captured, queries]);
   const waits = trigger !== null && trigger.phase !== "ended";
+  const said = localizeText(describeTrigger(trigger), angles);
   return (
     <Card
-      title="Trigger capture"
-      aside={<Link href="/system">{captured > 0 ? "Captures in flight records" : "Flight records"}</Link>}
+      title={TEXTS.trigger}
+      aside={<Link href="/system">{captured > 0 ? TEXTS.captures : TEXTS.flights}</Link>}
     >
-      <output className={styles.state} aria-label="Trigger" data-phase={trigger?.phase ?? "none"}>
-        {localizeText(describeTrigger(trigger), angles)}
-        {waits && ` (armed by ${trigger.who})`}
+      <output className={styles.state} aria-label={TEXTS.triggerState} data-phase={trigger?.phase ?? "none"}>
+        {waits ? fillText(TEXTS.armedBy, { state: said, person: trigger.who }) : said}
       </output>
       <OperatorsOnly>{waits ? <Disarm /> : <ArmForm />}</OperatorsOnly>
     </Card>
@@ -85,9 +87,9 @@ function Disarm() {
   return (
     <div className={styles.row}>
       <Button size="compact-sm" variant="default" loading={disarm.isPending} onClick={() => disarm.mutate()}>
-        Disarm
+        {TEXTS.disarm}
       </Button>
-      <Refusal error={disarm.error} hint="A recording under way ends and is kept." />
+      <Refusal error={disarm.error} hint={TEXTS.disarmHint} />
     </div>
   );
 }
@@ -123,12 +125,12 @@ function ArmForm() {
   const box = { size: "xs", messageId: "refusal-of-trigger" } as const;
   return (
     <RefusedFields error={arm.error} about={about}>
-      <form aria-label="Trigger" onSubmit={submit}>
+      <form aria-label={TEXTS.triggerForm} onSubmit={submit}>
         <div className={styles.row}>
           <ChoiceField
             {...box}
             name="signal"
-            label="Signal"
+            label={TEXTS.signal}
             value={signal}
             data={signalChoices(null, derived).map(({ group, items }) => ({
               group,
@@ -140,7 +142,7 @@ function ArmForm() {
           <ChoiceField
             {...box}
             name="condition"
-            label="Condition"
+            label={TEXTS.condition}
             value={condition}
             data={CONDITIONS}
             entry={fieldEntry("trigger.condition", angles)}
@@ -149,7 +151,7 @@ function ArmForm() {
           <NumberField
             {...box}
             name="level"
-            label={window ? `From${read}` : `Level${read}`}
+            label={fillText(window ? TEXTS.from : TEXTS.level, { unit: read })}
             w={84}
             unit={unit}
             value={level}
@@ -160,7 +162,7 @@ function ArmForm() {
             <NumberField
               {...box}
               name="upper"
-              label={`To${read}`}
+              label={fillText(TEXTS.to, { unit: read })}
               w={84}
               unit={unit}
               value={upper}
@@ -171,7 +173,7 @@ function ArmForm() {
           <NumberField
             {...box}
             name="before_s"
-            label="Before [s]"
+            label={TEXTS.before}
             w={76}
             unit="s"
             value={before_s}
@@ -181,7 +183,7 @@ function ArmForm() {
           <NumberField
             {...box}
             name="after_s"
-            label="After [s]"
+            label={TEXTS.after}
             w={76}
             unit="s"
             value={after_s}
@@ -191,7 +193,7 @@ function ArmForm() {
           <NumberField
             {...box}
             name="captures"
-            label="Captures"
+            label={TEXTS.captureCount}
             w={76}
             value={captures}
             entry={fieldEntry("trigger.captures", angles)}
@@ -204,7 +206,7 @@ function ArmForm() {
             disabled={!ready}
             loading={arm.isPending}
           >
-            Arm
+            {TEXTS.arm}
           </Button>
         </div>
         <Refusal
@@ -212,8 +214,8 @@ function ArmForm() {
           error={arm.error}
           about={about}
           forFields
-          text={ready ? null : "Each box needs a number."}
-          hint="Keeps what is before and after the first sample that meets the condition; nothing moves."
+          text={ready ? null : TEXTS.numbersMissing}
+          hint={TEXTS.armHint}
         />
       </form>
     </RefusedFields>

@@ -5,6 +5,7 @@ import { useLiveStore } from "../../live/react";
 import type { LiveStore } from "../../live/store";
 import { answered, api } from "../../wire/client";
 import type { Mode, References, State, TouchOrder, Wall } from "../../wire/types";
+import { TEXTS } from "../texts";
 
 export function useSetMode() {
   return useMutation({ mutationFn: (mode: Mode) => answered(api.POST("/api/mode", { body: { mode } })) });
@@ -84,7 +85,7 @@ class Orders {
     const before = this.awaited.at(-1);
     const q_ref = part.q_ref ?? before?.q_ref;
     const S_ref = part.S_ref ?? before?.S_ref;
-    if (q_ref === undefined || S_ref === undefined) throw new Error("The other reference is not known yet.");
+    if (q_ref === undefined || S_ref === undefined) throw new Error(TEXTS.otherReferenceUnknown);
     const wanted = { q_ref, S_ref };
     this.awaited.push(wanted); // the state may tell it before the answer is there
     try {

@@ -2,11 +2,13 @@
 
 import { queryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
 import { fixed } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import type { TimeRange } from "../../samples/timeSeries";
 import type { components } from "../../wire/api.gen";
 import { answered, api, resultIn } from "../../wire/client";
 import { decodeCurves, fromCsv } from "../../wire/curves";
 import type { Fault, Flight, PlayerOrder, Trigger, TriggerOrder } from "../../wire/types";
+import { TEXTS } from "../texts";
 
 export const flightsQuery = queryOptions({
   queryKey: ["flights"],
@@ -94,12 +96,12 @@ export function usePlayerCommand() {
 /** The trigger: what is armed, in words, and the orders that arm and disarm it. */
 
 export const CONDITIONS: readonly { readonly value: TriggerOrder["condition"]; readonly label: string }[] = [
-  { value: "above", label: "above (level)" },
-  { value: "below", label: "below (level)" },
-  { value: "rising", label: "rising through (edge)" },
-  { value: "falling", label: "falling through (edge)" },
-  { value: "inside", label: "inside (window)" },
-  { value: "outside", label: "outside (window)" },
+  { value: "above", label: TEXTS.above },
+  { value: "below", label: TEXTS.below },
+  { value: "rising", label: TEXTS.rising },
+  { value: "falling", label: TEXTS.falling },
+  { value: "inside", label: TEXTS.inside },
+  { value: "outside", label: TEXTS.outside },
 ];
 
 export function isWindow(condition: TriggerOrder["condition"]): boolean {
@@ -108,11 +110,13 @@ export function isWindow(condition: TriggerOrder["condition"]): boolean {
 
 /** What it does at present; quantities in SI, as the log has them. */
 export function describeTrigger(trigger: Trigger | null): string {
-  if (trigger === null) return "Not armed";
-  const made = `${trigger.captured} of ${trigger.captures} captured`;
-  if (trigger.phase === "armed") return `Armed: ${trigger.says}; ${made}`;
-  if (trigger.phase === "capturing") return `Recording: ${trigger.says}; ${fixed(trigger.left_s, 1)} s left`;
-  return `Not armed: ${trigger.ended}; ${made}`;
+  if (trigger === null) return TEXTS.notArmed;
+  const made = fillText(TEXTS.captured, { count: trigger.captured, total: trigger.captures });
+  if (trigger.phase === "armed") return fillText(TEXTS.armed, { condition: trigger.says, made });
+  if (trigger.phase === "capturing") {
+    return fillText(TEXTS.capturing, { condition: trigger.says, left: fixed(trigger.left_s, 1) });
+  }
+  return fillText(TEXTS.notArmedBecause, { reason: trigger.ended, made });
 }
 
 export function useArmTrigger() {
@@ -188,5 +192,5 @@ function asked(run: number, { from_s, to_s }: TimeRange, signals: readonly strin
 
 function streamOf(body: unknown): ReadableStream<Uint8Array> {
   if (body instanceof ReadableStream) return body;
-  throw new Error("The service gave an answer without content. Try again.");
+  throw new Error(TEXTS.emptyAnswer);
 }

@@ -1,9 +1,11 @@
 /** Machine, database, faults, set-up and bring-up: what the System, Developer and Bring-up pages read and do. */
 
 import { queryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
+import { fillText } from "../../samples/texts";
 import { BASE } from "../../wire/address";
 import { answered, api, RequestError } from "../../wire/client";
 import type { BringUp, BringUpStep, Injection } from "../../wire/types";
+import { TEXTS } from "../texts";
 
 export const checklistQuery = queryOptions({
   queryKey: ["checklist"],
@@ -82,17 +84,12 @@ export async function addressCheckOf(
 }
 
 function notPassedOn(status: number): string {
-  const cookies = [400, 413, 431, 494].includes(status)
-    ? " Where that is because of large cookies of other applications (nginx: large_client_header_buffers 4 32k;), raise its limit or delete the cookies of this site."
-    : "";
-  return `What answers at ${BASE}/api/ is not Sinew (status ${status}): the reverse proxy in front has to pass all paths below ${BASE}/ to the service.${cookies}`;
+  const cookies = [400, 413, 431, 494].includes(status) ? ` ${TEXTS.largeCookies}` : "";
+  return fillText(TEXTS.notSinew, { base: BASE, status }) + cookies;
 }
 
 /** Said when requests are answered and the live connection never comes about. */
-export const NO_STREAM =
-  "Requests are answered, the live connection is not: a reverse proxy in front may not pass websockets on. " +
-  'For nginx: proxy_http_version 1.1; proxy_set_header Upgrade $http_upgrade; proxy_set_header Connection "upgrade"; ' +
-  "The log of the service says more.";
+export const NO_STREAM = TEXTS.noStream;
 
 /** Bringing a rig up: the steps as they stand, and what a person does with them. */
 

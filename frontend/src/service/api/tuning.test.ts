@@ -1,5 +1,7 @@
 import { expect, it } from "vitest";
+import { fillText } from "../../samples/texts";
 import type { State } from "../../wire/types";
+import { TEXTS } from "../texts";
 import { whyNoRejection, whyNoRetuning, whyNoStep } from "./tuning";
 
 const FREE = {
@@ -17,14 +19,16 @@ const changed = (part: object) => ({ ...FREE, ...part }) as State;
 it("changes no tuning that a run has", () => {
   expect(whyNoRetuning(null, null)).toBeNull();
   expect(whyNoRetuning(FREE, null)).toBeNull();
-  expect(whyNoRetuning(changed({ own_tuning: {}, task: { run: 7 } }), null)).toMatch(/^Run 7 has the tuning/);
-  expect(whyNoRetuning(changed({ own_tuning: {} }), null)).toMatch(/^A run that is being started has/);
+  expect(whyNoRetuning(changed({ own_tuning: {}, task: { run: 7 } }), null)).toBe(
+    fillText(TEXTS.tuningLocked, { run: 7 }),
+  );
+  expect(whyNoRetuning(changed({ own_tuning: {} }), null)).toBe(TEXTS.tuningLockedAtStart);
 });
 
 it("brings no rejection back of which nothing is learned any more", () => {
   expect(whyNoRejection(FREE, undefined)).toBeNull();
   expect(whyNoRejection(FREE, 0)).toBeNull();
-  expect(whyNoRejection(FREE, 0.7)).toContain("learn at rest first");
+  expect(whyNoRejection(FREE, 0.7)).toContain(TEXTS.notCalibrated);
   expect(whyNoRejection(changed({ touch: { learned: [{ S: 9, F: 0, std_N: 0.01 }] } }), 0.7)).toBeNull();
 });
 
@@ -37,23 +41,23 @@ const learned = (...deviations: number[]) =>
 it("brings no rejection back of an estimate that moves more than its sixth of 0.3 N, at any stiffness", () => {
   expect(whyNoRejection(learned(0.01, 0.0499), 0.7)).toBeNull();
   expect(whyNoRejection(learned(0.0501, 0.01), 0.7)).toContain("is 0.0501 N, above 0.05 N");
-  expect(whyNoRejection(learned(0.01, 0.08), 0.7)).toContain("is 0.08 N, above 0.05 N: learn again");
+  expect(whyNoRejection(learned(0.01, 0.08), 0.7)).toContain("is 0.08 N, above 0.05 N. Calibrate again");
   expect(whyNoRejection(learned(0.050000123), 0.7)).toContain("is 0.0500001 N, above 0.05 N");
   expect(whyNoRejection(learned(0.08), 0)).toBeNull();
 });
 
 it("undoes what the service would undo, and says why not", () => {
-  expect(whyNoStep("undo", FREE, null)).toBe("No change is left to undo");
+  expect(whyNoStep("undo", FREE, null)).toBe(TEXTS.nothingToUndo);
   expect(whyNoStep("undo", learned(0.01), null)).toBeNull();
   expect(whyNoStep("undo", changed({ earlier: { k_ext: 0 } }), null)).toBeNull();
-  expect(whyNoStep("undo", changed({ earlier: { k_ext: 0 }, trial: { remaining_s: 4 } }), null)).toContain(
-    "on trial",
+  expect(whyNoStep("undo", changed({ earlier: { k_ext: 0 }, trial: { remaining_s: 4 } }), null)).toBe(
+    TEXTS.onTrial,
   );
   expect(
     whyNoStep("undo", changed({ earlier: { k_ext: 0 }, own_tuning: {}, task: { run: 7 } }), null),
-  ).toContain("Run 7");
-  expect(whyNoStep("undo", changed({ earlier: { k_ext: 0.7 } }), null)).toContain("learn at rest first");
+  ).toContain("run 7");
+  expect(whyNoStep("undo", changed({ earlier: { k_ext: 0.7 } }), null)).toContain(TEXTS.notCalibrated);
   expect(whyNoStep("undo", learned(0.08), null)).toContain("0.08 N");
-  expect(whyNoStep("redo", changed({ earlier: { k_ext: 0 } }), null)).toBe("No change was undone");
+  expect(whyNoStep("redo", changed({ earlier: { k_ext: 0 } }), null)).toBe(TEXTS.nothingToRedo);
   expect(whyNoStep("redo", changed({ later: { k_ext: 0 } }), null)).toBeNull();
 });

@@ -4,9 +4,11 @@ import { useDebouncedValue, useLocalStorage } from "@mantine/hooks";
 import { queryOptions, useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useLive } from "../../live/react";
 import { digitsApart, short } from "../../samples/format";
+import { fillText } from "../../samples/texts";
 import { answered, api } from "../../wire/client";
 import { DEVIATIONS, UNSEEN_F } from "../../wire/sample.gen";
 import type { Bank, State, Tuning, TuningPreview, TuningRequest } from "../../wire/types";
+import { TEXTS } from "../texts";
 import { OTHERS_MS } from "./polling";
 
 /** What a preview is asked for; the rest of the tuning is that in use. */
@@ -99,31 +101,32 @@ export function useTuningStep(step: "undo" | "redo") {
 
 /** Which changes of the tuning the service would refuse at present, and why. Pure. */
 
-export const ON_TRIAL = "A tuning is on trial: keep it or revert it first.";
+export const ON_TRIAL = TEXTS.onTrial;
 
 /** Why the tuning cannot be changed, by whatever part of it; null where it can. `noControl` says who holds control. */
 export function whyNoRetuning(state: State | null, noControl: string | null): string | null {
   if (noControl !== null) return noControl;
   if (state?.own_tuning == null) return null;
-  const run = state.task === null ? "A run that is being started" : `Run ${state.task.run}`;
-  return `${run} has the tuning, which is part of its record: stop it first, or wait for its end.`;
+  return state.task === null
+    ? TEXTS.tuningLockedAtStart
+    : fillText(TEXTS.tuningLocked, { run: state.task.run });
 }
 
 /** Why pushes cannot be rejected; null where they can: what is estimated at rest has to be known, and to be quiet. */
 export function whyNoEstimate(state: State | null): string | null {
   const deviations = state?.touch.learned.map(({ std_N }) => std_N) ?? [];
-  if (deviations.length === 0) return "Nothing is learned of pushes: learn at rest first (Touch).";
+  if (deviations.length === 0) return TEXTS.notCalibrated;
   const noise = Math.max(...deviations);
   const most = UNSEEN_F / DEVIATIONS;
   if (noise <= most) return null;
   const digits = digitsApart([noise, most], 2);
-  return `The standard deviation of the estimate is ${short(noise, digits)} N, above ${short(most, digits)} N: learn again with the joint at rest (Touch).`;
+  return fillText(TEXTS.estimateNoisy, { noise: short(noise, digits), limit: short(most, digits) });
 }
 
 /** Why a tuning cannot come into force for what it rejects; null where it can, or rejects nothing. */
 export function whyNoRejection(state: State | null, k_ext: number | undefined): string | null {
   const reason = k_ext ? whyNoEstimate(state) : null;
-  return reason === null ? null : `It rejects pushes. ${reason}`;
+  return reason === null ? null : fillText(TEXTS.rejects, { reason });
 }
 
 /** Why the last change cannot be undone, or done again; null where it can. */
@@ -134,7 +137,7 @@ export function whyNoStep(
 ): string | null {
   const tuning = step === "undo" ? state?.earlier : state?.later;
   if (state === null || tuning == null) {
-    return step === "undo" ? "No change is left to undo" : "No change was undone";
+    return step === "undo" ? TEXTS.nothingToUndo : TEXTS.nothingToRedo;
   }
   if (state.trial !== null) return ON_TRIAL;
   return whyNoRetuning(state, noControl) ?? whyNoRejection(state, tuning.k_ext);
@@ -148,13 +151,13 @@ const LAMBDAS = [
   ["lam_motor", "λ_motor"],
 ] as const;
 
-/** The tuning of an order or a run in one line: "λ_q 0.5 s, …, gains from geometry". */
+/** The tuning of an order or a run in one line: "λ_q 0.5 s, …, geometric gains". */
 export function describeTuning(settings: Readonly<Record<string, unknown>>, banks: readonly Bank[]): string {
   const parts = [
-    ...LAMBDAS.map(([name, symbol]) => partOf(settings[name], symbol, " s")),
-    settings.b === undefined ? "b not recorded" : partOf(settings.b, "b", ""),
+    ...LAMBDAS.map(([name, symbol]) => partOf(settings[name], symbol, TEXTS.time)),
+    settings.b === undefined ? TEXTS.bNotRecorded : partOf(settings.b, "b", TEXTS.quantity),
     describeBank(settings.bank, banks),
-    settings.interpolate === true ? "interpolating between entries" : "",
+    settings.interpolate === true ? TEXTS.interpolated : "",
     describeMotion(settings.motion, settings.u_plan),
     describeFeedforward(settings.k_ext),
   ];
@@ -163,25 +166,29 @@ export function describeTuning(settings: Readonly<Record<string, unknown>>, bank
 
 export function describeBank(id: unknown, banks: readonly Bank[]): string {
   if (typeof id !== "number") return "";
-  if (id === 0) return "gains from geometry";
+  if (id === 0) return TEXTS.geometricGains;
   const bank = banks.find((one) => one.id === id);
-  return bank === undefined ? `bank ${id}` : `bank ${bank.name} v${bank.version}`;
+  return bank === undefined
+    ? fillText(TEXTS.bankNumber, { number: id })
+    : fillText(TEXTS.bank, { name: bank.name, version: bank.version });
 }
 
 /** How references are followed; runs recorded before motions had names have a voltage limit in one of them only. */
 export function describeMotion(motion: unknown, u_plan: unknown): string {
   const isTimeOptimal = motion === undefined ? Number(u_plan ?? 0) > 0 : motion === "time-optimal";
-  if (!isTimeOptimal) return "lambda motion";
-  return typeof u_plan === "number" ? `time-optimal motion within ${short(u_plan)} V` : "time-optimal motion";
+  if (!isTimeOptimal) return TEXTS.lambdaMotion;
+  return typeof u_plan === "number"
+    ? fillText(TEXTS.timeOptimalWithin, { limit: short(u_plan) })
+    : TEXTS.timeOptimal;
 }
 
 /** How much of a push is fed forward; nothing where that is left to the position loop, as it ever was. */
 function describeFeedforward(k_ext: unknown): string {
-  return typeof k_ext === "number" && k_ext > 0 ? `pushes rejected by ${short(k_ext)}` : "";
+  return typeof k_ext === "number" && k_ext > 0 ? fillText(TEXTS.rejection, { gain: short(k_ext) }) : "";
 }
 
-function partOf(value: unknown, symbol: string, unit: string): string {
-  return typeof value === "number" ? `${symbol} ${short(value)}${unit}` : "";
+function partOf(value: unknown, symbol: string, text: typeof TEXTS.quantity | typeof TEXTS.time): string {
+  return typeof value === "number" ? fillText(text, { symbol, value: short(value) }) : "";
 }
 
 /** λ that were chosen but not sent: kept in the browser, so that a reload or a lost link does not lose them. */

@@ -1,7 +1,9 @@
 import { describe, expect, it } from "vitest";
+import { fillText } from "../../samples/texts";
 import { RequestError } from "../../wire/client";
 import type { State } from "../../wire/types";
 import { isAboutControl } from "../forms/refusals";
+import { TEXTS } from "../texts";
 import { type ControlState, describeLoss, NO_CONTROL, nextControlState, whyNoControl } from "./control";
 
 describe("control loss", () => {
@@ -22,7 +24,7 @@ describe("control loss", () => {
       [holder(8, "Ben"), 7],
     ]);
     expect(lost.lost).toEqual({ to: "Ben", at_ms: 5 });
-    expect(describeLoss({ to: "Ben" })).toContain("Ben has taken over");
+    expect(describeLoss({ to: "Ben" })).toBe(fillText(TEXTS.lossTakenOver, { name: "Ben" }));
     expect(
       play([
         [holder(7), 7],
@@ -39,7 +41,7 @@ describe("control loss", () => {
       [null, 7],
     ]);
     expect(lost).toEqual({ to: null, at_ms: 5 });
-    expect(describeLoss({ to: null })).toContain("has ended");
+    expect(describeLoss({ to: null })).toBe(TEXTS.lossUnheard);
   });
 
   it("has nothing to say once this page holds control again", () => {
@@ -94,9 +96,11 @@ describe("use no control", () => {
   const HOLDER = { name: "Mara Stein", epoch: 7, page: true, lost: false } as NonNullable<State["holder"]>;
 
   it("says who holds control, and nothing where this page commands or may take control", () => {
-    expect(whyNoControl(HOLDER, null)).toBe("Mara Stein holds control.");
-    expect(whyNoControl({ ...HOLDER, page: false }, null)).toBe("Mara Stein holds control by a script.");
-    expect(whyNoControl(HOLDER, 6)).toBe("Mara Stein holds control.");
+    expect(whyNoControl(HOLDER, null)).toBe(fillText(TEXTS.hasControl, { name: "Mara Stein" }));
+    expect(whyNoControl({ ...HOLDER, page: false }, null)).toBe(
+      fillText(TEXTS.scriptHasControl, { name: "Mara Stein" }),
+    );
+    expect(whyNoControl(HOLDER, 6)).toBe(fillText(TEXTS.hasControl, { name: "Mara Stein" }));
     expect(whyNoControl(HOLDER, 7)).toBeNull();
     expect(whyNoControl(HOLDER, 8)).toBeNull(); // taken already, and the state is of before
     expect(whyNoControl({ ...HOLDER, lost: true }, null)).toBeNull();

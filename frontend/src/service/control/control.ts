@@ -3,10 +3,12 @@
 import { useQuery } from "@tanstack/react-query";
 import { useSyncExternalStore } from "react";
 import { useLive } from "../../live/react";
+import { fillText } from "../../samples/texts";
 import { heldEpoch, watchHeld } from "../../wire/control";
 import type { State } from "../../wire/types";
 import { sessionQuery } from "../api/session";
 import { whyNoRetuning } from "../api/tuning";
+import { TEXTS } from "../texts";
 
 /** Whether this page has lost control that it had. Pure. */
 
@@ -39,11 +41,7 @@ export function nextControlState(
 }
 
 export function describeLoss({ to }: { readonly to: string | null }): string {
-  const how =
-    to === null
-      ? "Control of this page has ended: it was not heard for too long, or the service was started again."
-      : `${to} has taken over control from this page.`;
-  return `${how} What you press here commands nothing until you take control.`;
+  return to === null ? TEXTS.lossUnheard : fillText(TEXTS.lossTakenOver, { name: to });
 }
 
 /** Whether the signed-in person may change anything: a viewer looks on, and may press STOP. */
@@ -73,5 +71,5 @@ export function whyNoControl(holder: State["holder"], epoch: number | null): str
   if (holder === null || holder.lost) return null;
   // a newer control than the state's holder has: the state that names this page is on its way
   if (epoch !== null && epoch >= holder.epoch) return null;
-  return `${holder.name} holds control${holder.page ? "" : " by a script"}.`;
+  return fillText(holder.page ? TEXTS.hasControl : TEXTS.scriptHasControl, { name: holder.name });
 }

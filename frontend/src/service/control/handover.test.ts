@@ -25,12 +25,12 @@ it("tells the holder who asks and why, at the page in control whatever its perso
 });
 
 it("tells who asked what came of it", () => {
-  expect(read({}, "Vera")).toBe("You have asked Ana for control. [withdraw]");
+  expect(read({}, "Vera")).toBe("You asked Ana for control. [withdraw]");
   expect(read({ standing: "declined", answer: "ten minutes" }, "Vera")).toBe(
     "Ana keeps control: “ten minutes” [read]",
   );
-  expect(read({ standing: "lapsed" }, "Vera")).toBe("Ana has not answered: ask again, or take over. [read]");
-  expect(read({ standing: "freed" }, "Vera")).toBe("Ana does not hold control any more. [read]");
+  expect(read({ standing: "lapsed" }, "Vera")).toBe("Ana has not answered. Ask again, or take over. [read]");
+  expect(read({ standing: "freed" }, "Vera")).toBe("Ana no longer has control. [read]");
   expect(read({ standing: "taken" }, "Vera")).toBe("Ana has handed control over to you. [read]");
   expect(read({ standing: "withdrawn" }, "Vera")).toBe("nothing");
 });
@@ -39,7 +39,7 @@ it("lets an offer be taken or declined by one, and taken back by the other", () 
   const offered = { standing: "offered", offered: true } as const;
   expect(read(offered, "Vera")).toBe("Ana offers you control: “my sweep” [take,decline]");
   expect(read(offered, "Ana", true)).toBe(
-    "You have offered control to Vera, and hold it until it is taken. [withdraw]",
+    "You offered control to Vera. You keep it until Vera takes it. [withdraw]",
   );
   expect(read({ ...offered, standing: "declined", answer: "" }, "Ana", true)).toBe(
     "Vera did not take control. [read]",

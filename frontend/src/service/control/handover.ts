@@ -1,9 +1,11 @@
 /** Control that is asked for, offered and handed over between people. */
 
 import { useMutation } from "@tanstack/react-query";
+import { fillText } from "../../samples/texts";
 import { answeredBy } from "../../wire/client";
 import { postControl, takeHanded } from "../../wire/control";
 import type { HandoverRequest, State } from "../../wire/types";
+import { TEXTS } from "../texts";
 
 /** Control that is asked for and handed over: what is said of it, and what stands on this page of it. */
 
@@ -53,21 +55,21 @@ type NoticeText = readonly [string | null, readonly NoticeAction[]];
 function forWho({ standing, by, reason, answer, offered }: HandoverRequest): NoticeText {
   switch (standing) {
     case "asked":
-      return [`You have asked ${by} for control.`, ["withdraw"]];
+      return [fillText(TEXTS.asked, { name: by }), ["withdraw"]];
     case "offered":
-      return [`${by} offers you control: “${reason}”`, ["take", "decline"]];
+      return [fillText(TEXTS.offered, { name: by, reason }), ["take", "decline"]];
     case "handed":
-      return [`${by} hands control over to you${answer ? `: “${answer}”` : "."}`, ["take"]];
+      return [because(TEXTS.handing, TEXTS.handingBecause, by, answer), ["take"]];
     case "taken":
-      return [`${by} has handed control over to you${answer ? `: “${answer}”` : "."}`, ["read"]];
+      return [because(TEXTS.handed, TEXTS.handedBecause, by, answer), ["read"]];
     case "declined":
-      return offered ? [null, []] : [`${by} keeps control: “${answer}”`, ["read"]];
+      return offered ? [null, []] : [fillText(TEXTS.declined, { name: by, answer }), ["read"]];
     case "withdrawn":
-      return offered ? [`${by} has taken the offer of control back.`, ["read"]] : [null, []];
+      return offered ? [fillText(TEXTS.offerWithdrawn, { name: by }), ["read"]] : [null, []];
     case "lapsed":
-      return [offered ? `The control that ${by} offered was not taken in time.` : NOT_ANSWERED(by), ["read"]];
+      return [fillText(offered ? TEXTS.offerLapsed : TEXTS.notAnswered, { name: by }), ["read"]];
     case "freed":
-      return [`${by} does not hold control any more.`, ["read"]];
+      return [fillText(TEXTS.freed, { name: by }), ["read"]];
     case "left":
       return [null, []];
   }
@@ -76,27 +78,35 @@ function forWho({ standing, by, reason, answer, offered }: HandoverRequest): Not
 function forBy({ standing, name, reason, answer, offered }: HandoverRequest): NoticeText {
   switch (standing) {
     case "asked":
-      return [`${name} asks for control: “${reason}”`, ["answer"]];
+      return [fillText(TEXTS.wishOfOther, { name, reason }), ["answer"]];
     case "offered":
-      return [`You have offered control to ${name}, and hold it until it is taken.`, ["withdraw"]];
+      return [fillText(TEXTS.offerSent, { name }), ["withdraw"]];
     case "handed":
-      return [`Handing control over to ${name}: you hold it until it is taken.`, ["withdraw"]];
+      return [fillText(TEXTS.handingTo, { name }), ["withdraw"]];
     case "taken":
-      return [`You have handed control over to ${name}.`, ["read"]];
+      return [fillText(TEXTS.handedTo, { name }), ["read"]];
     case "declined":
       if (!offered) return [null, []];
-      return [`${name} did not take control${answer ? `: “${answer}”` : "."}`, ["read"]];
+      return [because(TEXTS.offerDeclined, TEXTS.offerDeclinedBecause, name, answer), ["read"]];
     case "lapsed":
-      return [offered ? `${name} did not take the control offered.` : null, ["read"]];
+      return [offered ? fillText(TEXTS.offerNotTaken, { name }) : null, ["read"]];
     case "left":
-      return [`${name} has left; you hold control.`, ["read"]];
+      return [fillText(TEXTS.left, { name }), ["read"]];
     case "withdrawn":
     case "freed":
       return [null, []];
   }
 }
 
-const NOT_ANSWERED = (by: string) => `${by} has not answered: ask again, or take over.`;
+/** The text with the answer where there is one. */
+function because(
+  plain: typeof TEXTS.handing | typeof TEXTS.handed | typeof TEXTS.offerDeclined,
+  reasoned: typeof TEXTS.handingBecause | typeof TEXTS.handedBecause | typeof TEXTS.offerDeclinedBecause,
+  name: string,
+  answer: string,
+): string {
+  return answer ? fillText(reasoned, { name, answer }) : fillText(plain, { name });
+}
 
 /** Requests of this page itself: what is handed over to them is taken at once. */
 const asked = new Set<number>();

@@ -1,11 +1,11 @@
+import { TEXTS } from "../texts";
+
 const WHY_NOT: Readonly<Record<NotificationAccess, string>> = {
   granted: "",
-  default: "This browser has not allowed notifications of this page yet: switch on here, and allow it.",
-  denied:
-    "This browser refuses notifications of this page. Allow them in its settings for this site, beside the address, then switch on here again.",
-  insecure:
-    "Browsers show notifications only of pages over HTTPS, or on the machine of the service itself: open the page there, or have it served over HTTPS.",
-  missing: "This browser has no notifications: use another one, or the sound.",
+  default: TEXTS.notAllowedYet,
+  denied: TEXTS.denied,
+  insecure: TEXTS.insecure,
+  missing: TEXTS.missing,
 };
 
 /** What keeps notifications from being shown here, and what to do; "" where nothing does. */

@@ -268,7 +268,7 @@ describe("what has happened", () => {
 
     it("tell of each reason what to do", () => {
       for (const reason of ["default", "denied", "insecure", "missing"] as const) {
-        expect(whyNotNotified(reason)).toMatch(/allow it|Allow them|open the page there|use another one/);
+        expect(whyNotNotified(reason)).toMatch(/[Aa]llow them|Open the page there|Use another browser/);
       }
       expect(whyNotNotified("granted")).toBe("");
     });

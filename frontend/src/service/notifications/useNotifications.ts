@@ -5,10 +5,12 @@ import { useLocation } from "wouter";
 import { useLiveStore } from "../../live/react";
 import { heading, spacedName } from "../../samples/format";
 import { type AngleUnit, localizeText } from "../../samples/quantity";
+import { fillText } from "../../samples/texts";
 import { answered, api, RequestError } from "../../wire/client";
 import { PERIOD_S } from "../../wire/sample.gen";
 import type { Fault, Flight, Run, State, Task } from "../../wire/types";
 import { usePreferences } from "../api/preferences";
+import { TEXTS } from "../texts";
 import { announceVisibility, type PageNotification, showNotification } from "./notifications";
 
 /** What has happened since the page was opened, by what the service tells of its state. Pure. */
@@ -89,7 +91,7 @@ export function describeRun({ id, kind, title, end_state, end_reason }: Run, ang
   const more = end_state === "completed" ? [title] : [title, end_reason];
   return {
     tag: `sinew-run-${id}`,
-    title: `${heading(kind)}, run ${id}: ${spacedName(end_state)}`,
+    title: fillText(TEXTS.runOver, { kind: heading(kind), run: id, state: spacedName(end_state) }),
     body: localizeText(more.filter((part) => part !== "").join(" · "), angles),
   };
 }
@@ -100,7 +102,7 @@ const STOP: Fault["code"] = "stop_pressed";
 export function describeTrip({ fault, starts }: Trip, angles: AngleUnit): EventText {
   return {
     tag: `sinew-trip-${starts}-${fault.tick}`,
-    title: fault.code === STOP ? "Stopped" : `Tripped: ${spacedName(fault.code)}`,
+    title: fault.code === STOP ? TEXTS.stopped : fillText(TEXTS.tripped, { fault: spacedName(fault.code) }),
     body: localizeText(`${fault.message} ${fault.remedy}`, angles),
   };
 }

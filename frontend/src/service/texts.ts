@@ -1,0 +1,103 @@
+/** Texts of control, notifications, refusals and explanations, which belong to no single page. */
+export const TEXTS = {
+  // control
+  lossUnheard:
+    "This page lost control: no heartbeat received, or the service restarted. Commands of this page have no effect until you take control.",
+  lossTakenOver:
+    "{name} has taken control from this page. Commands of this page have no effect until you take control.",
+  hasControl: "{name} has control. Take control to send commands.",
+  scriptHasControl: "{name} has control (script). Take control to send commands.",
+  // requests for control
+  asked: "You asked {name} for control.",
+  offered: "{name} offers you control: “{reason}”",
+  handing: "{name} is handing control over to you.",
+  handingBecause: "{name} is handing control over to you: “{answer}”",
+  handed: "{name} has handed control over to you.",
+  handedBecause: "{name} has handed control over to you: “{answer}”",
+  declined: "{name} keeps control: “{answer}”",
+  offerWithdrawn: "{name} has withdrawn the offer of control.",
+  offerLapsed: "The offer of control by {name} has expired.",
+  notAnswered: "{name} has not answered. Ask again, or take over.",
+  freed: "{name} no longer has control.",
+  wishOfOther: "{name} asks for control: “{reason}”",
+  offerSent: "You offered control to {name}. You keep it until {name} takes it.",
+  handingTo: "Handing control over to {name}. You keep it until {name} takes it.",
+  handedTo: "You have handed control over to {name}.",
+  offerDeclined: "{name} did not take control.",
+  offerDeclinedBecause: "{name} did not take control: “{answer}”",
+  offerNotTaken: "{name} did not take the offered control.",
+  left: "{name} has left. You keep control.",
+  // tuning
+  onTrial: "A trial is running. Keep or revert it first.",
+  tuningLocked: "Tuning is locked while run {run} is recording. Abort it or wait for it to finish.",
+  tuningLockedAtStart: "Tuning is locked while a run starts. Abort it or wait for it to finish.",
+  notCalibrated: "External-force bias not calibrated. Calibrate at rest first (Touch).",
+  estimateNoisy:
+    "The standard deviation of the external-force estimate is {noise} N, above {limit} N. Calibrate again with the joint at rest (Touch).",
+  rejects: "This tuning uses disturbance rejection. {reason}",
+  nothingToUndo: "No change to undo",
+  nothingToRedo: "No change to redo",
+  bNotRecorded: "b not recorded",
+  quantity: "{symbol} {value}",
+  time: "{symbol} {value} s",
+  interpolated: "interpolating between operating points",
+  geometricGains: "geometric gains",
+  bankNumber: "bank {number}",
+  bank: "bank {name} v{version}",
+  lambdaMotion: "lambda motion",
+  timeOptimal: "time-optimal motion",
+  timeOptimalWithin: "time-optimal motion within {limit} V",
+  rejection: "disturbance rejection {gain}",
+  // references
+  otherReferenceUnknown: "The other reference is not known yet.",
+  // address of the page
+  notSinew:
+    "The server at {base}/api/ is not Sinew (status {status}). The reverse proxy in front has to forward all paths below {base}/ to the service.",
+  largeCookies:
+    "If large cookies of other applications cause this (nginx: large_client_header_buffers 4 32k;), raise the limit or delete the cookies of this site.",
+  noStream:
+    'Requests are answered, but the live connection fails. A reverse proxy in front may not forward websockets. For nginx: proxy_http_version 1.1; proxy_set_header Upgrade $http_upgrade; proxy_set_header Connection "upgrade"; See the log of the service for details.',
+  // recordings
+  emptyAnswer: "The service returned an empty answer. Try again.",
+  above: "above (level)",
+  below: "below (level)",
+  rising: "rising through (edge)",
+  falling: "falling through (edge)",
+  inside: "inside (window)",
+  outside: "outside (window)",
+  notArmed: "Not armed",
+  notArmedBecause: "Not armed: {reason}; {made}",
+  armed: "Armed: {condition}; {made}",
+  capturing: "Recording: {condition}; {left} s left",
+  captured: "{count} of {total} captured",
+  // notifications
+  notAllowedYet: "Notifications of this page are not allowed yet. Switch them on here and allow them.",
+  denied:
+    "This browser blocks notifications of this page. Allow them in its site settings, next to the address, then switch them on here again.",
+  insecure:
+    "Browsers show notifications only for pages over HTTPS, or on the machine of the service. Open the page there, or serve it over HTTPS.",
+  missing: "This browser has no notifications. Use another browser, or the sound.",
+  runOver: "{kind}, run {run}: {state}",
+  stopped: "Stopped",
+  tripped: "Tripped: {fault}",
+  // headings of the glossary
+  signals: "Signals",
+  quantities: "Control and identification",
+  parameters: "Plant parameters",
+  settings: "Settings and commands",
+  metrics: "Metrics",
+  outcomes: "Results of a run",
+  criteria: "Criteria",
+  grades: "Model grades",
+  ends: "End states of a run",
+  modes: "Modes",
+  causes: "Causes of a mode change",
+  faults: "Faults",
+  limits: "Limits",
+  chain: "Safety chain",
+  steps: "Bring-up steps",
+  setup: "Set-up steps",
+  timing: "Control loop timing",
+  accepted: "Accepted",
+  default: "Default",
+} as const;
