@@ -239,7 +239,7 @@ export const TEXTS = {
   // set-up
   setupSteps: "Steps of the set-up",
   setupStep: "{step}: {state}",
-  setupHow: "How",
+  setupHow: "Instructions",
   setupHowTo: "{step}: instructions",
   setupRun: "Run {run}",
   setupOpen: "Open",
