@@ -17,7 +17,7 @@ import runsStyles from "./Runs.module.css";
 import { addressOf, MOST_COMPARED } from "./runAddress";
 import { TEXTS } from "./texts";
 
-/** A pageStyles of runs as a table. */
+/** A page of runs as a table. */
 
 interface RunRowsProps {
   readonly runs: readonly Run[];
@@ -177,7 +177,7 @@ function NoRuns() {
   );
 }
 
-/** All runs, newest first, a pageStyles at a time; some of them may be chosen and set beside each other. */
+/** All runs, newest first, a page at a time; a person can select and compare some. */
 
 const PAGE = 50;
 
