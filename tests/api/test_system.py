@@ -396,9 +396,19 @@ def test_what_is_no_document_has_no_values() -> None:
     assert [describe_values(body) for body in (b"", b"{", b"\xff", 10_000 * b"[")] == ["", "", "", ""]
 
 
-def test_a_refused_command_stands_in_the_log_with_its_person_and_is_no_alarm(
-    off: httpx.Client, viewer: httpx.Client
-) -> None:
+@pytest.fixture(scope="module")
+def unrefused(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """A service that has refused nothing yet: after many refusals the log only counts further ones, for minutes."""
+    with running_service(tmp_path_factory.mktemp("unrefused"), params="ideal") as running:
+        yield running
+
+
+def test_a_refused_command_stands_in_the_log_with_its_person_and_is_no_alarm(unrefused: Service) -> None:
+    with client_with(unrefused, "token") as off, client_with(unrefused, "viewer-token") as viewer:
+        _check_refusals_in_log(off, viewer)
+
+
+def _check_refusals_in_log(off: httpx.Client, viewer: httpx.Client) -> None:
     reasons = [
         problem(off.post("/api/mode", json={"mode": "run"}))["message"],
         problem(off.put("/api/tuning", json={"lam_q": 0.0123}))["message"],
@@ -428,7 +438,12 @@ def test_a_refused_command_stands_in_the_log_with_its_person_and_is_no_alarm(
     assert not [entry for entry in alarms if "refused" in entry["text"]]
 
 
-def test_the_log_is_searched_in_the_unit_in_which_somebody_reads(off: httpx.Client) -> None:
+def test_the_log_is_searched_in_the_unit_in_which_somebody_reads(unrefused: Service) -> None:
+    with client_with(unrefused, "token") as off:
+        _check_search_of_angles(off)
+
+
+def _check_search_of_angles(off: httpx.Client) -> None:
     off.put("/api/references", json={"q_ref": 6.6, "S_ref": 9.0})  # 378.2°
 
     def found(words: str, angles: str) -> int:
