@@ -15,13 +15,13 @@ DYNAMICS = "plant/dynamics.py"
 TORQUE = """
 import pathlib
 import numba
-from backend.control.pid import beyond
+from backend.control.pid import apply_dead_zone
 from plant.dynamics import Friction, friction_torque
 
 def test_torque():
     known = [path.name.split("-")[0] for path in pathlib.Path(numba.config.CACHE_DIR).glob("*/*.nbc")]
     torque = friction_torque(Friction(1.0, 0.5, 1e-9, None), 1.0, 4.0, 0.0)
-    print(torque, beyond(3.0, 1.0), known)
+    print(torque, apply_dead_zone(3.0, 1.0), known)
     assert torque == 3.0
 """
 SOURCE = '''"""1 + 1"""
@@ -116,6 +116,6 @@ def test_in_a_copy_the_change_runs_and_only_what_it_touches_is_compiled_anew(tmp
     with tree.changed(mutant.path, mutant.of(file.read_text("utf-8"))):
         code, said = tree.test(asked, 100.0, base, touched)
     assert code == 1
-    assert "\n-1.0 2.0 ['pid.beyond']\n" in said
+    assert "\n-1.0 2.0 ['pid.apply_dead_zone']\n" in said
     assert (file.read_bytes(), file.stat().st_mtime_ns) == before
     assert tree.test(["-q", "-p", "no:timeout", "--collect-only", "test_torque.py"], 0.0)[0] is None
