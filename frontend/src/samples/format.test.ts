@@ -16,7 +16,6 @@ import {
   notANumber,
   numberIn,
   percent,
-  pluralized,
   short,
   significant,
   spacedName,
@@ -153,15 +152,6 @@ describe("words", () => {
     ["order:1+delay", "Order 1, free poles, dead time"],
   ])("reads the structure %s as %s", (name, words) => {
     expect(describeStructure(name)).toBe(words);
-  });
-
-  it("says one day and many days", () => {
-    expect([1, 0, 2, 0.5].map((days) => pluralized(days, "day"))).toEqual([
-      "1 day",
-      "0 days",
-      "2 days",
-      "0.5 days",
-    ]);
   });
 
   it("reads a name of the service as words, with a capital where it stands alone", () => {

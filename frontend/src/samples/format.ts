@@ -194,11 +194,6 @@ export function capital(words: string): string {
   return words.charAt(0).toUpperCase() + words.slice(1);
 }
 
-/** A number of things as it is said: "1 day", "30 days". */
-export function pluralized(count: number, noun: string): string {
-  return `${count} ${noun}${count === 1 ? "" : "s"}`;
-}
-
 /** A structure of a model by its name at the command line: "order:4", "lags4+delay". */
 export function describeStructure(name: string): string {
   const [plain = "", ...more] = name.split("+");

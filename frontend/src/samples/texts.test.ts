@@ -19,4 +19,5 @@ it("counts in words", () => {
     "1 entry",
     "2 entries",
   ]);
+  expect([1, 0.5].map((count) => countThings(count, "day"))).toEqual(["1 day", "0.5 days"]);
 });
