@@ -199,7 +199,7 @@ def load_parameter_version(database: Database, base: PlantParameters) -> tuple[A
     if version.number:
         return (
             version,
-            f"parameters in force again as {version.who} left them: version {version.number} over {base.name}",
+            f"parameters of {version.who} restored: version {version.number} over {base.name}",
         )
     other = f"the parameters are those of the file {base.name}: what {last} applied last was over other ones"
     return version, other if last else ""

@@ -19,7 +19,9 @@ from backend.supervision import Part
 from plant import ErrorCode, SinewError
 
 # Locks ---------------------------------------------------------------------------------------------
-DATA_FOLDER_PART = Part("The look at the data folder", "Nothing tells meanwhile whether it was deleted or replaced.")
+DATA_FOLDER_PART = Part(
+    "The look at the data folder", "Until the monitor restarts, a deleted or replaced folder is not detected."
+)
 SERVICE_LOCK_FILE = "service.lock"
 COMMAND_LOCK_FILE = "commands.lock"
 CHECK_PERIOD_S = 0.5
@@ -62,14 +64,14 @@ class LockedFolder:
             except OSError as error:
                 return self._describe_loss(path, error.strerror or str(error))
             if (found.st_dev, found.st_ino) != (opened.st_dev, opened.st_ino):
-                return self._describe_loss(path, "another one stands in its place")
+                return self._describe_loss(path, "another one has replaced it")
         return ""
 
     def _describe_loss(self, path: Path, why: str) -> str:
         what = "the data folder" if path == self.path else "the lock in the data folder"
         return (
-            f"{what} {path} was deleted, moved or replaced while the service works on it ({why}): what is recorded now "
-            "is not kept. Put it back where it was, or stop the service and start it again"
+            f"{what} {path} was deleted, moved or replaced while the service uses it ({why}): new "
+            f"recordings are lost. Restore it, or restart the service"
         )
 
 

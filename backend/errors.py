@@ -42,7 +42,7 @@ QUANTITY_LABELS = {
     "lam_S": "λ_S",
     "lam_motor": "λ_motor",
     "u_plan": "voltage limit of time-optimal motion",
-    "k_ext": "share of the outside force that is rejected",
+    "k_ext": "gain of the disturbance rejection",
     "tension_N": "tension",
     "duration_s": "time",
     "period_s": "period",

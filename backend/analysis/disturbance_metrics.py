@@ -113,7 +113,7 @@ def compute_compliance_metrics(columns: ComplianceColumns, r_j: float, first_pus
     reasons = _find_reasons(largest_push_N, delay == longest)
     estimated = _select_estimated_force(columns, rest, slice(pushed, F.size - delay))
     if estimated is None:
-        reasons["rmse_estimated_N"] = "this recording has no estimate of the outside force"
+        reasons["rmse_estimated_N"] = "this recording has no estimate of the external force"
     return ComplianceMetrics(
         rmse_raw_N=rms(measured[pushed:] - expected[pushed:]),
         rmse_aligned_N=None if "rmse_aligned_N" in reasons else errors[delay],
@@ -256,7 +256,7 @@ class HoldMetrics(WholeMetrics):
     )
     held_q_swing: float | None = declare_metric("rad", "Swing of q", "max − min of q while held")
     held_off_counts: float | None = declare_metric(
-        "1", "Off the reference, in counts", "max |q − q_ref| while held, less the half count that a reading tells to"
+        "1", "Off the reference, in counts", "max |q − q_ref| during a hold, minus half a count of the encoder"
     )
     held_u_swing_V: float | None = declare_metric("V", "Swing of the voltages", "max − min of u_A or u_B while held")
     held_S_swing: float | None = declare_metric("N·m/rad", "Swing of S", "max − min of S while held")
@@ -400,7 +400,7 @@ class ImpactMetrics(WholeMetrics):
         "s", "Longest time to detect", "from the touch until the estimated force passes the threshold"
     )
     gave_way_after_s: float | None = declare_metric(
-        "s", "Longest time to react", "from the threshold until the joint gives way"
+        "s", "Longest time to react", "from the threshold to the start of the contact reaction"
     )
     fell_after_s: float | None = declare_metric(
         "s", "Longest time to the peak", "from the threshold until the force is at its largest, from where on it falls"
@@ -487,7 +487,7 @@ def compute_impact_metrics(columns: Columns, program: Program | None = None) -> 
     no_reaction = "" if reacting else _NO_REACTION
     missed = sum(not math.isfinite(hit.reaction_s) for hit in reacting)
     if missed:
-        no_reaction = f"{missed} of {len(reacting)} hits were not felt or not given way to"
+        no_reaction = f"{missed} of {len(reacting)} hits were not detected or caused no contact reaction"
     reasons = dict.fromkeys(("soft_to_stiff_peak", "soft_to_stiff_impulse"), reason)
     reasons |= dict.fromkeys(("reaction_peak", "reaction_impulse"), no_reaction or why)
     reasons |= dict.fromkeys(("felt_after_s", "gave_way_after_s", "fell_after_s"), no_reaction)
@@ -508,7 +508,7 @@ def compute_impact_metrics(columns: Columns, program: Program | None = None) -> 
     )
 
 
-_NO_REACTION = "no hit was to be given way to"
+_NO_REACTION = "the contact reaction was enabled for none of the hits"
 
 
 def pair_hits(hits: Sequence[Hit]) -> tuple[tuple[tuple[Hit, Hit], ...], str]:
@@ -521,8 +521,8 @@ def pair_hits(hits: Sequence[Hit]) -> tuple[tuple[tuple[Hit, Hit], ...], str]:
         if not alike:
             return (
                 (),
-                f"beside the hit at {hit.S_ref:.4g} N·m/rad and {Quantity(hit.speed, 'rad/s'):.3g} there is none "
-                "without reaction",
+                f"the hit at {hit.S_ref:.4g} N·m/rad and {Quantity(hit.speed, 'rad/s'):.3g} has no "
+                f"counterpart without contact reaction",
             )
         other = min(alike, key=lambda other: abs(other.speed - hit.speed))
         left.remove(other)
@@ -828,7 +828,7 @@ def compute_robustness_metrics(
     the resolution of the motor encoders, 0 if exact. Raises NoSamplesError if the run ended before the last load step.
     """
     if not steps or columns["q"].size < max(step.window.stop for step in steps):
-        raise NoSamplesError("the run ended before both motors had been loaded and let go")
+        raise NoSamplesError("the run ended before both motors were loaded and released")
     errors: dict[str, Array] = {side: columns[f"theta_{side}_ref"] - columns[f"theta_{side}"] for side in SIDES}
     deviations, times, reasons, away_still = {"A": 0.0, "B": 0.0}, [0.0], {}, []
     for side, window, _ in steps:
@@ -836,7 +836,7 @@ def compute_robustness_metrics(
         size = np.abs(error)
         deviations[side] = float(np.maximum(deviations[side], size.max()))
         if math.isnan(deviations[side]):
-            reasons["back_s"] = reasons[f"deviation_{side}_rad"] = f"the angles of motor {side} hold no number"
+            reasons["back_s"] = reasons[f"deviation_{side}_rad"] = f"no angle of motor {side} was measured"
             continue
         if not size.max() > _COUNTS_MIN * motor_step_rad:  # negated, so that it includes nan
             reasons["back_s"] = f"motor {side} moved by less than {_COUNTS_MIN:g} encoder counts: load it more"
@@ -872,9 +872,9 @@ def _integrate_error(error: Array, side: Side, steps: Sequence[LoadStep]) -> flo
 
 def _format_not_returned(off: float, side: str, to_both_sides: bool, ticks: int) -> str:
     why = (
-        ", to both sides: it hunts, as dry friction makes it do under integral action"
+        ", to both sides: a limit cycle, caused by Coulomb friction under integral action"
         if to_both_sides
-        else ", to one side: hold the load longer, or look what keeps it there"
+        else ", to one side: hold the load longer, or check what blocks the motor"
     )
     return (
         f"motor {side} was not back on its reference when the load changed again after {ticks * T_s:g} s: in the "

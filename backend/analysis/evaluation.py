@@ -488,7 +488,7 @@ def _is_pending(run: Run) -> bool:
 def require_evaluable(run: Run) -> None:
     """Raise NotEvaluableError for a run without a result."""
     if run.kind == RunKind.SESSION:
-        raise NotEvaluableError(f"run {run.id} was driven by hand: a session has samples and no result")
+        raise NotEvaluableError(f"run {run.id} is a session: it has samples and no result")
     if run.end_state == EndState.RUNNING:
         raise NotEvaluableError(f"run {run.id} is not over yet: it is evaluated when it is")
 

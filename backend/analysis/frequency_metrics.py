@@ -345,7 +345,7 @@ class BodeMetrics(WholeMetrics):
         "%", "Repeatability of q", "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)"
     )
     residual_q_percent: float | None = declare_metric(
-        "%", "Residual of q", "root mean square of q beside its lines over that at them, last period: friction, noise"
+        "%", "Residual of q", "RMS of q outside the excited lines divided by that at them, last period: friction, noise"
     )
     bandwidth_S_Hz: float | None = declare_metric(
         "Hz", "Bandwidth of S", "where |S/S_ref| falls to 0.707; at rest it is 1"
@@ -367,7 +367,7 @@ class BodeMetrics(WholeMetrics):
         "%", "Repeatability of S", "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)"
     )
     residual_S_percent: float | None = declare_metric(
-        "%", "Residual of S", "root mean square of S beside its lines over that at them, last period: friction, noise"
+        "%", "Residual of S", "RMS of S outside the excited lines divided by that at them, last period: friction, noise"
     )
     reasons: Mapping[str, str] = field(default_factory=dict)
 

@@ -275,10 +275,10 @@ class MotorMetrics:
     T_m_A: float = declare_metric("s", "T_m of motor A", "least squares on position over all steps")
     T_m_B: float = declare_metric("s", "T_m of motor B", "least squares on position over all steps")
     u_c_A: float = declare_metric(
-        "V", "Coulomb voltage of motor A", "part of the voltage that only overcomes dry friction"
+        "V", "Coulomb voltage of motor A", "part of the voltage that overcomes Coulomb friction"
     )
     u_c_B: float = declare_metric(
-        "V", "Coulomb voltage of motor B", "part of the voltage that only overcomes dry friction"
+        "V", "Coulomb voltage of motor B", "part of the voltage that overcomes Coulomb friction"
     )
     turn_rad: float = declare_metric("rad", "Largest turn", f"largest |θ| of both motors, of ±{Angle(15.7)}")
     load_N: float = declare_metric("N", "Largest load", "largest tendon force of both load cells during the steps")

@@ -96,13 +96,18 @@ def check_rest_before(normalized: Array) -> str:
     if abs(off) <= START_BAND:
         return ""
     if abs(normalized[-1]) > START_BAND:
-        return f"it began at {_format_percent(float(normalized[-1]))} of its way: the motion before was not over"
-    return f"it moved as it began, from {_format_percent(off)} of its way: the motion before was not over"
+        return (
+            f"the step began at {_format_percent(float(normalized[-1]))} of the step: the previous motion had not ended"
+        )
+    return (
+        f"the signal moved at the start of the step, from {_format_percent(off)} of the step: the "
+        f"previous motion had not ended"
+    )
 
 
 def format_largest_share(normalized: Array) -> str:
     """Return the reason for a step that did not reach 90 %, with the largest fraction."""
-    return f"it came to {_format_percent(float(normalized.max()))} of its way in its time"
+    return f"the signal reached {_format_percent(float(normalized.max()))} of the step within its duration"
 
 
 def check_other_at_rest(signal: str, deviation: Array) -> str:

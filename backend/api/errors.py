@@ -51,10 +51,10 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
         403: "the role, the host or the origin does not allow it",
         404: "no such thing",
         409: "not possible in the present state",
-        411: "the length of the body is not told",
+        411: "the length of the body is missing",
         413: "the body is too large",
         422: "a value is refused",
-        429: "too many wrong tokens, or too much asked for at once",
+        429: "too many wrong tokens, or too many requests at once",
         503: "the loop process does not answer",
     }.items()
 }

@@ -368,7 +368,9 @@ class Authentication:
         the old tokens remain valid.
         """
         if self._files is None:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "this service asks for no token: there is nothing to rotate")
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, "this service runs without tokens: there is nothing to rotate"
+            )
         async with self._rotation_lock:
             self._previous = _PreviousTokens(self._files.tokens, user.session, self._clock() + GRACE_S)
             try:

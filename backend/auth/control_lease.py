@@ -117,7 +117,7 @@ CONTROL_HEADER = "Sinew-Control"
 """HTTP header that carries the command token."""
 
 CONTROL_LEASE_PART = Part(
-    "The watch over lost pages", "What moved was stopped softly: look into the service's log, take control, then reset."
+    "The watch over lost pages", "Any motion was stopped softly: check the service's log, take control, then reset."
 )
 
 LOST_S = 2.0
@@ -376,7 +376,7 @@ class ControlLease:
         holder = self.holder
         if holder is None:
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "nobody holds control: take it to command", code="control_lost"
+                ErrorCode.NOT_NOW, "no one holds control: take control first", code="control_lost"
             )
         if not holder.is_at(user, page_key):
             who = _describe_holder(holder, user)

@@ -22,9 +22,7 @@ from plant import (
     escape_quantities,
 )
 
-HANDOVER_PART = Part(
-    "The watch over who asks for control", "Requests that were under way are answered or asked once more."
-)
+HANDOVER_PART = Part("The watch over who asks for control", "Answer open requests, or send them again.")
 
 ANSWER_S = 120.0
 """Time [s] that a request waits for the holder, and an offer for its recipient."""
@@ -110,7 +108,7 @@ class ControlHandover:
             other = self._active_users.find_by_name(to)
             if other is None or other.role is not Role.OPERATOR or other.session == user.session:
                 raise RequestRejectedError(
-                    ErrorCode.BAD_VALUE, f"{to} is no other operator with a page open: choose one who is connected"
+                    ErrorCode.BAD_VALUE, f"{to} is not another operator with an open page: choose a connected operator"
                 )
             self._require_none_offered()
             self._require_no_handover(other)
@@ -188,7 +186,7 @@ class ControlHandover:
             text = f"{self._get_name(handover.giver)} does not hold control any more"
             self._close(handover, HandoverStatus.FREED, text)
         elif now - handover.seen > GONE_S:
-            self._close(handover, HandoverStatus.LEFT, f"{name} has left: control is asked for no longer")
+            self._close(handover, HandoverStatus.LEFT, f"{name} has left: the request for control is closed")
         elif now > handover.expires:
             text = {
                 HandoverStatus.ASKED: f"{name}'s request for control was not answered in {ANSWER_S:.0f} s",
@@ -199,9 +197,11 @@ class ControlHandover:
     def _answer_as_recipient(self, handover: _Handover, answer: HandoverAnswer, reason: str) -> None:
         name = self._get_name(handover.recipient)
         if answer is HandoverAnswer.HAND_OVER:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "whoever holds control hands it over: nothing done")
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, "only the holder of control can hand it over: nothing changed"
+            )
         if handover.status is not HandoverStatus.OFFERED:
-            self._close(handover, HandoverStatus.WITHDRAWN, "asks for control no longer", name)
+            self._close(handover, HandoverStatus.WITHDRAWN, "withdrew the request for control", name)
             return
         text = _append_reason(f"did not take control from {self._get_name(handover.giver)}", reason)
         handover.answer = _to_one_line(reason)
@@ -212,18 +212,18 @@ class ControlHandover:
         if handover.status is not HandoverStatus.ASKED:
             if answer is HandoverAnswer.HAND_OVER:
                 raise RequestRejectedError(
-                    ErrorCode.NOT_NOW, f"control is being handed over to {name} already: nothing done"
+                    ErrorCode.NOT_NOW, f"control is already being handed over to {name}: nothing changed"
                 )
-            text = f"does not hand control over to {name} after all"
+            text = f"withdrew the handover to {name}"
             self._close(handover, HandoverStatus.WITHDRAWN, text, giver)
         elif answer is HandoverAnswer.HAND_OVER:
             self._require_none_offered()
             handover.status, handover.expires = HandoverStatus.HANDED, self._clock() + TAKE_S
             handover.answer = _to_one_line(reason)
-            self._on_change(_append_reason(f"hands control over to {name}", reason), giver)
+            self._on_change(_append_reason(f"handed control over to {name}", reason), giver)
         else:
             handover.answer = _require_reason(reason)
-            text = _append_reason(f"keeps control, asked by {name}", reason)
+            text = _append_reason(f"declined the request of {name} for control", reason)
             self._close(handover, HandoverStatus.DECLINED, text, giver)
 
     def _open(self, recipient: User, giver: User, status: HandoverStatus, reason: str, text: str) -> HandoverView:
@@ -257,9 +257,11 @@ class ControlHandover:
     def _find_holder_to_ask(self, user: User) -> LeaseHolder:
         holder = self._control.holder
         if not self._active_users.has_page(user.session):
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "control is asked for from a page that is open: nothing done")
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, "only a session with an open page can request control: nothing changed"
+            )
         if holder is None or holder.is_lost:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "nobody holds control who could be asked: take it")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "no one holds control: take control directly")
         if not holder.is_page or holder.user.session == user.session:
             whose = "another page of yours" if holder.is_page else "a script"
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"{whose} holds control: take it over")
@@ -269,7 +271,7 @@ class ControlHandover:
         """Raise RequestRejectedError if a handover to this user is open."""
         if any(one.status in _OPEN and one.recipient.session == user.session for one in self._handovers.values()):
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"{user.name} has asked for control, or been offered it, already: answer that"
+                ErrorCode.NOT_NOW, f"{user.name} already has an open request or offer of control: answer that first"
             )
 
     def _require_none_offered(self) -> None:
@@ -283,7 +285,7 @@ class ControlHandover:
     def _require_command_token(self, command_token: CommandToken | None) -> None:
         if command_token is None:
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "only the page that holds control can say that", code="control_needed"
+                ErrorCode.NOT_NOW, "only the page that holds control can do that", code="control_needed"
             )
 
     def _find_open(self, number: int) -> _Handover:
@@ -319,7 +321,7 @@ def _require_reason(reason: str) -> str:
     """Return the reason on one line. Raises RequestRejectedError for an empty one."""
     line = _to_one_line(reason)
     if not line:
-        raise RequestRejectedError(ErrorCode.BAD_VALUE, "a reason is needed: say in a few words why")
+        raise RequestRejectedError(ErrorCode.BAD_VALUE, "a reason is required: enter a few words")
     return line
 
 

@@ -113,7 +113,8 @@ class TuningSettings:
         maximum=1.0,
         unit="1",
         symbol="k_ext",
-        meaning="share of the estimated outside force that is fed forward against it, 0 for none",
+        meaning="gain of the disturbance rejection: share of the estimated external force that is "
+        "compensated, 0 for none",
     )
 
     @classmethod

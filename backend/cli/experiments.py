@@ -115,12 +115,12 @@ def load_active_tuning(settings: Settings) -> BaseTuning:
         try:
             stored = tuning_settings.load_last_tuning(database, parameters)
         except (SettingError, OutOfRangeError, UnreadableDocumentError) as error:
-            error_console.print(f"defaults: the tuning in force is refused, {error}", highlight=False, markup=False)
+            error_console.print(f"defaults: the active tuning is rejected, {error}", highlight=False, markup=False)
             return _build_default_tuning(parameters)
     if stored is None:
         return _build_default_tuning(parameters)
     if not stored.same_plant:
-        error_console.print("defaults: the tuning in force is for other parameters of the plant", highlight=False)
+        error_console.print("defaults: the active tuning is for other parameters of the plant", highlight=False)
         return _build_default_tuning(parameters)
     return BaseTuning(stored.tuning.to_document(), "in force")
 
@@ -660,7 +660,9 @@ def _print_queue(service: RunningService, queue: "QueueView", *, as_json: bool) 
     task = _request_task(service)
     if task is not None:
         left = _format_time_left(task)
-        console.print(f"run {task.run} is under way: {task.kind}, {left}", highlight=False, markup=False)
-    console.print("the queue goes on by itself" if queue.running else "the queue waits for a start", highlight=False)
+        console.print(f"run {task.run} is in progress: {task.kind}, {left}", highlight=False, markup=False)
+    console.print(
+        "the queue continues automatically" if queue.running else "the queue waits for a start", highlight=False
+    )
     if queue.problem:
         console.print(queue.problem, highlight=False, markup=False, soft_wrap=True)

@@ -61,7 +61,7 @@ _OMITTED_ENTRIES = ("format", "rows")
 """Entries of a file's layout that other rows of the printed table contain."""
 STRUCTURES = (
     "first, third, lags2 .. lags6, order:1 .. order:4, each also with a dead time as in first+delay;"
-    " motor: angle from voltage, with dead time and dry friction"
+    " motor: angle from voltage, with dead time and Coulomb friction"
 )
 
 
@@ -359,9 +359,9 @@ def _build_friction_rows(estimate: "Estimate") -> list[tuple[str, str]]:
     if friction is None:
         return []
     if not friction.found:
-        return [("dry friction u_c", f"none told ({friction.u_c:.2g} ± {friction.u_c_std:.2g})")]
+        return [("Coulomb friction u_c", f"not significant ({friction.u_c:.2g} ± {friction.u_c_std:.2g})")]
     return [
-        ("dry friction u_c", f"{friction.u_c:.4g} ± {friction.u_c_std:.2g}"),
+        ("Coulomb friction u_c", f"{friction.u_c:.4g} ± {friction.u_c_std:.2g}"),
         ("gain K with friction", f"{friction.K:.4g} ± {friction.K_std:.2g}"),
         ("lag T with friction [s]", f"{friction.T:.4g} ± {friction.T_std:.2g}"),
         ("fit with friction [%]", format_percent(friction.fit_percent, 2)),
@@ -464,7 +464,7 @@ def spring(
     elif table is None:
         _run_identification(SpringIdentificationPlan, parse_values(values or []), out, settings, as_json)
     elif values or out:
-        fail("a table is identified as it is: leave --set and --out away", status=2)
+        fail("--set and --out do not apply to a table: remove them", status=2)
     else:
         _identify_table(table, settings, header, decimal, as_json=as_json)
 

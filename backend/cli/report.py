@@ -89,7 +89,7 @@ def sign(
 
     settings = load_settings(data=data, station=station)
     if file.suffix == ".pdf":
-        fail(f"{file} is not signed: the page is what is signed; sign {file.with_suffix('.html').name}", status=2)
+        fail(f"{file} is not signed: only the page can be signed; sign {file.with_suffix('.html').name}", status=2)
     try:
         _require_regular_file(file)
         page = file.read_bytes()
@@ -147,7 +147,7 @@ def verify(
     except SigningKeyError as error:
         fail(f"--key: {error}", status=2)
     except _verification_errors() as error:
-        fail(f"{file}: it cannot be told whether it holds: {error}", status=2)
+        fail(f"{file}: not verified: {error}", status=2)
     problem = ""
     try:
         found, origin, checked = _verify(file, signed.page.decode("utf-8"), samples, settings)
@@ -177,10 +177,10 @@ def verify(
             text = f"computed from {origin}; compared with it: {', '.join(checked[1:])}"
             error_console.print(text, highlight=False, markup=False, soft_wrap=True)
         if problem:
-            error_console.print(f"the rest cannot be told: {problem}", highlight=False, markup=False, soft_wrap=True)
+            error_console.print(f"the rest is not verified: {problem}", highlight=False, markup=False, soft_wrap=True)
         fail(f"{file} does not hold: {len(found.differences)} differences")
     if problem:
-        fail(f"{file}: it cannot be told whether it holds: {problem}", status=2)
+        fail(f"{file}: not verified: {problem}", status=2)
     if found.holds is None:
         fail(f"{file} is not verified: nothing differs, but not all of it was compared", status=2)
     if not as_json:
@@ -260,7 +260,7 @@ def _read_page(file: Path) -> bytes:
         return file.read_bytes()
     page = file.with_suffix(".html")
     if not page.exists():
-        raise EvidenceError(f"a PDF carries no account of its numbers, and its page {page.name} is not beside it")
+        raise EvidenceError(f"a PDF has no report manifest, and its page {page.name} is not in the same folder")
     _require_regular_file(page)
     return page.read_bytes()
 

@@ -183,8 +183,8 @@ def require_rig(settings: Settings) -> None:
     choice = settings.plant_choice
     if choice.kind not in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
         fail(
-            f"a rig is brought up; what is driven here is the {choice.name}: say --plant rig, "
-            "and --virtual-card to practise without one"
+            f"only a rig needs the bring-up, and the plant is the {choice.name}: use --plant rig, with "
+            f"--virtual-card to practise without a card"
         )
     require_available(choice)
 
@@ -227,7 +227,7 @@ def run_steps(settings: Settings, requests: Sequence[StepRequest], *, as_json: b
     from backend.data_folder import AlreadyRunningError, lock_for_service, read_service_address
 
     if not settings.plant_choice.simulated and not sys.stdin.isatty():
-        fail("standard input is no terminal: a rig is brought up by a person who stands at it and confirms each step")
+        fail("standard input is not a terminal: a person at the rig has to confirm each step")
     try:
         with lock_for_service(settings.data), open_configured_database(settings, owns_folder=True) as database:
             _require_unblocked(settings, database, requests)
@@ -265,9 +265,11 @@ async def _run_session(settings: Settings, database: "Database", requests: Seque
     dialog = OperatorDialog(current_user(), terminal.confirm, terminal.show_phase)
     print_message(f"{choice.name}, {choice.wiring}. Ctrl-C at any time: zero volts; what has not ended is not kept.")
     if choice.simulated:
-        print_message("Nothing real moves: at each Enter the program's own hand does what is asked for.")
+        print_message("Nothing real moves: at each Enter the program simulates the action of the person.")
     try:
-        await terminal.confirm("Take your hands off the rig: the loop starts, and the drives come on at zero volts")
+        await terminal.confirm(
+            "Keep clear of the rig: the control loop starts, and the drives are enabled at zero volts"
+        )
     except AbandonedError as error:
         fail(str(error))
     ended = ""
@@ -598,8 +600,11 @@ def _confirm_drives() -> None:
     They do even if a drive lockout of the service is active.
     """
     if not sys.stdin.isatty():
-        fail("standard input is no terminal: a person at the rig has to say that no hand is in it; the drives come on")
-    typer.confirm("Its drives come on. Has everybody taken their hands off the rig?", abort=True, err=True)
+        fail(
+            "standard input is not a terminal: a person at the rig has to confirm that everyone is clear "
+            "of the rig, because the drives will be enabled"
+        )
+    typer.confirm("The drives will be enabled. Is everyone clear of the rig?", abort=True, err=True)
 
 
 def _print_finding(finding: "CheckFinding") -> None:

@@ -268,7 +268,7 @@ def tag(
     from backend.services import RunLibrary
 
     if not add and not remove:
-        fail("say which tags: --add TAG or --remove TAG", status=2)
+        fail("tags are missing: use --add TAG or --remove TAG", status=2)
     with open_configured_database(load_settings(data=data, station=station)) as database:
         RunLibrary(database).change_tags(runs, add or [], remove or [])
 

@@ -114,7 +114,7 @@ def _check_pacing() -> DoctorFinding:
     resolution_ns = 1e9 * time.get_clock_info("monotonic").resolution
     found = f"late by {late_us[TICKS // 2]:.0f} µs (median), {late_us[int(0.99 * TICKS)]:.0f} µs (99 %)"
     missed = f", {pacer.overruns} deadlines missed" if pacer.overruns else ""
-    remedy = "close other programs, or give the loop a core of its own" if pacer.overruns > TICKS // 100 else ""
+    remedy = "close other programs, or reserve a core for the control loop" if pacer.overruns > TICKS // 100 else ""
     return DoctorFinding("1 ms beat", f"{found}{missed}; clock {resolution_ns:.0f} ns", remedy)
 
 
@@ -354,7 +354,7 @@ def name_station(
     from backend.storage import HeldClaim, HeldStation, assign_unowned_rows
 
     if not check_station_name(station):
-        fail("say what the station is to be called", status=2)
+        fail("the name of the station is missing", status=2)
     settings = load_settings(data=data, station="")
     with lock_for_service(settings.data), open_configured_database(settings, owns_folder=True) as database:
         station_lock = HeldStation(database.engine, "")
@@ -633,9 +633,7 @@ def _print_touch(touch: "TouchView", *, as_json: bool) -> None:
     if not touch.learned:
         console.print("nothing is learned")
     armed = touch.contact_N
-    console.print(
-        f"the joint gives way to contacts from {armed:g} N on" if armed else "the joint gives way to no contact"
-    )
+    console.print(f"contact reaction armed at {armed:g} N" if armed else "contact reaction disabled")
 
 
 # sinew wall ----------------------------------------------------------------------------------------
@@ -678,6 +676,6 @@ def _send_wall(wall: dict[str, Any] | None, data: Any, *, as_json: bool) -> None
     if as_json:
         print_json({"wall": present and present.model_dump(mode="json")})
     elif present is None:
-        console.print("no wall stands in the joint's way")
+        console.print("no wall")
     else:
-        console.print(f"a wall stands {present.side} {format_quantity(present.q_wall, 'rad', angle_unit())}")
+        console.print(f"wall {present.side} {format_quantity(present.q_wall, 'rad', angle_unit())}")

@@ -69,12 +69,12 @@ def run(
         else:
             studies.resume(resume)
         if not as_json:
-            console.print(f"study {resume}: sinew study run --resume {resume} goes on with it", highlight=False)
+            console.print(f"study {resume}: sinew study run --resume {resume} resumes it", highlight=False)
         with _show_progress(hidden=as_json) as notify:
             is_complete = run_study(database, resume, _choose_executor(jobs, scheduler), notify, again=again)
         _print_study(studies.build_detail(resume, 0), as_json=as_json)
     if not is_complete:
-        fail(f"study {resume} was stopped: sinew study run --resume {resume} goes on with it")
+        fail(f"study {resume} was stopped: sinew study run --resume {resume} resumes it")
 
 
 @app.command("list")

@@ -100,15 +100,15 @@ async def check_directions(context: ProcedureContext) -> StepFinding:
     low, high = START_RANGE_N
     await context.switch_drives_off()
     await context.request_action(
-        f"Turn both motors by hand until both load cells read some {START_N:g} N, take your hands off, and confirm: "
-        "the drives come on",
+        f"Turn both motors by hand until both load cells read some {START_N:g} N, keep clear of the rig, "
+        f"and confirm: the drives will be enabled",
         ManualInput(theta_A=theta_A, theta_B=theta_B),
     )
     await context.release_rig()
     F_A, F_B = await context.measure_mean("F_A", "F_B")
     if not (low <= F_A <= high and low <= F_B <= high):
         raise StepFailedError(
-            f"the tendons hold {F_A:.1f} N and {F_B:.1f} N, {low:g} to {high:g} N are asked for: wind them by hand"
+            f"the tendons hold {F_A:.1f} N and {F_B:.1f} N, {low:g} to {high:g} N are required: wind them by hand"
         )
     await context.switch_drives_on()
     responses = [await _try_motor(context, "A"), await _try_motor(context, "B")]
@@ -122,7 +122,7 @@ async def check_directions(context: ProcedureContext) -> StepFinding:
         )
     ]
     problems = [problem for response in responses for problem in find_direction_problems(response)]
-    text = "; ".join(dict.fromkeys(problems)) or "both motors turn as the wiring says"
+    text = "; ".join(dict.fromkeys(problems)) or "both motors turn as the wiring file defines"
     return StepFinding(not problems, text, tuple(figures))
 
 
@@ -137,7 +137,9 @@ async def _try_motor(context: ProcedureContext, motor: Side) -> MotorResponse:
     await context.loop.advance_until(lambda: context.loop.ring.count > start_tick + round(0.1 / T_s), 1.0)
     await context.loop.advance_until(lambda: context.mode is not Mode.IDENTIFY, _TRIAL_TIMEOUT_S)
     if context.mode is not Mode.OFF:
-        raise StepFailedError(f"the loop stopped while motor {motor} was tried: it tells why; reset it, and try again")
+        raise StepFailedError(
+            f"the loop stopped while motor {motor} was tested: see the status line; reset it, and try again"
+        )
     rows = context.read_since(first)
     u = rows[:, INDEX[f"u_{motor}"]]
     out = int(np.argmax(u))
@@ -161,12 +163,12 @@ def find_direction_problems(response: MotorResponse) -> list[str]:
     motor, other = response.motor, "B" if response.motor == "A" else "A"
     if not abs(response.F) >= TENSION_MIN_N and not abs(response.q) >= JOINT_MIN_RAD:
         if max(abs(response.own), abs(response.other)) >= TURNED_MIN_RAD:
-            return [f"motor {motor} turned and neither joint nor tension followed: look at its tendon"]
-        return [f"motor {motor} did not turn: look at motor_{motor}.channel, its amplifier and the drive-enable line"]
+            return [f"motor {motor} turned and neither joint nor tension followed: check its tendon"]
+        return [f"motor {motor} did not turn: check motor_{motor}.channel, its amplifier and the drive-enable line"]
     if not (abs(response.F) >= TENSION_MIN_N and abs(response.q) >= JOINT_MIN_RAD):
         return [
-            f"motor {motor}: joint ({Angle(response.q):.4f}) and tensions ({response.F:.2f} N) do not go together: "
-            "look at encoder_q and the load cells with the wiring test"
+            f"motor {motor}: joint ({Angle(response.q):.4f}) and tensions ({response.F:.2f} N) "
+            f"contradict each other: check encoder_q and the load cells with the wiring test"
         ]
     wound = response.F > 0.0
     moved = "A" if (response.q > 0.0) is wound else "B"
@@ -179,11 +181,13 @@ def find_direction_problems(response: MotorResponse) -> list[str]:
         problems.append(f"motor {moved} lets out its tendon at a positive voltage: turn the sign of motor_{moved}.gain")
     turned, still = (response.own, response.other) if moved == motor else (response.other, response.own)
     if not math.isfinite(turned):
-        problems.append(f"the encoder of motor {moved} gives no number: look at encoder_{moved}.counter and its cable")
+        problems.append(
+            f"the encoder of motor {moved} has no valid reading: check encoder_{moved}.counter and its cable"
+        )
     elif abs(turned) < TURNED_MIN_RAD and abs(still) >= TURNED_MIN_RAD:
         problems.append("the encoders of the motors are exchanged: exchange encoder_A.counter and encoder_B.counter")
     elif abs(turned) < TURNED_MIN_RAD:
-        problems.append(f"the encoder of motor {moved} stands still: look at encoder_{moved}.counter and its cable")
+        problems.append(f"the encoder of motor {moved} does not move: check encoder_{moved}.counter and its cable")
     elif (turned > 0.0) is not wound:
         problems.append(f"the encoder of motor {moved} goes backwards: turn the sign of encoder_{moved}.direction")
     return problems
@@ -194,13 +198,13 @@ def find_direction_problems(response: MotorResponse) -> list[str]:
 
 
 _REMEDIES = {
-    HomingEnd.NOT_REACHED: "turn the joint to its middle, look at end_switch.line, its cable and end_switch.position",
-    HomingEnd.STUCK_CLOSED: "look at the switch, at end_switch.line and end_switch.active",
+    HomingEnd.NOT_REACHED: "turn the joint to its middle, check end_switch.line, its cable and end_switch.position",
+    HomingEnd.STUCK_CLOSED: "check the switch, end_switch.line and end_switch.active",
     HomingEnd.WRONG_WAY: "do the wiring test and the direction step again",
-    HomingEnd.JOINT_HELD: "look what holds the joint, and at encoder_q",
+    HomingEnd.JOINT_HELD: "check what blocks the joint, and encoder_q",
     HomingEnd.MOTOR_OFF: "do the direction step again",
-    HomingEnd.TENSION: "look what holds the joint, and calibrate the load cells",
-    HomingEnd.SLACK: "look at the tendons on their reels, and at the load cells",
+    HomingEnd.TENSION: "check what blocks the joint, and calibrate the load cells",
+    HomingEnd.SLACK: "check the tendons on their reels, and the load cells",
     HomingEnd.TOO_LONG: "turn the joint to its middle and try again",
 }
 
@@ -210,8 +214,9 @@ async def home_joint(context: ProcedureContext) -> StepFinding:
     position = context.wiring.end_switch.position
     await context.switch_drives_off()
     await context.request_action(
-        "Turn the joint by hand near to its middle, slacken the tendons, take your hands off, and confirm: the drives "
-        f"come on, and with {HOMING_MAX_V:g} V at most the motors drive the joint to its end switch at "
+        "Turn the joint by hand near to its middle, slacken the tendons, keep clear of the rig, and "
+        f"confirm: the drives will be enabled, and with {HOMING_MAX_V:g} V at most the motors drive the "
+        "joint to its end switch at "
         f"{Angle(position):.4g}, by {Angle(compute_switch_travel(position)):.4g} at most"
     )
     await context.release_rig()
@@ -248,7 +253,7 @@ async def home_joint(context: ProcedureContext) -> StepFinding:
 
 def _describe_end(cause: ModeCause) -> str:
     if not isinstance(cause, HomingEnd) or cause not in _REMEDIES:
-        return f"the loop stopped on the way ({cause}): the status line says why; reset it, and try again"
+        return f"the control loop stopped during the motion ({cause}): see the status line; reset it, and try again"
     limit = f", {HOMING_TENSION_MAX_N:g} N at most" if cause is HomingEnd.TENSION else ""
     return f"{cause}{limit}: {_REMEDIES[cause]}"
 
@@ -271,8 +276,8 @@ LINE_DEVIATION_MAX_N = 0.5
 """Largest deviation of a weight from the fitted line [N]: ten times the noise of a single reading."""
 
 _REMOVE_LOAD = (
-    "Take everything off the load cells, and confirm: the loop starts anew with what was measured, the drives stay "
-    "off, and the encoders lose their zero"
+    "Remove all weights from the load cells, and confirm: the control loop restarts with the "
+    "new calibration, the drives stay off, and the encoders lose their zero"
 )
 
 
@@ -345,7 +350,8 @@ async def calibrate_load_cells(context: ProcedureContext) -> StepFinding:
         if not np.ptp(means) >= 1e-3:
             raise StepFailedError(
                 f"load cell {tendon} reads {1e3 * np.ptp(means):.2f} mV more under {weights[-1]:g} N than under "
-                f"{weights[0]:g} N, 1 mV at least tells weights apart: look at its cable, amplifier and channel"
+                f"{weights[0]:g} N, at least 1 mV is required to distinguish weights: "
+                "check its cable, amplifier and channel"
             )
         slope, at_0_V = (float(part) for part in np.polyfit(means, weights, 1))
         offset = -at_0_V / slope
@@ -356,15 +362,16 @@ async def calibrate_load_cells(context: ProcedureContext) -> StepFinding:
         ]
         if wiring_line is not None and slope * wiring_line[0] < 0.0:
             raise StepFailedError(
-                f"load cell {tendon} has {slope:.4g} N/V, and the wiring says {wiring_line[0]:.4g} N/V, the other way: "
-                f"turn the sign of load_cell_{tendon}.slope, or exchange its two leads"
+                f"load cell {tendon} has {slope:.4g} N/V, and the wiring says {wiring_line[0]:.4g} N/V, "
+                f"the opposite sign: change the sign of load_cell_{tendon}.slope, or exchange its two leads"
             )
         if len(weights) > 2:
             figures.append(MeasuredNumber(f"load cell {tendon} off its line by at most", deviation_N, "N"))
         if not deviation_N <= LINE_DEVIATION_MAX_N:
             raise StepFailedError(
-                f"load cell {tendon} is off its line by {deviation_N:.2f} N, at most {LINE_DEVIATION_MAX_N:g} N are a "
-                "line: look at the weights, or calibrate it by a table in the wiring file"
+                f"load cell {tendon} is off its line by {deviation_N:.2f} N, at most "
+                f"{LINE_DEVIATION_MAX_N:g} N are permitted: check the weights, or calibrate it by a "
+                f"table in the wiring file"
             )
         _require_low_noise(tendon, abs(slope) * max(float(column.std()) for column in volts))
         calibrations.append(
@@ -378,7 +385,7 @@ async def calibrate_load_cells(context: ProcedureContext) -> StepFinding:
 def _extract_volts(rows: Rows, tendon: str) -> Signal:
     volts: Signal = rows[:, INDEX[f"V_{tendon}"]]
     if not np.isfinite(volts).all():
-        raise StepFailedError(f"load cell {tendon} gave no number of volts: look at its cable, amplifier and channel")
+        raise StepFailedError(f"load cell {tendon} has no valid voltage: check its cable, amplifier and channel")
     if not (np.abs(volts) < SATURATED_V).all():
         raise StepFailedError(
             f"load cell {tendon} reads up to {np.abs(volts).max():.2f} V, {SATURATED_V:.2f} V are the end of its "
@@ -390,8 +397,8 @@ def _extract_volts(rows: Rows, tendon: str) -> Signal:
 def _require_low_noise(tendon: str, noise_N: float) -> None:
     if not noise_N <= NOISE_MAX_N:
         raise StepFailedError(
-            f"load cell {tendon} is unsteady by {noise_N:.2f} N, at most {NOISE_MAX_N:g} N are rest: let it come to "
-            "rest, look at shield and ground"
+            f"load cell {tendon} is unsteady by {noise_N:.2f} N, at most {NOISE_MAX_N:g} N are "
+            f"permitted: let it come to rest, check shield and ground"
         )
 
 
@@ -435,7 +442,7 @@ async def apply_pretension(context: ProcedureContext) -> StepFinding:
     figures = (
         MeasuredNumber("tension of tendon A", to_finite(F_A), "N"),
         MeasuredNumber("tension of tendon B", to_finite(F_B), "N"),
-        MeasuredNumber("highest tension on the way", highest, "N"),
+        MeasuredNumber("highest tension during the motion", highest, "N"),
         MeasuredNumber("most that one was ahead of the other", apart, "N"),
     )
     if not is_near_pretension(F):
@@ -463,15 +470,15 @@ async def check_safety_module(context: ProcedureContext) -> StepFinding:
         await context.loop.advance_until(lambda: context.mode is Mode.TRIPPED, TRIP_TIMEOUT_S)
     except TimeoutError:
         raise StepFailedError(
-            f"the module did not trip within {TRIP_TIMEOUT_S:g} s below the tension that the tendons held: do not go "
-            f"on; look at its limit, its supply, and safety_tripped in the wiring file{_SET_BACK}"
+            f"the module did not trip within {TRIP_TIMEOUT_S:g} s below the tension that the tendons "
+            f"held: do not continue; check its limit, its supply, and safety_tripped in the wiring file{_SET_BACK}"
         ) from None
     await context.loop.advance(1.0)
     rows = context.read_since(first)
     tripped = int(np.argmax(rows[:, INDEX["mode"]] == rows[-1, INDEX["mode"]]))
     if rows[-1, INDEX["fault"]] != FAULT_CODE[Fault.SAFETY_MODULE]:
         raise StepFailedError(
-            f"the loop stopped, but not because of the safety module: the status line says why{_SET_BACK}"
+            f"the control loop stopped, but not because of the safety module: see the status line{_SET_BACK}"
         )
     driven = rows[max(tripped - round(DRIVE_TIME_S / T_s), 0) : tripped]
     volts = driven[:, [INDEX["u_A"], INDEX["u_B"]]].max(axis=0)
@@ -504,12 +511,13 @@ def find_uncut_drive(volts: Signal, turned: Signal) -> str:
     """
     for motor, u, angle in zip("AB", volts, turned, strict=True):
         if not u >= DRIVEN_MIN_V:
-            return f"motor {motor} was given {u:.2f} V only: whether its drive was cut cannot be told"
+            return f"motor {motor} was given {u:.2f} V only: too little to test whether its drive was disabled"
         if not angle <= -TURNED_BACK_MIN_RAD:
             return (
-                f"motor {motor} did not let go while it was given {u:.2f} V for {DRIVE_TIME_S:g} s more (it turned by "
-                f"{Angle(angle):.4f}, {Angle(-TURNED_BACK_MIN_RAD):g} are letting go): "
-                "look at how the module cuts the drives"
+                f"motor {motor} did not turn back while it was given {u:.2f} V for {DRIVE_TIME_S:g} s "
+                f"more (it turned by "
+                f"{Angle(angle):.4f}, {Angle(-TURNED_BACK_MIN_RAD):g} are required): check how the "
+                f"module disables the drives"
             )
     return ""
 
@@ -532,7 +540,7 @@ def compute_peaks(F: Rows) -> tuple[float, float]:
 async def _wind_up(context: ProcedureContext) -> tuple[float, float]:
     """Apply pretension; return the highest tension and the largest difference of both [N]."""
     context.report_phase("winding up")
-    await context.request_action("Take your hands off: the motors wind up. Confirm to begin")
+    await context.request_action("Keep clear of the rig: the motors apply pretension. Confirm to begin")
     await context.release_rig()
     await context.switch_drives_on()
     first = context.loop.ring.count
@@ -549,14 +557,14 @@ async def _wind_up(context: ProcedureContext) -> tuple[float, float]:
         # NumPy's maximum propagates nan, Python's max may not.
         highest, apart = (float(most) for most in np.maximum((highest, apart), compute_peaks(F)))
         if not (highest <= TENSION_MAX_N and apart <= TENSION_DIFFERENCE_MAX_N):
-            await context.loop.send(Stop(Fault.STOP_PRESSED, hard=True, detail="the pretension went wrong"))
+            await context.loop.send(Stop(Fault.STOP_PRESSED, hard=True, detail="the pretension failed"))
             raise StepFailedError(
                 f"stopped: up to {highest:.1f} N, one tendon ahead by up to {apart:.1f} N; at most {TENSION_MAX_N:g} N "
                 f"and {TENSION_DIFFERENCE_MAX_N:g} N belong to a pretension of {PRETENSION_N:g} N: "
-                "do the steps before anew"
+                f"repeat the previous steps"
             )
         if context.mode is not Mode.PRETENSION:
-            raise StepFailedError("the loop stopped on the way up: the status line says why")
+            raise StepFailedError("the control loop stopped while the tension rose: see the status line")
         steady_s = steady_s + POLL_S if is_near_pretension(F.mean(axis=0)) else 0.0
         if steady_s >= 2.0:
             return highest, apart
@@ -659,7 +667,7 @@ def _find_sensor_problems(context: ProcedureContext, wanted: _Sensor, excursions
     entry = getattr(context.wiring, wanted.section)
     at = getattr(entry, wanted.place)
     if not np.isfinite(excursion):
-        return [f"the {wanted.words} gives no number: look at its cable and its amplifier at {at}"]
+        return [f"the {wanted.words} has no valid reading: check its cable and its amplifier at {at}"]
     # The joint may turn a motor through a taut tendon, so other sensors are ignored when the joint is turned.
     others = [
         other
@@ -673,18 +681,18 @@ def _find_sensor_problems(context: ProcedureContext, wanted: _Sensor, excursions
                 f"it is the {other.words} that moved, not the {wanted.words}: exchange {wanted.section}.{wanted.place} "
                 f"and {other.section}.{other.place} in the wiring file"
             ]
-        return [f"the {wanted.words} did not move: look at its cable and at {wanted.section}.{wanted.place} ({at})"]
+        return [f"the {wanted.words} did not move: check its cable and {wanted.section}.{wanted.place} ({at})"]
     if abs(excursion) < wanted.least:
         return [
-            f"the {wanted.words} moved by {excursion:.2f} {wanted.unit} only, {wanted.least:g} are asked for: move it "
-            f"further, or mend {wanted.section}"
+            f"the {wanted.words} moved by {excursion:.2f} {wanted.unit} only, {wanted.least:g} are "
+            f"required: move it further, or correct {wanted.section}"
         ]
     if excursion < 0.0:
         return [
             f"the {wanted.words} goes backwards: turn the sign of {wanted.section}.{wanted.sign} in the wiring file"
         ]
     if others and wanted is not _Q:
-        return [f"the {others[0].words} moved too: look for a cable that carries both"]
+        return [f"the {others[0].words} moved too: check for one cable with both signals"]
     return []
 
 

@@ -81,7 +81,7 @@ def collect_values(step: StepId, given: Mapping[str, float]) -> dict[str, float]
     asked = {wanted.name: wanted for wanted in (*STEP[step].inputs, *further)}
     unknown = ", ".join(sorted(set(given) - set(asked)))
     if unknown:
-        raise ValueError(f"{step} asks for no {unknown}; it asks for {', '.join(asked) or 'nothing'}")
+        raise ValueError(f"{step} has no input {unknown}; its inputs are {', '.join(asked) or 'nothing'}")
     values = {name: float(given.get(name, wanted.default)) for name, wanted in asked.items()}
     for name, value in values.items():
         wanted = asked[name]

@@ -113,7 +113,7 @@ def _is_contradicted(stored: StoredResults) -> bool:
 def find_blocking_steps(step: CommissioningStep, states: Mapping[StepId, StepStatus]) -> str:
     """Return the steps that must come first, as text; empty if the step can start."""
     if step.id not in states:
-        return "the wiring file says no end_switch.position: where the switch holds the joint has to be known"
+        return "end_switch.position is missing in the wiring file: set the angle at which the switch closes"
     missing = [_format_title(need, states) for need in _collect_needs(step) if not _is_satisfied(need, states[need])]
     return f"first: {', '.join(missing)}" if missing else ""
 

@@ -54,23 +54,23 @@ STEPS: tuple[CommissioningStep, ...] = (
     CommissioningStep(
         StepId.WIRING_TEST,
         "Wiring test",
-        "Drives off, tendons slack. Turn the joint, then each motor, and pull at each tendon, as you are asked: each "
-        "sensor has to move, the right one, and to the right side.",
+        "Drives off, tendons slack. Turn the joint, then each motor, and pull at each tendon, as "
+        "prompted: each time the expected sensor has to change, in the expected direction.",
         holds_days=30.0,
     ),
     CommissioningStep(
         StepId.TARE,
         "Tare",
-        "Both tendons slack, nothing touches the load cells: 1 s of their volts becomes their zero. The loop starts "
-        "anew with it, so that the encoders lose theirs: do Zero after it.",
+        "Both tendons slack, nothing touches the load cells: the mean voltage over 1 s becomes their "
+        "zero. The control loop restarts, so that the encoders lose their zero: repeat Zero afterwards.",
         holds_days=1.0,
         needs=(StepId.WIRING_TEST,),
     ),
     CommissioningStep(
         StepId.CALIBRATE,
         "Calibration",
-        "Hang two known weights on each load cell, one after the other: slope and offset come from them. The "
-        "loop starts anew with them, so that the encoders lose their zero: do Zero after it.",
+        "Hang two known weights on each load cell, one after the other: they determine slope and offset. "
+        "The control loop restarts, so that the encoders lose their zero: repeat Zero afterwards.",
         holds_days=180.0,
         needs=(StepId.WIRING_TEST,),
         inputs=(
@@ -89,31 +89,35 @@ STEPS: tuple[CommissioningStep, ...] = (
     CommissioningStep(
         StepId.DIRECTION,
         "Motor directions",
-        "Hands off. Each motor turns a little, with 1 V at most, and back: its encoder has to rise, its tendon to get "
-        "tauter, the joint to go to its side.",
+        "Keep clear of the rig. Each motor turns a little, with 1 V at most, and back: its encoder count "
+        "and its tension have to rise, and the joint has to move to its side.",
         holds_days=30.0,
         needs=(StepId.WIRING_TEST, StepId.ZERO),
     ),
     CommissioningStep(
         StepId.HOME,
         "Homing",
-        "Hands off. Both motors hold the tendons at 4 N and drive the joint to its end switch, slowly and with 1.5 V "
-        "at most, and back to its middle: the encoders count from there. Any surprise ends it at zero volts.",
+        "Keep clear of the rig. Both motors hold the tendons at 4 N and drive the joint to its end "
+        "switch, slowly and with 1.5 V "
+        "at most, and back to its middle: the encoders count from there. Any unexpected reading stops "
+        "the homing at zero volts.",
         holds_days=1.0,
         needs=(StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.DIRECTION),
     ),
     CommissioningStep(
         StepId.PRETENSION,
         "Pretension",
-        "Hands off. Both motors wind up to the pretension: both tensions have to rise together, none beyond its limit.",
+        "Keep clear of the rig. Both motors apply the pretension: both tensions have to rise together, "
+        "none beyond its limit.",
         holds_days=30.0,
         needs=(StepId.TARE, StepId.CALIBRATE, StepId.ZERO, StepId.DIRECTION),
     ),
     CommissioningStep(
         StepId.SAFETY_MODULE,
         "Safety module",
-        "At the pretension, lower the limit at the safety module until it trips. The loop goes on to drive both motors "
-        "for 0.3 s, with 1 V at most: they have to let go all the same, as the module has cut them.",
+        "At the pretension, lower the limit at the safety module until it trips. The control loop drives "
+        "both motors for another 0.3 s, with 1 V at most: they have to turn back, because the module has "
+        "disabled the drives.",
         holds_days=30.0,
         needs=(StepId.PRETENSION,),
     ),

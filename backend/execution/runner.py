@@ -301,7 +301,7 @@ async def _enter_run_mode(loop: SimulatedLoop) -> None:
     waited_s = 0.0
     while isinstance(answer := await loop.send(SetMode(Mode.RUN)), Refused):
         if waited_s > PRETENSION_TIMEOUT_S:
-            raise ProgramRejectedError(f"nothing was learned of the outside force: {answer.reason}")
+            raise ProgramRejectedError(f"the bias of the external force was not calibrated: {answer.reason}")
         await loop.advance(SLICE_S)
         waited_s += SLICE_S
 
@@ -309,7 +309,7 @@ async def _enter_run_mode(loop: SimulatedLoop) -> None:
 async def _require_accepted(loop: SimulatedLoop, command: Command) -> None:
     answer = await loop.send(command)
     if not isinstance(answer, Accepted):
-        raise ProgramRejectedError(f"nothing was learned of the outside force: {answer.reason}")
+        raise ProgramRejectedError(f"the bias of the external force was not calibrated: {answer.reason}")
 
 
 # Runner --------------------------------------------------------------------------------------------

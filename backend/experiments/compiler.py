@@ -347,7 +347,7 @@ class ContactDetectionSequence:
             )
             return ""
         if len(self.items) == MAX_CONTACT_DETECTIONS:
-            return f"{MAX_CONTACT_DETECTIONS} changes of what is given way to are the most: split the experiment"
+            return f"{MAX_CONTACT_DETECTIONS} changes of the contact reaction are the limit: split the experiment"
         self.items.append(detection)
         return ""
 
@@ -410,7 +410,9 @@ class _Compiler(NumberReader):
         if self._assigned_walls != len(self._walls):
             raise self._build_error("nothing is played after this change of the wall: leave it out", self._path)
         if self._detections.has_unused_calibration:
-            raise self._build_error("nothing is played after what is learned here: leave it out", self._path)
+            raise self._build_error(
+                "no part may follow a calibration of the external force: remove the later parts", self._path
+            )
         if not self._segments:
             raise self._build_error("it plays nothing: give it a motion", ("phases",))
         return CompiledExperiment(
@@ -471,7 +473,7 @@ class _Compiler(NumberReader):
         q, S = self._read_amplitudes(part.q_amplitude, part.S_amplitude)
         for name, amplitude, crest in (("q_amplitude", q, part.q_ref), ("S_amplitude", S, part.S_ref)):
             if amplitude and crest is not None:
-                raise self._build_error("its crest is said twice, by the reference as well", (*self._path, name))
+                raise self._build_error("its crest is given twice, by the reference as well", (*self._path, name))
         self._q, self._S = q_before + q, S_before + S
         self._set_references(part.q_ref, part.S_ref)
         self._add(Segment(duration_s, self._q, self._S, F, Shape.SINE, period_s))
@@ -675,7 +677,7 @@ class _Compiler(NumberReader):
     def _require_references(self) -> None:
         """Raise ExperimentError for an oscillation before any references are set."""
         if not self._has_references:
-            raise self._build_error("nothing says around which references it goes: begin with a step", self._path)
+            raise self._build_error("its centre is not defined: begin with a step", self._path)
 
     def _add_hold(self, duration_s: float, F_push: float = 0.0) -> None:
         self._add(Segment(duration_s, self._q, self._S, F_push))

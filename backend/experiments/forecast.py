@@ -455,7 +455,7 @@ class Forecast:
         reach = max(self.q_high, -self.q_low, key=abs)
         if reach > bounds.q_trip and reach > abs(self.q_start) + MARGIN_RAD:
             raise OutOfRangeError(
-                quantity="joint position on the way",
+                quantity="joint position during the motion",
                 value=reach,
                 minimum=-bounds.q_trip,
                 maximum=bounds.q_trip,
@@ -464,7 +464,7 @@ class Forecast:
             )
         if self.F_high > bounds.F_max:
             raise OutOfRangeError(
-                quantity="tension on the way",
+                quantity="tension during the motion",
                 value=self.F_high,
                 minimum=None,
                 maximum=bounds.F_max,
@@ -474,7 +474,7 @@ class Forecast:
         if self.F_low < bounds.F_slack and not self.let_slack:
             remedy = "take a higher tension or a smaller amplitude: a tendon would go slack"
             raise OutOfRangeError(
-                quantity="tension on the way",
+                quantity="tension during the motion",
                 value=self.F_low,
                 minimum=bounds.F_slack,
                 maximum=None,

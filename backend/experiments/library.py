@@ -512,7 +512,7 @@ IDENTIFICATIONS: dict[str, IdentificationEntry] = {
     "motor": IdentificationEntry(
         MotorIdentificationPlan,
         "Motors",
-        "Gain, time constant and dry friction of both motors: voltage steps up and down with slack tendons.",
+        "Gain, time constant and Coulomb friction of both motors: voltage steps up and down with slack tendons.",
     ),
     "spring": IdentificationEntry(
         SpringIdentificationPlan,

@@ -518,7 +518,7 @@ def _convert_node(node: Any, path: Path, lines: dict[Path, int], depth: int, *, 
             if not isinstance(key, str):
                 raise ExperimentError(f"the key {key!r} is not a text", path, key_node.start_mark.line + 1)
             if key in mapping:
-                raise ExperimentError("it is said twice", (*path, key), key_node.start_mark.line + 1)
+                raise ExperimentError("it is given twice", (*path, key), key_node.start_mark.line + 1)
             lines[*path, key] = key_node.start_mark.line + 1
             mapping[key] = _convert_node(value_node, (*path, key), lines, depth + 1, stored=stored)
         return mapping
@@ -595,7 +595,7 @@ def _format_problem(first: Any) -> str:
     if first["type"] == "union_tag_invalid":
         return f"{first['ctx']['tag']!r} is no motion; there are {first['ctx']['expected_tags'].replace(chr(39), '')}"
     if first["type"] == "union_tag_not_found":
-        return "a part says by `do` what it does"
+        return "a part needs `do`, which names its kind"
     if first["type"] == "missing_argument" or first["type"] == "missing_keyword_only_argument":
         return "it is missing"
     message = str(first["msg"]).removeprefix("Value error, ").replace("Input should be", "it should be")

@@ -212,7 +212,7 @@ class SpringIdentificationPlan:
         meaning="tension where the sweep turns, below the solid spring's",
     )
     sweep_s: float = number_setting(
-        15.0, minimum=3.0, maximum=120.0, unit="s", symbol="t_s", meaning="time of one way up or down"
+        15.0, minimum=3.0, maximum=120.0, unit="s", symbol="t_s", meaning="time of one sweep up or down"
     )
     cycles: int = integer_setting(2, 1, 10, "n", "number of times up and down")
     settle_s: float = number_setting(

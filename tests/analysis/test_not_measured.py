@@ -52,7 +52,7 @@ def test_a_step_that_begins_in_motion_has_no_metrics() -> None:
     result = compute_step_metrics(t, y, ReferenceStep("S", "stiffness", 0.0, 8.0, 8.0, 10.0, alone=True))
     assert (result.rise_s, result.reach_s, result.settling_s, result.overshoot_percent) == (None, None, None, None)
     for name in ("rise_s", "reach_s", "settling_s", "overshoot_percent"):
-        assert result.reasons[name] == "it began at 18 % of its way: the motion before was not over"
+        assert result.reasons[name] == "the step began at 18 % of the step: the previous motion had not ended"
 
 
 def test_a_signal_that_only_passes_by_is_not_at_rest() -> None:
@@ -61,7 +61,7 @@ def test_a_signal_that_only_passes_by_is_not_at_rest() -> None:
     before = -2.0 * T_s * np.arange(100, 0, -1, dtype=float)
     result = compute_step_metrics(t, double_lag(t, 0.5), step(), before)
     assert result.rise_s is None
-    assert "the motion before was not over" in result.reasons["rise_s"]
+    assert "the previous motion had not ended" in result.reasons["rise_s"]
     assert compute_step_metrics(t, double_lag(t, 0.5), step(), np.zeros(100)).rise_s is not None
 
 
@@ -70,7 +70,7 @@ def test_overshoot_needs_a_step_that_came_to_rest_or_that_overshot() -> None:
     short = compute_step_metrics(t, double_lag(t, 0.5), step(end_s=1.5))
     came_to = 100 * (1 - 4 * math.exp(-3))  # 1 − (1 + x) exp(−x) at x = 3
     assert short.overshoot_percent is None
-    assert short.reasons["reach_s"] == f"it came to {came_to:.0f} % of its way in its time"
+    assert short.reasons["reach_s"] == f"the signal reached {came_to:.0f} % of the step within its duration"
     assert short.reasons["overshoot_percent"] == "it was not within ±2 % of its reference when its time was over"
     assert short.steady_error is None
     rings = 1 + 0.3 * np.cos(6 * t)

@@ -153,7 +153,7 @@ def test_a_motor_that_rests_off_its_reference_fails_with_its_deviation(tmp_path:
 
 def test_a_run_that_ended_before_both_were_loaded_gives_nothing(columns: RobustnessColumns) -> None:
     early = {name: column[:-3000] for name, column in columns.items()}
-    with pytest.raises(NoSamplesError, match="loaded and let go"):
+    with pytest.raises(NoSamplesError, match="loaded and released"):
         compute_robustness_metrics(early, STEPS, 0.0)
 
 
@@ -169,7 +169,7 @@ def test_the_report_has_measurements_and_loads(source: RunData) -> None:
 
 
 @pytest.mark.parametrize(
-    ("figure", "reason"), [(np.nan, "the angles of motor A hold no number"), (0.0, "motor A moved by less than")]
+    ("figure", "reason"), [(np.nan, "no angle of motor A was measured"), (0.0, "motor A moved by less than")]
 )
 def test_what_is_no_deviation_at_all_passes_nothing(columns: RobustnessColumns, figure: float, reason: str) -> None:
     still = {**columns, "theta_A": columns["theta_A_ref"] + figure}

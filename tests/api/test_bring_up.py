@@ -184,7 +184,7 @@ def test_a_tare_takes_the_zero_with_it_and_says_so(rig: httpx.Client) -> None:
 
 def test_a_tare_that_is_not_taken_up_is_told_and_takes_effect_later(rig: httpx.Client) -> None:
     def stop(asked: str) -> None:
-        if "the loop starts anew" in asked:
+        if "the control loop restarts" in asked:
             rig.post("/api/stop").raise_for_status()
 
     step = played(rig, "tare", before=stop)

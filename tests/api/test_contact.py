@@ -216,7 +216,7 @@ def test_rejection_needs_calibration_and_returns_the_joint(database: Database) -
             await tuning_service.start_trial(TrialRequest(k_ext=0.7, duration_s=5.0), WHO)
         assert parts.live_state.tuning.choice.k_ext == 0.0
         await learned(parts)
-        with pytest.raises(OutOfRangeError, match="outside force that is rejected"):
+        with pytest.raises(OutOfRangeError, match="gain of the disturbance rejection"):
             await tuning_service.apply(TuningRequest(k_ext=1.5), WHO)
         view = await tuning_service.apply(TuningRequest(lam_q=2.0, k_ext=1.0), WHO)
         assert (view.lam_q, view.k_ext) == (2.0, 1.0)

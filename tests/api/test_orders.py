@@ -178,7 +178,7 @@ def test_what_would_leave_the_range_is_told_before_and_refused_at_the_start(off:
     assert not told["within_range"]
     assert not told["enough_motion"]
     refused = problem(off.post("/api/identifications", json=order))
-    assert (refused["quantity"], refused["maximum"], refused["unit"]) == ("tension on the way", 50.0, "N")
+    assert (refused["quantity"], refused["maximum"], refused["unit"]) == ("tension during the motion", 50.0, "N")
     assert refused["message"] == told["message"]
     assert off.get("/api/state").json()["mode"] == "off"
 

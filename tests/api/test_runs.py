@@ -451,7 +451,12 @@ def test_a_viewer_reads_and_writes_none(viewer: httpx.Client) -> None:
 PARAMETERS = {"r_m": 0.0075}
 
 
-def test_a_session_tells_its_origin_and_what_happened_in_it(running: httpx.Client) -> None:
+def test_a_session_tells_its_origin_and_what_happened_in_it(off: httpx.Client) -> None:
+    off.post("/api/banks/geometry/activate").raise_for_status()  # another test of the service may have used a bank
+    off.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
+    running = off
+    wait_for(running, "pretension_done", True)
+    running.post("/api/mode", json={"mode": "run"}).raise_for_status()
     run = running.get("/api/state").json()["recording_run"]
     running.put("/api/references", json={"q_ref": math.radians(15.0), "S_ref": 10.25}).raise_for_status()
     running.post("/api/mode", json={"mode": "stopping"}).raise_for_status()

@@ -96,7 +96,7 @@ def test_reports_and_exports_survive_their_process(service: Service, off: httpx.
 def test_an_experiment_ends_with_its_result_although_its_process_was_killed(
     service: Service, off: httpx.Client, run: int
 ) -> None:
-    assert kill_all(service, COMPUTING) == 1
+    assert kill_all(service, COMPUTING) >= 1
     again = begin(off)
     wait_for(off, "mode", "experiment")
     kill_all(service, COMPUTING)

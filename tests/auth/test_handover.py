@@ -105,7 +105,7 @@ def test_who_asks_gets_control_when_it_is_handed_over_and_all_of_it_is_told(desk
         desk.take(VERA, number)  # a second page of hers
     assert desk.told == [
         "Vera: asked Ana for control: the λ sweep is mine",
-        "Ana: hands control over to Vera: mind the wall",
+        "Ana: handed control over to Vera: mind the wall",
         "Vera: control handed over by Ana: the λ sweep is mine",
     ]
     desk.wait(TOLD_S + 1.0)
@@ -121,7 +121,7 @@ def test_a_reason_with_numbers_and_units_is_displayed_as_it_was_written(desk: De
     desk.take(VERA, number)
     assert [format_text(text, angles) for text in desk.told] == [
         f"Vera: asked Ana for control: {reason}",
-        f"Ana: hands control over to Vera: {answer}",
+        f"Ana: handed control over to Vera: {answer}",
         f"Vera: control handed over by Ana: {reason}",
     ]
 
@@ -134,7 +134,7 @@ def test_who_keeps_control_says_why_and_it_is_heard(desk: Desk) -> None:
     desk.answer(ANA, number, HandoverAnswer.DECLINE, "ten minutes more", holds=True)
     (seen,) = desk.hand_over.view()
     assert (seen.standing, seen.answer, desk.holder) == ("declined", "ten minutes more", "Ana")
-    assert desk.told[-1] == "Ana: keeps control, asked by Vera: ten minutes more"
+    assert desk.told[-1] == "Ana: declined the request of Vera for control: ten minutes more"
     with refusal():
         desk.take(VERA, number)
     again = desk.ask(VERA)
@@ -222,7 +222,7 @@ def test_a_request_ends_with_whoever_asked_but_not_with_a_reload_of_their_page(d
         assert desk.standing(number) == "asked"
     desk.wait(GONE_S + 1.0)
     assert desk.standing(number) == "left"
-    assert desk.told[-1] == ": Vera has left: control is asked for no longer"
+    assert desk.told[-1] == ": Vera has left: the request for control is closed"
 
 
 @pytest.mark.parametrize("how", ["given up", "lost", "script"])
@@ -283,7 +283,7 @@ def test_both_may_take_back_what_they_have_said(desk: Desk) -> None:
 
 
 def test_who_cannot_ask_is_told_what_to_do(desk: Desk) -> None:
-    for who, words in ((ANA, "another page of yours"), (SCRIPT, "a page that is open")):
+    for who, words in ((ANA, "another page of yours"), (SCRIPT, "an open page")):
         with pytest.raises(RequestRejectedError, match=words):
             desk.ask(who)
     desk.ask(VERA)

@@ -103,7 +103,7 @@ def test_a_card_that_cannot_be_opened_is_told_in_either_form(
 CARD = ["--plant", "rig", "--virtual-card"]
 ROOT = Path(__file__).parents[2]
 BEFORE_HOMING = (StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.DIRECTION)
-START = "Take your hands off the rig"
+START = "Keep clear of the rig"
 WIRING = load_wiring("pcie-6323")
 
 
@@ -180,7 +180,7 @@ def test_a_tare_at_the_terminal_is_what_the_service_shows(
 ) -> None:
     done(tmp_path, StepId.WIRING_TEST)
     with at_a_terminal("tare", *CARD, "--json", data=tmp_path) as (running, typing):
-        for question in (START, "Slacken both tendons", "the loop starts anew"):
+        for question in (START, "Slacken both tendons", "the control loop restarts"):
             told(running, question)
             # After the first, while the loop starts and nothing is asked: no answer.
             os.write(typing, b"\nq\n" if question == START else b"\n")
@@ -300,11 +300,11 @@ def test_answers_of_a_pipe_end_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["bring-up"], "what is driven here is the simulator: say --plant rig"),
-        (["bring-up", "--plant", "rig"], "standard input is no terminal"),
+        (["bring-up"], "the plant is the simulator: use --plant rig"),
+        (["bring-up", "--plant", "rig"], "standard input is not a terminal"),
         (["bring-up", *CARD, "--step", "direction"], "Motor directions: first: Wiring test, Zero"),
         (["tare", *CARD], "Tare: first: Wiring test"),
-        (["bring-up", *CARD, "--step", "home"], "Homing: the wiring file says no end_switch.position"),
+        (["bring-up", *CARD, "--step", "home"], "Homing: end_switch.position is missing in the wiring file"),
         (["calibrate", *CARD, "--weight", "5"], "two known weights at least"),
         (["calibrate", *CARD, "--weight", "7", "--weight", "5"], "at least 5 N apart"),
         (["calibrate", *CARD, "--weight", "5", "--weight", "60"], "45 N"),

@@ -89,7 +89,7 @@ def test_the_wiring_test_finds_dead_sensors(dead: tuple[str, ...]) -> None:
     (finding,) = played(CommissionedRig(WIRING, with_entries(WIRING, **nowhere)), StepId.WIRING_TEST)
     assert not finding.passed
     for section in SENSORS:
-        found = f"did not move: look at its cable and at {section}" in finding.text
+        found = f"did not move: check its cable and {section}" in finding.text
         assert found is (section in dead), finding.text
 
 
@@ -336,7 +336,7 @@ def test_a_module_that_signals_but_does_not_cut_is_found(cuts: tuple[bool, bool]
     finally:
         rig.loop.close()
     assert not finding.passed
-    assert f"{named} did not let go" in finding.text
+    assert f"{named} did not turn back" in finding.text
     # It was driven for 0.3 s after the trip and not longer, with little voltage.
     stopped = int(np.argmax(rows[:, INDEX["mode"]] == MODE_CODE[Mode.TRIPPED]))
     assert rows[stopped, INDEX["tick"]] - tripped_at[0] == pytest.approx(300, abs=2)
@@ -381,7 +381,7 @@ def test_the_other_checks_are_armed_while_the_loop_goes_on_to_command() -> None:
 REFUSED: dict[str, tuple[dict[str, dict[str, Any]], str]] = {
     "wrong sign": (
         {"load_cell_A": {"slope": -9.4}},
-        r"load cell A has -9\.[34]\d* N/V, and the wiring says 10 N/V, .*turn the sign of load_cell_A\.slope",
+        r"load cell A has -9\.[34]\d* N/V, and the wiring says 10 N/V, .*change the sign of load_cell_A\.slope",
     ),
     "saturated": (
         {"load_cell_B": {"slope": 1.5}},
@@ -389,7 +389,7 @@ REFUSED: dict[str, tuple[dict[str, dict[str, Any]], str]] = {
     ),
     "dead": (
         {"load_cell_A": {"channel": "ai7"}},
-        r"load cell A reads 0\.00 mV more under 25 N than under 5 N, 1 mV at least .*look at its cable",
+        r"load cell A reads 0\.00 mV more under 25 N than under 5 N, at least 1 mV is required .*check its cable",
     ),
 }
 
@@ -420,7 +420,7 @@ def test_no_number_is_not_taken_for_a_load(step: StepId) -> None:
 
     finding = asyncio.run(session())
     assert (finding.passed, finding.calibrations) == (False, ())
-    assert finding.text == "load cell A gave no number of volts: look at its cable, amplifier and channel"
+    assert finding.text == "load cell A has no valid voltage: check its cable, amplifier and channel"
 
 
 @pytest.mark.parametrize(

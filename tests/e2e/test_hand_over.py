@@ -143,9 +143,9 @@ def test_who_asks_is_answered_and_both_read_what_the_log_keeps(browser: Browser,
         assert log == [
             ("Ana", "control taken"),
             ("Vera", "asked Ana for control: my λ sweep"),
-            ("Ana", "keeps control, asked by Vera: ten minutes more"),
+            ("Ana", "declined the request of Vera for control: ten minutes more"),
             ("Vera", "asked Ana for control: now it is my turn"),
-            ("Ana", "hands control over to Vera: mind the wall"),
+            ("Ana", "handed control over to Vera: mind the wall"),
             ("Vera", "control handed over by Ana: now it is my turn"),
         ]
         ana.page.get_by_role("navigation", name="Main").get_by_role("link", name="Log").click()

@@ -276,7 +276,7 @@ AFTER_S = {
 """Some time in the program of each that is ready-made [s], after the first figure can be had."""
 
 TOO_EARLY = {
-    "robustness": (9.0, "both motors had been loaded and let go"),
+    "robustness": (9.0, "both motors were loaded and released"),
     "disturbance_battery": (8.0, "the pushes were over"),
 }
 """Some time [s] before it, and what was not over by then."""

@@ -141,15 +141,15 @@ def test_what_would_leave_the_range_of_springs_or_joint_is_refused_with_its_figu
 
     # 2 rad of motor A stretch each spring by 7.5 mm: from 55.5 mm at 42 N that is beyond 61.4 mm, where they are solid.
     solid = refused(replace(SHORT, tension_N=42.0, amplitude_rad=2.0, chip_s=0.5))
-    assert (solid.quantity, solid.maximum, solid.unit) == ("tension on the way", 50.0, "N")
+    assert (solid.quantity, solid.maximum, solid.unit) == ("tension during the motion", 50.0, "N")
     narrow = replace(ideal, geometry=replace(ideal.geometry, q_max=0.5))
     joint = refused(replace(SHORT, tension_N=20.0), narrow)
-    assert (joint.quantity, joint.unit) == ("joint position on the way", "rad")
+    assert (joint.quantity, joint.unit) == ("joint position during the motion", "rad")
     # q = r_m θ_A / (2 r_j) for like springs, θ_A what stretches both to 20 N, 1 rad of excitation and 1 rad of trim
     assert joint.value == pytest.approx(0.05 * (2.0 * 4.72 + 2.0), abs=0.03)
     told = forecast_identifications([replace(SHORT, tension_N=20.0)], ideal, at_rest, LAM_MOTOR)
     told.require_within_range(ideal)
-    with pytest.raises(OutOfRangeError, match=r"tension on the way: 0\.5 N .* 1 N; .* would go slack"):
+    with pytest.raises(OutOfRangeError, match=r"tension during the motion: 0\.5 N .* 1 N; .* would go slack"):
         replace(told, F_low=0.5).require_within_range(ideal)
 
 

@@ -143,7 +143,7 @@ def test_equal_experiments_have_equal_texts() -> None:
         ("duration_s: 2.0", "duration_s: 1e400", 10, "is not taken"),
         ("duration_s: 2.0", "duration_s: -1e400", 10, "is not taken"),
         ("duration_s: 2.0", "duration_s: 1234567890123456789", 10, "is not a number that can be meant"),
-        ("duration_s: 2.0", "duration_s: 2.0\n        do: hold", 11, "phases 1, parts 1, do: it is said twice"),
+        ("duration_s: 2.0", "duration_s: 2.0\n        do: hold", 11, "phases 1, parts 1, do: it is given twice"),
         ("duration_s: 2.0", "duration_s: true", 10, "duration_s"),
         ("duration_s: 2.0", "duration_s: null", 10, "duration_s"),
         ("duration_s: 2.0", "duration_s: [2.0]", 10, "duration_s"),
@@ -152,7 +152,7 @@ def test_equal_experiments_have_equal_texts() -> None:
         ("duration_s: 2.0", "2: 2.0", 10, "the key 2 is not a text"),
         ("do: hold", "do: [", 11, "it is neither YAML nor JSON"),
         ("do: hold", "do: fly", 9, "'fly' is no motion; there are hold, step, ramp"),
-        ("name: small", "name: small\nname: other", 4, "name: it is said twice"),
+        ("name: small", "name: small\nname: other", 4, "name: it is given twice"),
         ("format: 1", "format: 2", 2, "2 is not known: this Sinew reads format 1"),
         ("format: 1", "format: one", 2, "'one' is not known"),
         ("title: Small", f"title: {'x' * 101}", 4, "title"),
@@ -407,7 +407,7 @@ def test_the_parts_of_the_value_are_played(how: str, q_ref: float, duration_s: f
         (chosen(), "it needs parts for each of up, down"),
         (chosen(UP, DOWN, "sideways: []"), "it needs parts for each of up, down"),
         (chosen(UP, DOWN, by="where"), "'where' is no setting with choices"),
-        (chosen(UP, UP), "it is said twice"),
+        (chosen(UP, UP), "it is given twice"),
     ],
 )
 def test_a_choice_without_parts_is_refused_in_its_line(text: str, told: str) -> None:

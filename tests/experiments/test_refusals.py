@@ -57,7 +57,7 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         ("{do: sine, S_amplitude: 3, period_s: 1, duration_s: 1}", "3 N·m/rad is outside -2 to 2 N·m/rad"),
         (
             "{do: sine, q_amplitude: 0.1, q_ref: 0.1, period_s: 1, duration_s: 1}",
-            "q_amplitude: its crest is said twice, by the reference as well",
+            "q_amplitude: its crest is given twice, by the reference as well",
         ),
         ("{do: sine, q_ref: 1.5, period_s: 1, duration_s: 1}", "q_ref: position reference: 1.5\u202frad is outside"),
         ("{do: ramp, q_ref: 0.1, duration_s: 1, F_push: 31}", "31 N is outside -30 to 30 N"),
@@ -66,7 +66,7 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         ("{do: hold}", "duration_s: it is missing"),
         ("{do: hold, duration_s: 1, q_ref: 1}", "q_ref: it is not known here"),
         ("{do: dance, duration_s: 1}", "'dance' is no motion; there are hold, step"),
-        ("{duration_s: 1}", "a part says by `do` what it does"),
+        ("{duration_s: 1}", "a part needs `do`, which names its kind"),
         ("{do: hold, duration_s: .nan}", "'.nan' is no expression"),
         ("{do: hold, duration_s: 1e999}", "is not taken"),
         ("{do: hold, duration_s: unknown}", "'unknown' is not known here; known are pi"),
@@ -77,7 +77,7 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         ("{do: hold, duration_s: '[1][0]'}", "is not taken"),
         ("{do: hold, duration_s: \"'1'\"}", "which is not a finite number"),
         ("{do: tuning, lam_q: 0.1}", "nothing is played after this change of the tuning"),
-        ("{do: learn}", "nothing is played after what is learned here"),
+        ("{do: learn}", "no part may follow a calibration"),
         ("{do: learn, duration_s: 1}", "time at rest that is learned from: 1 s is outside 2 to 600 s"),
         (FELT.format(1.5), "nothing was learned before it: let the joint rest in a part `do: learn` first"),
         (
@@ -120,7 +120,7 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
             "{do: repeat, index: pi, times: 2, parts: [{do: hold, duration_s: 1}]}",
             "'pi' is taken: give the index another",
         ),
-        ("{do: hold, duration_s: 1, duration_s: 2}", "duration_s: it is said twice"),
+        ("{do: hold, duration_s: 1, duration_s: 2}", "duration_s: it is given twice"),
         ("{do: hold, duration_s: yes}", "'yes' is not known here"),
         ("{do: hold, duration_s: 123456789012345678901}", "is not a number that can be meant"),
     ],
@@ -226,10 +226,10 @@ def test_a_rejected_experiment_is_not_stored(own: OwnExperiments, tmp_path: Path
 )
 def test_nothing_oscillates_around_what_is_not_known(own: OwnExperiments, part: str) -> None:
     told = str(refusal(own, with_parts(part, LEAD_IN)))
-    assert told == "line 8: phases 1, parts 1: nothing says around which references it goes: begin with a step"
+    assert told == "line 8: phases 1, parts 1: its centre is not defined: begin with a step"
     crest = "{do: sine, q_ref: 0.1, S_ref: 10, period_s: 1, duration_s: 1}"
     assert own.check(with_parts(crest, LEAD_IN), load_parameters("lab"), TuningSettings()).segments == 2
-    assert "parts 2: nothing says around which" in str(refusal(own, with_parts(crest, part, LEAD_IN)))
+    assert "parts 2: its centre is not defined" in str(refusal(own, with_parts(crest, part, LEAD_IN)))
 
 
 @pytest.mark.parametrize("measure", ["compliance", "disturbance", "pushes"])

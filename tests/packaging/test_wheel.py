@@ -77,7 +77,9 @@ def test_the_wheel_starts_in_an_environment_of_its_own(wheel: Path, tmp_path: Pa
     )
     assert serving.stdout is not None
     try:
-        link = re.search(r"(http://\S+)/\?token=\S+", serving.stdout.readline())
+        # A slow start prints a line of progress before the link.
+        found_links = (re.search(r"(http://\S+)/\?token=\S+", line) for line in serving.stdout)
+        link = next((match for match in found_links if match is not None), None)
         assert link is not None
         with urllib.request.urlopen(link[1], timeout=60.0) as answer:
             page = answer.read().decode()

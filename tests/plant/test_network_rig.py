@@ -71,7 +71,7 @@ def test_conformance_of_a_rig_wants_a_person_at_it_before_the_drives_come_on(reg
     with served(virtual(registers)) as address:
         refused = CliRunner().invoke(app, ["conformance", "--plant", "rig", "--card-address", address])
     assert refused.exit_code == 1
-    assert "a person at the rig has to say that no hand is in it" in refused.stderr
+    assert "a person at the rig has to confirm that everyone is clear" in refused.stderr
     assert registers.state().u_A == registers.state().u_B == 0.0
     assert not registers.state().drive_enabled
 

@@ -260,7 +260,7 @@ def test_a_parameter_file_that_has_changed_is_told_now_and_at_the_next_start(
 
     stepped(database, mine, work)
     version, said_of_it = app.load_parameter_version(database, mine)
-    assert (version.number, said_of_it) == (1, "parameters in force again as Ana left them: version 1 over mine")
+    assert (version.number, said_of_it) == (1, "parameters of Ana restored: version 1 over mine")
     version, said_of_it = app.load_parameter_version(database, load_parameters(file))
     assert version.number == 0
     assert said_of_it.startswith("the parameters are those of the file mine: what Ana applied last was over other ones")

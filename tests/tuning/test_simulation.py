@@ -310,7 +310,7 @@ def test_what_does_not_come_back_in_time_is_not_said_to() -> None:
 
 @pytest.mark.parametrize("k_ext", [-0.1, 1.1, math.nan])
 def test_a_share_that_is_not_offered_is_refused(k_ext: float) -> None:
-    with pytest.raises(OutOfRangeError, match="outside force that is rejected"):
+    with pytest.raises(OutOfRangeError, match="gain of the disturbance rejection"):
         require_share(k_ext)
 
 

@@ -184,7 +184,7 @@ async def save_tuning(service: CurrentService, person: Operator) -> SavedTuning:
     """Save the active tuning for the active bank; rejected during a trial or a run's tuning."""
     live_state = service.actuator.live_state
     if live_state.overridden_tuning is not None:
-        raise RequestRejectedError(ErrorCode.NOT_NOW, "what is in force belongs to a run: save when it is over")
+        raise RequestRejectedError(ErrorCode.NOT_NOW, "a run controls the active tuning: save after the run")
     if service.actuator.tuning_service.view_trial() is not None:
         raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it before saving")
     return await in_thread(service.saved_tunings.save, live_state.tuning, person.name)
@@ -202,7 +202,9 @@ async def preview_tuning(
     u_plan: Annotated[
         Finite | None, Query(description="voltage limit of time-optimal motion [V]; default: active")
     ] = None,
-    k_ext: Annotated[Finite | None, Query(description="share of a push fed forward [1]; default: in force")] = None,
+    k_ext: Annotated[
+        Finite | None, Query(description="gain of the disturbance rejection [1]; default: the active one")
+    ] = None,
     printed: Annotated[bool, Query(description="whether to compute the printed formula (E1) as well")] = False,
 ) -> TuningPreview:
     """Predict M_s, margins, a step of each reference and the recovery from a push, at one stiffness."""

@@ -1062,7 +1062,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "setting:tuning.k_ext": {
     "kind": "setting",
     "name": "tuning.k_ext",
-    "term": "share of the outside force that is rejected",
+    "term": "gain of the disturbance rejection",
     "meaning": "share of the outside force fed forward, 0: none"
   },
   "setting:tuning.duration_s": {
@@ -1457,7 +1457,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "residual_q_percent",
     "term": "Residual of q",
-    "meaning": "root mean square of q beside its lines over that at them, last period: friction, noise",
+    "meaning": "RMS of q outside the excited lines divided by that at them, last period: friction, noise",
     "unit": "%",
     "source": "docs/how-to/experiments.md"
   },
@@ -1499,7 +1499,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "residual_S_percent",
     "term": "Residual of S",
-    "meaning": "root mean square of S beside its lines over that at them, last period: friction, noise",
+    "meaning": "RMS of S outside the excited lines divided by that at them, last period: friction, noise",
     "unit": "%",
     "source": "docs/how-to/experiments.md"
   },
@@ -1601,7 +1601,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "held_off_counts",
     "term": "Off the reference, in counts",
-    "meaning": "max |q − q_ref| while held, less the half count that a reading tells to",
+    "meaning": "max |q − q_ref| during a hold, minus half a count of the encoder",
     "source": "docs/how-to/experiments.md"
   },
   "figure:held_u_swing_V": {
@@ -1695,7 +1695,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "gave_way_after_s",
     "term": "Longest time to react",
-    "meaning": "from the threshold until the joint gives way",
+    "meaning": "from the threshold to the start of the contact reaction",
     "unit": "s",
     "source": "docs/how-to/experiments.md"
   },
@@ -1841,7 +1841,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "u_c_A",
     "term": "Coulomb voltage of motor A",
-    "meaning": "part of the voltage that only overcomes dry friction",
+    "meaning": "part of the voltage that overcomes Coulomb friction",
     "unit": "V",
     "source": "docs/how-to/experiments.md"
   },
@@ -1849,7 +1849,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "u_c_B",
     "term": "Coulomb voltage of motor B",
-    "meaning": "part of the voltage that only overcomes dry friction",
+    "meaning": "part of the voltage that overcomes Coulomb friction",
     "unit": "V",
     "source": "docs/how-to/experiments.md"
   },
