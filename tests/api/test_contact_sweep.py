@@ -264,7 +264,7 @@ def test_from_the_command_line(service: Service, running: httpx.Client) -> None:
     assert (refused.status_code, problem(refused)["path"]) == (422, ["sweep"])
     swept = sinew("touch", "sweep", folder=service.data)
     assert (swept.returncode, swept.stderr) == (0, "")
-    for said in ("1 of 5: 8 N·m/rad", "5 of 5: 15 N·m/rad", "N with nothing outside", "gives way to no contact"):
+    for said in ("1 of 5: 8 N·m/rad", "5 of 5: 15 N·m/rad", "N with nothing outside", "contact reaction disabled"):
         assert said in swept.stdout
     learned = json.loads(sinew("touch", "show", "--json", folder=service.data).stdout)["learned"]
     assert [point["S"] for point in learned] == pytest.approx([8.0, 9.75, 11.5, 13.25, 15.0], abs=0.2)

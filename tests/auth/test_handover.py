@@ -290,7 +290,7 @@ def test_who_cannot_ask_is_told_what_to_do(desk: Desk) -> None:
     with pytest.raises(RequestRejectedError, match="already"):
         desk.ask(VERA)
     desk.wait(LOST_S + 0.5, heard=False)
-    with pytest.raises(RequestRejectedError, match="take it"):
+    with pytest.raises(RequestRejectedError, match="take control"):
         desk.ask(ODA)
 
 
