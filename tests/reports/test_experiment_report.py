@@ -161,7 +161,7 @@ def test_what_was_not_measured_is_said_with_its_reason_in_every_table(tracking_s
     assert figures["Rise time of q"][0] == "not measured"
     assert "% of the step" in figures["Rise time of q"][1]
     missing = next(table for table in tables if table.caption.startswith("What could not be measured"))
-    assert any(row[1] == "q" and "the motion before was not over" in row[3] for row in missing.rows)
+    assert any(row[1] == "q" and "the previous motion had not ended" in row[3] for row in missing.rows)
     assert not any(cell == "–" for table in (criteria, metrics, missing) for row in table.rows for cell in row)
 
 
