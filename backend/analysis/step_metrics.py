@@ -97,7 +97,8 @@ def check_rest_before(normalized: Array) -> str:
         return ""
     if abs(normalized[-1]) > START_BAND:
         return (
-            f"the step began at {_format_percent(float(normalized[-1]))} of the step: the previous motion had not ended"
+            f"the signal began at {_format_percent(float(normalized[-1]))} of the step: the previous "
+            f"motion had not ended"
         )
     return (
         f"the signal moved at the start of the step, from {_format_percent(off)} of the step: the "
@@ -117,7 +118,7 @@ def check_other_at_rest(signal: str, deviation: Array) -> str:
         return ""
     return (
         f"{signal} was {Quantity(off, _UNITS[signal]):.2f} from its reference as this step began: "
-        "the motion before was not over"
+        "the previous motion had not ended"
     )
 
 

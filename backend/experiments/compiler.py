@@ -411,7 +411,7 @@ class _Compiler(NumberReader):
             raise self._build_error("nothing is played after this change of the wall: leave it out", self._path)
         if self._detections.has_unused_calibration:
             raise self._build_error(
-                "no part may follow a calibration of the external force: remove the later parts", self._path
+                "no motion follows this calibration of the external force: remove the calibration", self._path
             )
         if not self._segments:
             raise self._build_error("it plays nothing: give it a motion", ("phases",))

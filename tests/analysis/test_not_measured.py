@@ -52,7 +52,7 @@ def test_a_step_that_begins_in_motion_has_no_metrics() -> None:
     result = compute_step_metrics(t, y, ReferenceStep("S", "stiffness", 0.0, 8.0, 8.0, 10.0, alone=True))
     assert (result.rise_s, result.reach_s, result.settling_s, result.overshoot_percent) == (None, None, None, None)
     for name in ("rise_s", "reach_s", "settling_s", "overshoot_percent"):
-        assert result.reasons[name] == "the step began at 18 % of the step: the previous motion had not ended"
+        assert result.reasons[name] == "the signal began at 18 % of the step: the previous motion had not ended"
 
 
 def test_a_signal_that_only_passes_by_is_not_at_rest() -> None:

@@ -77,7 +77,7 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         ("{do: hold, duration_s: '[1][0]'}", "is not taken"),
         ("{do: hold, duration_s: \"'1'\"}", "which is not a finite number"),
         ("{do: tuning, lam_q: 0.1}", "nothing is played after this change of the tuning"),
-        ("{do: learn}", "no part may follow a calibration"),
+        ("{do: learn}", "no motion follows this calibration"),
         ("{do: learn, duration_s: 1}", "time at rest that is learned from: 1 s is outside 2 to 600 s"),
         (FELT.format(1.5), "nothing was learned before it: let the joint rest in a part `do: learn` first"),
         (
