@@ -44,7 +44,7 @@ class ParameterError(SinewError, ValueError):
     category = ErrorCode.BAD_VALUE
 
 
-def quantity(unit: str, minimum: float = -math.inf, maximum: float = math.inf) -> Any:
+def quantity(unit: str, minimum: float, maximum: float) -> Any:
     """Return a field for a number or a list of numbers, with unit and bounds."""
     return field(metadata={"unit": unit, "minimum": minimum, "maximum": maximum, "optional": False, "width": None})
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cache
 from importlib.metadata import version
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from backend.models import CRITERIA, METRICS, PLANT_NUMBERS, Metrics, RunCriteri
 from backend.recording import Columns, count_missing_ticks
 from backend.reports.run_data import RunData
 from backend.reports.timing import granted_rows
-from backend.sample import STORED_NAMES
+from backend.sample import STORED_NAMES, UNIT_BY_SIGNAL
 from backend.storage import Bank, BankEntry, Identification, NewIdentification, Result, Run, RunKind, StoredFit
 from backend.units import AngleUnit
 from plant import ErrorCode, SinewError, T_s
@@ -333,6 +334,10 @@ _DIGITS = 12
 """Number of digits of a hash that distinguish it from the others in a table."""
 
 
+_MAX_EXPERIMENT_VALUES = 200
+"""A longer experiment is compared by the hash of its text only: a table of its values would be too long to read."""
+
+
 @dataclass(frozen=True)
 class ConfigurationValue:
     """One configuration value in SI units; ``unit`` is "" if it has none."""
@@ -340,6 +345,32 @@ class ConfigurationValue:
     name: str
     value: Any
     unit: str = ""
+
+
+def _iterate_experiment_values(text: str) -> Iterator[ConfigurationValue]:
+    """Yield the values of an experiment, named by their paths in its text.
+
+    Yields nothing for a text that is not a JSON document or has more than 200 values.
+    """
+    try:
+        document = json.loads(text)
+    except ValueError:
+        return
+    values = list(islice(_iterate_leaves("experiment", document), _MAX_EXPERIMENT_VALUES + 1))
+    if len(values) <= _MAX_EXPERIMENT_VALUES:
+        yield from values
+
+
+def _iterate_leaves(path: str, node: Any) -> Iterator[ConfigurationValue]:
+    match node:
+        case dict():
+            for name, inner in node.items():
+                yield from _iterate_leaves(f"{path}.{name}", inner)
+        case list():
+            for index, inner in enumerate(node):
+                yield from _iterate_leaves(f"{path}[{index}]", inner)
+        case _:
+            yield ConfigurationValue(path, node, UNIT_BY_SIGNAL.get(path.rpartition(".")[2], ""))
 
 
 def iterate_configuration(run: Run, bank: Bank | None) -> Iterator[ConfigurationValue]:
@@ -353,6 +384,7 @@ def iterate_configuration(run: Run, bank: Bank | None) -> Iterator[Configuration
     yield from (ConfigurationValue(name, version) for name, version in (run.set_to.versions or {}).items())
     if text := run.set_to.experiment:
         yield ConfigurationValue("text of the experiment, sha256", document_digest(text)[:_DIGITS])
+        yield from _iterate_experiment_values(text)
     known = to_stored_bank(bank)
     yield ConfigurationValue("bank", "none" if known is None else f"“{known.name}” version {known.version}")
     if known is not None:

@@ -228,8 +228,11 @@ def test_settings_that_differ_are_those_that_the_runs_tell(operator: httpx.Clien
     shown = [operator.get(f"/api/runs/{run}").raise_for_status().json()["settings"] for run in played]
     each = [{f"{one['meaning']} {one['symbol']}": one["value"] for one in settings} for settings in shown]
     differing = {name: [one[name] for one in each] for name in each[0] if each[0][name] != each[1][name]}
-    assert differing
-    assert {one["name"]: one["values"] for one in told["settings"]} == differing
+    compared = {one["name"]: one["values"] for one in told["settings"]}
+    texts = compared.pop("text of the experiment, sha256")
+    assert len(set(texts)) == 2
+    assert compared == {**differing, "experiment.phases[0].parts[0].q_ref": [0.1, 0.2]}
+    assert {one["unit"] for one in told["settings"] if one["name"].startswith("experiment.")} == {"rad"}
 
 
 def test_differences_and_files_are_those_of_the_samples(operator: httpx.Client, played: list[int]) -> None:

@@ -62,8 +62,10 @@ def running_service(
     if descriptors is not None:
         resource.prlimit(process.pid, resource.RLIMIT_NOFILE, (descriptors // 2, descriptors))
     assert process.stdout is not None
+    copying = threading.Thread(target=_copy, args=(process.stdout, log), daemon=True)
     try:
         found = _read_until_link(process.stdout, log)
+        copying.start()
         yield Service(found[1], found[0], data, log, process.pid)
     finally:
         process.send_signal(signal.SIGINT)
@@ -72,21 +74,24 @@ def running_service(
         except subprocess.TimeoutExpired:
             process.kill()
             raise
+        finally:
+            if copying.ident is not None:
+                copying.join(END_TIMEOUT_S)  # the log of a service that has ended is complete
 
 
 def _read_until_link(said: IO[str], log: Path) -> re.Match[str]:
-    """Return the sign-in link; a thread goes on copying what the service says into its log until it has ended."""
+    """Return the sign-in link of a service; write the lines up to it into the log."""
     with log.open("a", encoding="utf-8") as kept:
         for line in said:
             kept.write(line)
             if found := LINK.search(line):
-                threading.Thread(target=_copy, args=(said, log), daemon=True).start()
                 return found
     said.close()
     raise AssertionError(f"the service ended before it printed a sign-in link:\n{log.read_text(encoding='utf-8')}")
 
 
 def _copy(said: IO[str], log: Path) -> None:
-    with said, log.open("a", encoding="utf-8") as kept:
+    """Append each further line of the service to its log as soon as it is printed."""
+    with said, log.open("a", encoding="utf-8", buffering=1) as kept:
         for line in said:
             kept.write(line)

@@ -52,6 +52,17 @@ def test_shipped_sets_know_the_papers_identified_constants() -> None:
         assert (known.K_m, known.T_m, known.k) == (2.86, 0.22, (-2.498, 331.49, 8543.8))
 
 
+def test_both_sides_of_the_joint_have_the_same_bounds() -> None:
+    pairs = 0
+    for section, kind in SECTIONS.items():
+        of_section = {entry.name: entry.metadata for entry in fields(kind)}
+        for name, metadata in of_section.items():
+            if name.endswith("_A"):
+                pairs += 1
+                assert metadata == of_section[f"{name[:-2]}_B"], f"{section}.{name}"
+    assert pairs >= 2
+
+
 @pytest.mark.parametrize(
     ("pattern", "replacement", "said"),
     [

@@ -2,6 +2,8 @@
 
 import asyncio
 import copy
+import json
+import math
 import re
 import statistics
 from collections.abc import Iterator
@@ -117,6 +119,23 @@ def test_what_differs_names_versions_text_bank_and_what_was_granted(sources: lis
     assert rows["bank"] == ("none", "“set 2” version 3")
     assert len(rows["bank, sha256"][1]) == 12
     assert rows["Not granted"] == ("not set", "no rights; no memory")
+
+
+@pytest.mark.parametrize(("count", "shown"), [(190, True), (210, False)])
+def test_values_of_an_experiment_are_compared_by_their_paths(
+    sources: list[RunData], count: int, *, shown: bool
+) -> None:
+    def with_angle(q_ref: float) -> RunData:
+        settings = copy.deepcopy(sources[0].run.settings)
+        parts = [{"q_ref": q_ref, "why": [None]}, *({"q_ref": 0.0} for _ in range(count))]
+        settings["plan"]["experiment"] = json.dumps({"parts": parts})
+        return replace(sources[0], run=replace(sources[0].run, settings=settings))
+
+    (differing,) = tables(series_report([with_angle(0.0), with_angle(math.pi)]), "What differs")
+    rows = {row[0]: row[1:] for row in differing.rows}
+    text = rows.pop("text of the experiment, sha256")
+    assert text[0] != text[1]
+    assert rows == ({"experiment.parts[0].q_ref [rad]": ("0", "3.14159")} if shown else {})
 
 
 def test_what_was_not_measured_whole_is_marked_and_counted_apart(sources: list[RunData]) -> None:
