@@ -17,7 +17,7 @@ from backend.storage import events, recordings, runs
 from backend.storage.database import open_database
 from backend.storage.events import EventKind
 from plant.replay import UNITS
-from tests.api.conftest import client_with, problem, until_state
+from tests.api.conftest import client_with, problem, until, until_state
 from tests.e2e.service import Service, running_service
 from tests.exports.stored import tracked
 from tests.exports.written import to_csv
@@ -100,8 +100,8 @@ def test_stop_pauses_it_latches_nothing_and_says_so(ended: httpx.Client) -> None
     state = standing(ended, playing=False)
     assert state["player"]["ended"] is False
     assert (state["mode"], state["fault"], state["stop_proof"]) == ("off", None, proof)
-    newest = next(one for one in ended.get("/api/log").json()["entries"] if "STOP" in one["text"])
-    assert newest["kind"] == "note"
+    newest = until(lambda: [one for one in ended.get("/api/log").json()["entries"] if "STOP" in one["text"]])
+    assert newest[0]["kind"] == "note"
     ended.put("/api/player", json={"playing": True}).raise_for_status()
     assert standing(ended, playing=True)["stop_proof"] is None
 
