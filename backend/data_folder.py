@@ -20,7 +20,7 @@ from plant import ErrorCode, SinewError
 
 # Locks ---------------------------------------------------------------------------------------------
 DATA_FOLDER_PART = Part(
-    "The look at the data folder", "Until the monitor restarts, a deleted or replaced folder is not detected."
+    "The check of the data folder", "Until the monitor restarts, a deleted or replaced folder is not detected."
 )
 SERVICE_LOCK_FILE = "service.lock"
 COMMAND_LOCK_FILE = "commands.lock"

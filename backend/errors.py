@@ -244,7 +244,7 @@ def check_station_name(name: str) -> str:
     """
     if name and not _NAME.fullmatch(name):
         raise ValueError(
-            f"{name[:60]!r} is no name of a station: 1 to {STATION_NAME_LENGTH} letters, digits, dots, dashes or "
+            f"{name[:60]!r} is not the name of a station: 1 to {STATION_NAME_LENGTH} letters, digits, dots, dashes or "
             "underscores, the first a letter or a digit; for example rig-2"
         )
     return name

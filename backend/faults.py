@@ -61,7 +61,7 @@ EXPLANATIONS: dict[Fault, Explanation] = {
     Fault.STOP_PRESSED: Explanation("STOP was pressed.", "Make sure that the rig is clear, then reset."),
     Fault.FORCE_LIMIT: Explanation(
         "A tendon pulled harder than its limit.",
-        "Look for a blocked joint or a tendon off its reel; reset, then use smaller or slower references.",
+        "Check for a blocked joint or a tendon off its reel; reset, then use smaller or slower references.",
     ),
     Fault.JOINT_LIMIT: Explanation(
         "The joint left its range.", "Move the joint back by hand while the motors are off, then reset."
@@ -85,7 +85,7 @@ EXPLANATIONS: dict[Fault, Explanation] = {
     ),
     Fault.DEADLINES_MISSED: Explanation(
         "The loop missed several deadlines in a row.",
-        "Close other programs on this machine and look at the loop timing; then reset.",
+        "Close other programs on this machine and check the loop timing; then reset.",
     ),
     Fault.SERVICE_LOST: Explanation(
         "The loop lost the service and stopped softly.", "See the service's log, then reset."
@@ -113,16 +113,16 @@ EXPLANATIONS: dict[Fault, Explanation] = {
     ),
     Fault.SENSOR_SATURATED: Explanation(
         "A load cell is beyond what its input can read.",
-        "Look for a blocked joint, then at the load cell's amplifier, supply and calibration; "
+        "Check for a blocked joint, then check the load cell's amplifier, supply and calibration; "
         "reset once the reading is back.",
     ),
     Fault.MOTOR_REVERSED: Explanation(
         "A motor turns against its command.",
-        "Look for swapped wires of motors or encoders, and for a wrong sign in the wiring file; "
-        "go through the direction test before you close the loop again.",
+        "Check for swapped wires of motors or encoders, and for a wrong sign in the wiring file; "
+        "repeat the direction test before you close the loop again.",
     ),
     Fault.INTERNAL_ERROR: Explanation(
-        "The control loop made a mistake of its own.",
+        "The control loop failed because of an error in its own code.",
         "Reset: it starts a new loop. Keep the flight record and the log, and report them; "
         "if this comes back, do not go on.",
     ),

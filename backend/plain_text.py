@@ -73,7 +73,7 @@ def _describe_character(character: str) -> str:
         return "the end of a line"
     if character < "\xa0":
         return "a control character"
-    return "which changes the direction of the text" if re.match(f"[{_DIRECTION}]", character) else "which nobody sees"
+    return "which changes the direction of the text" if re.match(f"[{_DIRECTION}]", character) else "which is invisible"
 
 
 def _validate_line(text: str, info: ValidationInfo) -> str:

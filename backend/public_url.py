@@ -68,7 +68,7 @@ def parse_public_url(text: str) -> PublicUrl:
         parts = urlsplit(text.strip())
         port = parts.port
     except ValueError as error:
-        raise ValueError(f"{text!r} is no address: {error}; {_FORM}") from None
+        raise ValueError(f"{text!r} is not an address: {error}; {_FORM}") from None
     if parts.scheme not in _PORTS:
         raise ValueError(f"{text!r} does not begin with http:// or https://: {_FORM}")
     if "@" in parts.netloc or parts.query or parts.fragment or "?" in text or "#" in text:
@@ -91,5 +91,7 @@ def parse_networks(names: Iterable[str]) -> tuple[Network, ...]:
         try:
             found.append(ipaddress.ip_network(name))
         except ValueError as error:
-            raise ValueError(f"{name!r} is no IP address or network ({error}): give 10.0.0.5 or 10.0.0.0/24") from None
+            raise ValueError(
+                f"{name!r} is not an IP address or network ({error}): give 10.0.0.5 or 10.0.0.0/24"
+            ) from None
     return tuple(found)

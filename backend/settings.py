@@ -39,7 +39,7 @@ def _split_list(given: object) -> object:
 def _check_host_names(given: tuple[str, ...]) -> tuple[str, ...]:
     for name in given:
         if not _HOST_NAME.fullmatch(name) or name.isdigit():
-            raise ValueError(f"{name!r} is no host name: give names such as rig.lab, without http:// or a port")
+            raise ValueError(f"{name!r} is not a host name: give names such as rig.lab, without http:// or a port")
     return given
 
 
@@ -58,7 +58,7 @@ def _expand_home(path: Path) -> Path:
     try:
         return path.expanduser()
     except RuntimeError:
-        raise ValueError(f"{path} begins with the home of an account that has none: write the path out") from None
+        raise ValueError(f"{path} begins with ~, and this account has no home folder: give the full path") from None
 
 
 class Settings(BaseSettings):

@@ -101,7 +101,7 @@ class Supervision:
         record.restart_at = now + delay_s
         _log.error("%s died: %s", part.name, cause, exc_info=error)
         if was_stable:
-            self._notify(f"{part.name} died ({cause}) and is started anew.")
+            self._notify(f"{part.name} failed ({cause}) and is being restarted.")
         return delay_s
 
     @property
@@ -265,4 +265,4 @@ def _describe_cause(error: BaseException | None, otherwise: str) -> str:
 def _describe_failure(record: _FailureRecord, now: float) -> str:
     being = "was" if now >= record.restart_at else "is being"
     times = "" if record.count == 1 else f", {record.count} times in a row"
-    return f"{record.part.name} died ({record.cause}) and {being} started anew{times}. {record.part.consequence}"
+    return f"{record.part.name} failed ({record.cause}) and {being} restarted{times}. {record.part.consequence}"

@@ -129,7 +129,7 @@ class WorkLimits:
     memory_bytes: int | None = None
     """Memory beyond the loaded modules [bytes]; None: no limit."""
 
-    remedy: str = "ask for less"
+    remedy: str = "request less"
     """What the user can change to stay within the limits."""
 
     libraries: tuple[str, ...] = ()
@@ -201,7 +201,7 @@ class WorkerProcess:
                     self._end(pool)
                     raise
         raise WorkerDiedError(
-            "the process that computes this died over it twice: look whether the machine is short of memory"
+            "the process for this computation died twice: check whether the machine is short of memory"
         )
 
     async def _run_limited(
@@ -263,7 +263,7 @@ class WorkerProcess:
         if self._pool is pool:
             self._pool = None
             pool.release()
-            self._on_death("its process was killed, or ended by itself")
+            self._on_death("its process was killed or exited")
 
     def _end(self, pool: "_SingleProcessPool") -> None:
         if self._pool is pool:
@@ -447,7 +447,7 @@ def _receive_chunk(connection: Connection) -> bytes | None:
     try:
         received: bytes | Exception | None = connection.recv()
     except (EOFError, OSError):
-        lost = "the process that writes this died: look whether the machine is short of memory"
+        lost = "the process that writes this file died: check whether the machine is short of memory"
         raise WorkerDiedError(lost) from None
     if isinstance(received, Exception):
         raise received

@@ -141,7 +141,7 @@ def freeze_garbage() -> Iterator[None]:
 def require_driving_voltage(subject: Subject) -> float:
     """Return the permitted voltage [V]. Raises NotTriedError if there is none."""
     if not subject.answers:
-        raise NotTriedError("what is written to it has no effect, as it says")
+        raise NotTriedError("written voltages have no effect, as it states")
     if subject.voltage <= 0.0:
         raise NotTriedError("it would move: allow it a small voltage")
     return subject.voltage
@@ -149,7 +149,7 @@ def require_driving_voltage(subject: Subject) -> float:
 
 def check_reading(plant: Plant, m: Measurement, parameters: PlantParameters) -> None:
     """Raise RequirementError for a reading that is impossible with these parameters."""
-    require(isinstance(m, Measurement), f"read gave a {type(m).__name__}, it has to be a Measurement")
+    require(isinstance(m, Measurement), f"read gave a {type(m).__name__}, it must be a Measurement")
     wrong = [name for name, value in zip(m._fields, m, strict=True) if not isinstance(value, float)]
     require(not wrong, f"no floats: {', '.join(wrong)}")
     reported = {name: value for name, value in zip(m._fields, m, strict=True) if name not in ("S_true", "F_wall")}
@@ -161,8 +161,8 @@ def check_reading(plant: Plant, m: Measurement, parameters: PlantParameters) -> 
         require(-0.1 * F_max <= F <= F_max, f"{name} = {F:g}, outside 0 to {F_max:g} N: is it in N, and tared?")
     for name, theta in (("theta_A", m.theta_A), ("theta_B", m.theta_B)):
         require(abs(theta) <= 100.0, f"{name} = {theta:g}, beyond {Angle(100.0)}: is it in rad at the gearbox outlet?")
-    require(m.safety_trip in (0.0, 1.0), f"safety_trip = {m.safety_trip:g}, it has to be 0 or 1")
-    require(len(plant.raw) == len(RawReading._fields), "raw has to be a RawReading, of nan where there is no card")
+    require(m.safety_trip in (0.0, 1.0), f"safety_trip = {m.safety_trip:g}, it must be 0 or 1")
+    require(len(plant.raw) == len(RawReading._fields), "raw must be a RawReading, of nan without a card")
 
 
 def drive(plant: Plant, command: MotorCommand, ticks: int) -> Measurement:
@@ -207,24 +207,24 @@ def _is_a_plant(subject: Subject) -> str:
     plant = subject.make()
     require(not find_missing_parts(plant), f"it has no {find_missing_parts(plant)}")
     for name in ("paces_loop", "stepped", "pushes", "loads_shafts"):
-        require(isinstance(getattr(plant, name), bool), f"{name} has to be True or False")
+        require(isinstance(getattr(plant, name), bool), f"{name} must be True or False")
     limit_s = plant.unattended_max_s
     require(isinstance(limit_s, float) and T_s < limit_s < math.inf, f"unattended_max_s = {limit_s}: give seconds")
-    require(isinstance(plant.unready, str), "unready has to be a sentence, empty where it may be controlled")
-    require(not (plant.stepped and plant.paces_loop), "stepped and paces_loop: it can be one of them only")
-    return f"may be left alone for {1e3 * limit_s:g} ms"
+    require(isinstance(plant.unready, str), "unready must be a sentence, empty if the plant may be controlled")
+    require(not (plant.stepped and plant.paces_loop), "stepped and paces_loop: only one of them may be True")
+    return f"may run unattended for {1e3 * limit_s:g} ms"
 
 
-@requirement("Once it is open, its description says in one line what is driven and how it is timed.")
+@requirement("Once it is open, its description names the plant and its timing in one line.")
 def _describes_itself(subject: Subject) -> str:
     with open_subject(subject) as plant:
         description = plant.description
-    require(isinstance(description, str) and description.strip() != "", "it says nothing")
+    require(isinstance(description, str) and description.strip() != "", "it is empty")
     require(len(description.splitlines()) == 1, "it has more than one line")
     return description
 
 
-@requirement("It opens at zero volts: joint and motors stand still before anything is written.")
+@requirement("It opens at zero volts: joint and motors do not move before the first write.")
 def _opens_at_rest(subject: Subject) -> None:
     with open_subject(subject) as plant:
         first = plant.read()
@@ -238,7 +238,7 @@ def _reads_in_si(subject: Subject) -> str:
     with open_subject(subject) as plant:
         m = plant.read()
         check_reading(plant, m, subject.parameters)
-        require(isinstance(plant.raw, RawReading), "raw has to be a RawReading")
+        require(isinstance(plant.raw, RawReading), "raw must be a RawReading")
     return f"q = {Angle(m.q):.4g}, F_A = {Quantity(m.F_A, 'N'):.3g}, F_B = {Quantity(m.F_B, 'N'):.3g}"
 
 
@@ -271,7 +271,7 @@ def _a_voltage_acts(subject: Subject) -> str:
     return f"{volts:g} V turned {', '.join(moved)}"
 
 
-@requirement("What is written acts from the next period on: without a write a stepped plant reads the same again.")
+@requirement("A written voltage acts from the next period on: without a write, a stepped plant reads the same again.")
 def _a_write_counts_from_the_next_reading(subject: Subject) -> None:
     volts = require_driving_voltage(subject)
     with open_subject(subject) as plant:
@@ -296,11 +296,13 @@ def _keeps_to_its_voltages(subject: Subject) -> str:
         except PlantError as error:
             return f"refused: {error}"
     for excess in (beyond.theta_A - at_bound.theta_A, beyond.theta_B - at_bound.theta_B):
-        require(excess < MOVED_RAD, f"at {100.0 * u_max:g} V it went {Angle(excess):.2g} further than at {u_max:g} V")
+        require(excess < MOVED_RAD, f"at {100.0 * u_max:g} V it moved {Angle(excess):.2g} further than at {u_max:g} V")
     return f"held at {u_max:g} V"
 
 
-@requirement("A voltage that is no number is refused with a PlantError or taken for zero volts; nothing moves by it.")
+@requirement(
+    "A voltage that is not a number is refused with a PlantError or replaced by zero volts; it causes no motion."
+)
 def _no_number_is_no_voltage(subject: Subject) -> str:
     outcomes = []
     for command in (MotorCommand(math.nan, 0.0), MotorCommand(0.0, math.inf)):
@@ -320,7 +322,7 @@ def _no_number_is_no_voltage(subject: Subject) -> str:
 
 
 @requirement(
-    "What it cannot do (zero, push, load, break) it refuses with a PlantError; pushes, loads_shafts tell the truth."
+    "It refuses unsupported operations (zero, push, load, break) with a PlantError; pushes and loads_shafts are true."
 )
 def _refuses_in_a_sentence(subject: Subject) -> str:
     refused = []
@@ -342,7 +344,7 @@ def _refuses_in_a_sentence(subject: Subject) -> str:
             ("push", "pushes", plant.pushes),
             ("load", "loads_shafts", plant.loads_shafts),
         ):
-            require((name in refused) != is_able, f"{attribute} is {is_able}: {name} says otherwise")
+            require((name in refused) != is_able, f"{attribute} is {is_able}: {name} contradicts it")
         check_reading(plant, plant.read(), subject.parameters)
     return f"refuses {', '.join(refused)}" if refused else "can do all of them"
 
@@ -357,7 +359,7 @@ def _can_be_acknowledged(subject: Subject) -> None:
         check_reading(plant, plant.read(), subject.parameters)
 
 
-@requirement("It may be closed twice, and lets go of what it held: it and another one open after that.")
+@requirement("It may be closed twice and releases its resources: it and another one can be opened afterwards.")
 def _closes_twice_and_opens_again(subject: Subject) -> None:
     plant = subject.make()
     plant.open()

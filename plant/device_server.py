@@ -36,7 +36,8 @@ class DeviceServer:
     def _connect(self) -> grpc.Channel:
         if _ADDRESS.fullmatch(self.address) is None:
             raise PlantError(
-                f"{self.address!r} is no address of a device server: give HOST:PORT, 192.168.1.20:31763 say"
+                f"{self.address!r} is not the address of a device server: give HOST:PORT, for example "
+                f"192.168.1.20:31763"
             )
         channel = grpc.insecure_channel(self.address)
         try:
@@ -44,7 +45,7 @@ class DeviceServer:
         except grpc.FutureTimeoutError:
             channel.close()
             raise PlantError(
-                f"nothing answers at {self.address} within {CONNECTED_S:g} s: start NI's gRPC device server there, "
-                "and look at address and firewall"
+                f"nothing answers at {self.address} within {CONNECTED_S:g} s: start NI's gRPC device "
+                f"server there, and check address and firewall"
             ) from None
         return channel

@@ -478,8 +478,8 @@ def require_free(obstacle: Obstacle, q: float) -> None:
     if not obstacle.side * (q - obstacle.q_wall) <= 0.0:
         where = "above" if obstacle.side < 0.0 else "below"
         raise PlantError(
-            f"the joint stands at {Angle(q):.4g}, in a wall at {Angle(obstacle.q_wall):.4g}: bring it {where} that "
-            "first, or put the wall elsewhere"
+            f"the joint is at {Angle(q):.4g}, in a wall at {Angle(obstacle.q_wall):.4g}: bring it "
+            f"{where} that first, or place the wall elsewhere"
         )
 
 

@@ -70,7 +70,7 @@ def load_maker(name: str) -> Maker:
         raise PlantError(f"the plant {short} has a name of {len(name)} characters, {NAME_MAX} are the most: shorten it")
     if not callable(maker):
         raise PlantError(
-            f"{_describe_entry(entries[0])}: {entries[0].value} has to be callable, it is {_describe_type(maker)}"
+            f"{_describe_entry(entries[0])}: {entries[0].value} must be callable, it is {_describe_type(maker)}"
         )
     return cast(Maker, maker)
 
@@ -88,7 +88,7 @@ def make_package_plant(name: str, parameters: PlantParameters, seed: int) -> Pla
     missing = find_missing_parts(plant)
     if missing:
         raise PlantError(
-            f"{_describe_entry(entry)}: {entry.value} made {_describe_type(plant)}, which is no Plant: "
+            f"{_describe_entry(entry)}: {entry.value} made {_describe_type(plant)}, which is not a Plant: "
             f"it has no {missing}"
         )
     return cast(Plant, plant)

@@ -275,8 +275,8 @@ def require_stiction(label: str, motor: MotorParameters, *, is_given: bool) -> N
         others = [name for name in _COMPANIONS if getattr(motor, name) != 0.0]
         if others and not is_given:
             raise ParameterError(
-                f"{label}.sigma_0 is missing, without which {' and '.join(others)} say nothing: give it, 0 for "
-                "smoothed Coulomb friction"
+                f"{label}.sigma_0 is missing, and {' and '.join(others)} need it: give it, 0 for "
+                f"smoothed Coulomb friction"
             )
         return
     for name in ("stiction_ratio", "omega_s"):
@@ -496,7 +496,7 @@ def _check(file: str, parameters: PlantParameters) -> None:
                 raise ParameterError(f"{label}: {error}") from error
             if spring.F_solid > 1.2 * F_max:
                 raise ParameterError(
-                    f"{label}: at spring.x_solid = {spring.x_solid:g} m it carries {spring.F_solid:.1f} N, "
+                    f"{label}: at spring.x_solid = {spring.x_solid:g} m its force is {spring.F_solid:.1f} N, "
                     f"far above safety.F_max = {F_max:g} N"
                 )
 

@@ -142,7 +142,7 @@ def _read_column(path: Path, table: Any, name: str, unit: str = "") -> Signal:
         raise _make_replay_error(path, f"there are two columns {name}: leave one")
     unit_found = (table.schema.field(name).metadata or {}).get(b"unit", unit.encode()).decode()
     if unit and unit_found != unit:
-        raise _make_replay_error(path, f"the column {name} is in {unit_found}, it has to be in {unit}")
+        raise _make_replay_error(path, f"the column {name} is in {unit_found}, it must be in {unit}")
     try:
         values = table.column(name).cast(pa.float64()).to_numpy()
     except pa.ArrowInvalid:
@@ -168,7 +168,7 @@ def _check_times(path: Path, t: Signal) -> None:
     steps = np.diff(t)
     period = float(np.median(steps))
     if abs(period - T_s) > _JITTER * T_s:
-        raise _make_replay_error(path, f"its period is {1e3 * period:g} ms, it has to be {1e3 * T_s:g} ms")
+        raise _make_replay_error(path, f"its period is {1e3 * period:g} ms, it must be {1e3 * T_s:g} ms")
     is_irregular = np.abs(steps - T_s) > _JITTER * T_s
     if np.any(is_irregular):
         at = int(np.argmax(is_irregular))
@@ -191,14 +191,14 @@ def _check_values(path: Path, columns: dict[str, Signal]) -> None:
         wrong = ~np.isfinite(values) & ~allowed
         if np.any(wrong):
             raise _make_replay_error(
-                path, f"{name} is no number at t = {t[np.argmax(wrong)]:.3f} s, and no fault stands there"
+                path, f"{name} is not a number at t = {t[np.argmax(wrong)]:.3f} s, and no fault is recorded there"
             )
         if name in _LARGEST and float(np.nanmax(np.abs(values))) > 1.001 * _LARGEST[name]:
             at = int(np.nanargmax(np.abs(values)))
             raise _make_replay_error(
                 path,
-                f"{name} is {values[at]:g} at t = {t[at]:.3f} s, beyond {Quantity(_LARGEST[name], unit):.4g}: "
-                f"the column has to be in {unit}",
+                f"{name} is {values[at]:g} at t = {t[at]:.3f} s, beyond "
+                f"{Quantity(_LARGEST[name], unit):.4g}: the column must be in {unit}",
             )
 
 

@@ -102,7 +102,7 @@ class Rig:
     def unready(self) -> str:
         """Why the loop may not be closed yet; empty if it may."""
         if self._cells_measured and not self.zeroed:
-            return "the encoders count from where the rig stood when the loop started: set the zero in the bring-up"
+            return "the encoders count from the rig's position at the start of the loop: set the zero in the bring-up"
         return self.unproven
 
     @property
@@ -141,7 +141,7 @@ class Rig:
     def _require_drive_enable(self, *, on: bool) -> None:
         if self._daq.is_enabled is not on:
             failure = f"did not go {'on' if on else 'off'}"
-            raise PlantError(f"the drive-enable line {failure}: look at what else is wired to it, hands away")
+            raise PlantError(f"the drive-enable line {failure}: keep clear of the rig and check its other connections")
 
     def open(self) -> None:
         """Reserve the card, test its watchdog and enable the drives. Raises PlantError.
@@ -174,15 +174,16 @@ class Rig:
         self._start_outputs(drives=True)
         line = self.wiring.drive_enable.line
         if not (self._daq.is_enabled or self._daq.is_expired):
-            raise PlantError(f"drive-enable ({line}) was switched on and reads off: look at drive_enable and its wires")
+            raise PlantError(f"drive-enable ({line}) was switched on but reads off: check drive_enable and its wires")
         within_s = self.wiring.card.watchdog_s + _PROOF_S
         waiting = Stillness(_SETTLING_S)
         while self._daq.is_enabled or not self._daq.is_expired:
             if waiting.update(None) > within_s:
                 failure = f"expired, but drive-enable ({line}) stayed on" if self._daq.is_expired else "did not expire"
                 raise PlantError(
-                    f"the card's watchdog {failure} within {within_s:g} s when it was tried at zero volts: the drives "
-                    "cannot be cut; look at drive_enable and its wires, and do not go on while this comes back"
+                    f"the card's watchdog {failure} within {within_s:g} s when it was tested at zero "
+                    f"volts: the drives cannot be disabled; check drive_enable and its wires, and do not "
+                    f"continue until this test passes"
                 )
             time.sleep(_SETTLING_S)
         self._watchdog_proven = True
@@ -250,7 +251,7 @@ class Rig:
         Raises PlantError before the first reading, and with ``at_switch`` if the end switch is not held.
         """
         if self._last_reading is None:
-            raise PlantError("nothing has been read yet: read once, then say where joint and motors stand")
+            raise PlantError("no reading yet: read once, then set the positions of joint and motors")
         if at_switch and not self._last_reading.at_end:
             raise PlantError("the end switch is not held: turn the joint onto it and hold it there")
         counts = self._last_reading.n_q, self._last_reading.n_A, self._last_reading.n_B
@@ -279,11 +280,11 @@ class Rig:
 
     def push(self, F_push: float) -> None:
         """Raise PlantError: a rig is pushed by hand."""
-        raise PlantError("a rig is pushed by hand, not by command")
+        raise PlantError("a rig cannot be pushed by command: push it by hand")
 
     def load(self, load: ShaftLoad) -> None:
         """Raise PlantError: the rig cannot load its shafts."""
-        raise PlantError("this rig cannot load its motors' shafts by itself: play it as a dry run")
+        raise PlantError("a rig cannot load its motors' shafts: simulate it as a dry run")
 
     def inject(self, injected_fault: InjectedFault | None) -> None:
         """Raise PlantError: faults are not injected into a rig."""
@@ -299,7 +300,7 @@ class Rig:
         time.sleep(_SETTLING_S)
         if self._daq.is_enabled:
             line = self.wiring.drive_enable.line
-            raise PlantError(f"drive-enable ({line}) was switched off and stays on: look at drive_enable and its wires")
+            raise PlantError(f"drive-enable ({line}) was switched off but stays on: check drive_enable and its wires")
         if self._daq.read().tripped:
             raise PlantError("the safety module stays tripped: remove the cause it shows and acknowledge it at the rig")
         self._start_outputs(drives=self._drives_requested)

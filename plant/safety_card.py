@@ -174,7 +174,7 @@ class Card:
         Raises PlantError if the watchdog is dead.
         """
         if self._words[_DEAD]:
-            raise PlantError("the card's watchdog is dead: the loop process has to be started anew, with a new one")
+            raise PlantError("the card's watchdog has died: restart the loop process, which starts a new one")
         self._words[_U_A] = self._words[_U_B] = 0.0
         self._words[_EXPIRED] = 0.0
         self._words[_ENABLED] = 1.0

@@ -532,7 +532,7 @@ class Simulator:
 
     def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:
         """Raise PlantError: the simulator knows its positions."""
-        raise PlantError("the simulator knows where joint and motors stand: there is nothing to zero")
+        raise PlantError("the simulator knows the positions of joint and motors: there is nothing to zero")
 
     def limit_tension(self, F_limit: float | None) -> None:
         """Set the tension at which the safety module trips [N], None for its own limit."""

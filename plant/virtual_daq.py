@@ -125,7 +125,7 @@ class UnknownCallError(grpc.RpcError):  # type: ignore[misc]  # grpcio has no ty
 
     def details(self) -> str:
         """Return the message."""
-        return "the virtual card does not know this call"
+        return "the virtual card does not support this call"
 
     def trailing_metadata(self) -> tuple[()]:
         """Return no metadata: there is no NI-DAQmx code."""

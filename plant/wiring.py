@@ -316,9 +316,9 @@ class _Reader:
             bounds = f"choose {Quantity(low, unit, high):g}"
             self.add_problem(section, declared.name, f"{Quantity(value, unit):g} is out of bounds", bounds)
         if value == 0.0 and declared.name in ("gain", "slope", "direction"):
-            self.add_problem(section, declared.name, "0 tells nothing", "give what was measured, with its sign")
+            self.add_problem(section, declared.name, "0 is not a scale", "give what was measured, with its sign")
         if declared.name == "direction" and abs(value) != 1.0:
-            self.add_problem(section, declared.name, f"{value:g} is no direction", "give 1 or -1")
+            self.add_problem(section, declared.name, f"{value:g} is not a direction", "give 1 or -1")
         return float(value)
 
     def _read_table(self, section: str, entry: str, entries: dict[str, Any]) -> tuple[tuple[float, float], ...]:

@@ -58,7 +58,7 @@ def test_a_task_that_dies_is_told_and_works_again(die: Callable[[], Awaitable[No
         assert supervision.problems == []
         await until(lambda: lives == 2)
         assert deaths == [1]
-        assert told == [f"The clerk died ({cause}) and is started anew."]
+        assert told == [f"The clerk died ({cause}) and is being restarted."]
         (shown,) = supervision.problems
         assert shown == f"The clerk died ({cause}) and was started anew. Letters wait."
         await kept.end()

@@ -193,7 +193,9 @@ def require_measurable(experiment: Experiment, values: Mapping[str, Value], line
         path: Path = ("criteria", index)
         if bound.figure not in legal:
             given = ", ".join(experiment.measures)
-            why = f"{bound.figure!r} is no figure of what is measured ({given}); there are {', '.join(legal)}"
+            why = (
+                f"{bound.figure!r} is not a measured figure of this experiment ({given}); there are {', '.join(legal)}"
+            )
             raise ExperimentError(why, (*path, "figure"), find_line((*path, "figure"), lines))
         if (bound.below is None) is (bound.above is None):
             raise ExperimentError("it needs a bound, either below or above", path, find_line(path, lines))

@@ -254,7 +254,8 @@ def predict_response(
         asked = compute_required_voltage(tuning, S, references)
         if asked > budget:
             raise PredictionUnavailableError(
-                f"the excitation asks the plan for {asked:.1f} V of its {budget:g} V: take a smaller amplitude"
+                f"the excitation needs a feed-forward voltage of {asked:.1f} V of its {budget:g} V: "
+                f"choose a smaller amplitude"
             )
     return PredictedResponse(excitation.signal, S, tuning, context)
 
@@ -528,5 +529,5 @@ def _find_active_limit(columns: Columns, window: slice, planned: bool) -> str:
             continue
         ticks = int(np.count_nonzero(flags & int(limit)))
         if ticks:
-            return f"{words} for {Quantity(ticks * T_s, 's'):.3g}: take a smaller amplitude"
+            return f"{words} for {Quantity(ticks * T_s, 's'):.3g}: choose a smaller amplitude"
     return ""

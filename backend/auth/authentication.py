@@ -185,12 +185,12 @@ class ActiveUsers:
         """
         if user.session in (BEARER, OPEN):
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "a script goes by its role: only a browser that signed in has a name"
+                ErrorCode.NOT_NOW, "a script has its role as its name: only a browser that signed in has its own name"
             )
         given_name = clean_name(name)
         if given_name == "" or given_name.casefold() in set(Role):
             raise RequestRejectedError(
-                ErrorCode.BAD_VALUE, "a name needs a letter, and is no role: type what the others here call you"
+                ErrorCode.BAD_VALUE, "a name needs a letter, and must not be a role: enter your own name"
             )
         renamed = replace(user, name=self.make_display_name(given_name, user.role, user.session), given_name=given_name)
         for connection in self._connections.values():

@@ -182,7 +182,7 @@ def parse_command_token(text: str | None) -> CommandToken | None:
     if match is None:
         raise RequestRejectedError(
             ErrorCode.MALFORMED,
-            f"{CONTROL_HEADER} has to be the key of the page, a dot and a whole number",
+            f"{CONTROL_HEADER} must be the key of the page, a dot and a whole number",
             code="bad_stamp",
         )
     return CommandToken(match[1], int(match[2]))
@@ -333,7 +333,7 @@ class ControlLease:
         now = self._clock()
         try:
             if not now >= self._checked_at:
-                raise InvariantError(f"the clock of the lease went from {self._checked_at} s to {now} s")
+                raise InvariantError(f"the clock of the control lease jumped from {self._checked_at} s to {now} s")
             self.require_consistent()
         except InvariantError:
             self._checked_at, self.holder = self._clock(), None

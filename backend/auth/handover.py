@@ -22,7 +22,7 @@ from plant import (
     escape_quantities,
 )
 
-HANDOVER_PART = Part("The watch over who asks for control", "Answer open requests, or send them again.")
+HANDOVER_PART = Part("The monitor of requests for control", "Answer open requests, or send them again.")
 
 ANSWER_S = 120.0
 """Time [s] that a request waits for the holder, and an offer for its recipient."""

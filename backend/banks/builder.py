@@ -358,7 +358,7 @@ def build_bank_document(bank: Bank) -> dict[str, Any]:
 def parse_bank_file(text: str) -> dict[str, Any]:
     """Return the document in the text of a bank file. Raises BankError."""
     if len(text.encode()) > MAX_BYTES:
-        raise BankError(f"the file is larger than {MAX_BYTES} bytes: that is no bank")
+        raise BankError(f"the file is larger than {MAX_BYTES} bytes: it is not a bank")
     try:
         document = json.loads(text)
         check_plain_texts(document)

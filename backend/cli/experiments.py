@@ -122,7 +122,7 @@ def load_active_tuning(settings: Settings) -> BaseTuning:
     if not stored.same_plant:
         error_console.print("defaults: the active tuning is for other parameters of the plant", highlight=False)
         return _build_default_tuning(parameters)
-    return BaseTuning(stored.tuning.to_document(), "in force")
+    return BaseTuning(stored.tuning.to_document(), "active")
 
 
 def current_user() -> str:

@@ -169,7 +169,7 @@ def _read_columns(file: Path, header: int | None, decimal: "DecimalMark | None")
         return read_csv(decode_text(file.read_bytes(), file.name), header=header, decimal=decimal)
     if header is not None or decimal is not None:
         raise DataFileError(
-            f"{file.name} is no table of text: --header and --decimal are for those",
+            f"{file.name} is not a table of text, which --header and --decimal require",
             FileFault.OPTION,
             option="--header" if header is not None else "--decimal",
         )

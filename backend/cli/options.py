@@ -229,8 +229,8 @@ class RunningService:
             message = ErrorResponse.model_validate_json(text).error.message
         except ValidationError:
             fail(
-                f"what answers at {self.address} is no Sinew: status {status}, {text[:80]!a}; look what works "
-                "there, and start `sinew serve` again"
+                f"the service at {self.address} is not Sinew: status {status}, {text[:80]!a}; find out "
+                f"which program listens there, and start `sinew serve` again"
             )
         fail(message)
 

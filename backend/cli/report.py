@@ -101,7 +101,7 @@ def sign(
     if found.differences:
         fail(f"{file} is not signed: it does not hold, {len(found.differences)} differences")
     if found.left_out:
-        fail(f"{file} is not signed, as it is not verified: {'; '.join(found.left_out)}", status=2)
+        fail(f"{file} is not signed, because it is not verified: {'; '.join(found.left_out)}", status=2)
     try:
         private = load_or_make_signing_key(settings.data)
         name = _find_signer_name(settings)
@@ -245,7 +245,7 @@ def _require_regular_file(file: Path) -> None:
     from backend.reports import EvidenceError
 
     if file.exists() and not file.is_file():
-        raise EvidenceError(f"{file} is no ordinary file")
+        raise EvidenceError(f"{file} is not a regular file")
 
 
 def _read_page(file: Path) -> bytes:

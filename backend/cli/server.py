@@ -658,7 +658,7 @@ def up(
     try:
         at = parse_quantity(q_wall, "rad")
     except ValueError:
-        fail(f"angle of the wall: {q_wall!r} is no number; give one in rad, or in degrees as 15deg", status=2)
+        fail(f"angle of the wall: {q_wall!r} is not a number; give one in rad, or in degrees as 15deg", status=2)
     wall = {"q_wall": at, "side": side, "k_wall": stiffness, "c_wall": damping}
     _send_wall(wall, data, as_json=as_json)
 

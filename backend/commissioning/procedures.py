@@ -100,7 +100,7 @@ async def check_directions(context: ProcedureContext) -> StepFinding:
     low, high = START_RANGE_N
     await context.switch_drives_off()
     await context.request_action(
-        f"Turn both motors by hand until both load cells read some {START_N:g} N, keep clear of the rig, "
+        f"Turn both motors by hand until both load cells read about {START_N:g} N, keep clear of the rig, "
         f"and confirm: the drives will be enabled",
         ManualInput(theta_A=theta_A, theta_B=theta_B),
     )
@@ -108,7 +108,8 @@ async def check_directions(context: ProcedureContext) -> StepFinding:
     F_A, F_B = await context.measure_mean("F_A", "F_B")
     if not (low <= F_A <= high and low <= F_B <= high):
         raise StepFailedError(
-            f"the tendons hold {F_A:.1f} N and {F_B:.1f} N, {low:g} to {high:g} N are required: wind them by hand"
+            f"the tendon forces are {F_A:.1f} N and {F_B:.1f} N, {low:g} to {high:g} N are required: "
+            f"wind the tendons by hand"
         )
     await context.switch_drives_on()
     responses = [await _try_motor(context, "A"), await _try_motor(context, "B")]
@@ -362,7 +363,7 @@ async def calibrate_load_cells(context: ProcedureContext) -> StepFinding:
         ]
         if wiring_line is not None and slope * wiring_line[0] < 0.0:
             raise StepFailedError(
-                f"load cell {tendon} has {slope:.4g} N/V, and the wiring says {wiring_line[0]:.4g} N/V, "
+                f"load cell {tendon} has {slope:.4g} N/V, the wiring file gives {wiring_line[0]:.4g} N/V, "
                 f"the opposite sign: change the sign of load_cell_{tendon}.slope, or exchange its two leads"
             )
         if len(weights) > 2:
@@ -446,7 +447,9 @@ async def apply_pretension(context: ProcedureContext) -> StepFinding:
         MeasuredNumber("most that one was ahead of the other", apart, "N"),
     )
     if not is_near_pretension(F):
-        raise StepFailedError(f"the tendons hold {F_A:.1f} N and {F_B:.1f} N, not {PRETENSION_N:g} N: calibrate them")
+        raise StepFailedError(
+            f"the tendon forces are {F_A:.1f} N and {F_B:.1f} N, not {PRETENSION_N:g} N: calibrate them"
+        )
     return StepFinding(True, f"both tendons rose together to {PRETENSION_N:g} N", figures)
 
 

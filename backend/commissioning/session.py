@@ -147,7 +147,7 @@ class DriveLockout:
         self.problem = ""
         self._database = database
         self._lock = asyncio.Lock()
-        self._key = f"hands at the {plant.name}"
+        self._key = f"people at the {plant.name}"
         self.previous_lock: StoredSetting | None = None
         if plant.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
             with database.reading() as session:

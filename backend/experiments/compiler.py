@@ -246,7 +246,7 @@ class PlayedPart:
     repetitions.
     """
 
-    path: Path = field(metadata=describe_field("where it stands in the document"))
+    path: Path = field(metadata=describe_field("path in the document"))
     start_s: float = field(metadata=describe_field("when it begins for the first time", "s"))
     end_s: float = field(metadata=describe_field("when it ends for the last time", "s"))
     pieces: int = field(metadata=describe_field("pieces that the loop plays of it, all repetitions counted"))
@@ -595,7 +595,7 @@ class _Compiler(NumberReader):
         side = 1.0 if part.side == "above" else -1.0
         q_wall = self._read_number("q_wall", part.q_wall, -Q_REF_MAX, Q_REF_MAX, "rad")
         if side * (self._q - q_wall) >= 0.0:
-            why = f"the joint is asked to be at {Angle(self._q):.4g}, not before a wall at {Angle(q_wall):.4g}"
+            why = f"the joint's reference is {Angle(self._q):.4g}, not before a wall at {Angle(q_wall):.4g}"
             raise self._build_error(f"{why}: bring it away from there first", (*self._path, "q_wall"))
         k_wall = self._read_number("k_wall", part.k_wall, K_LEAST, _K_WALL_MAX, "N/m")
         self._add_wall_change(
@@ -641,7 +641,7 @@ class _Compiler(NumberReader):
         chosen, path = self._names.get(part.by), self._path
         declared = next((item for item in self._experiment.settings if item.name == part.by), None)
         if declared is None or declared.kind != "choice":
-            raise self._build_error(f"{part.by!r} is no setting with choices", (*path, "by"))
+            raise self._build_error(f"{part.by!r} is not a setting with choices", (*path, "by"))
         if set(part.of) != set(declared.choices):
             raise self._build_error(f"it needs parts for each of {', '.join(declared.choices)}", (*path, "of"))
         self._compile_parts(part.of[str(chosen)], (*path, "of", str(chosen)))

@@ -156,7 +156,7 @@ def parse_expression(expression: str) -> ast.Expression:
     try:
         tree = ast.parse(expression.strip(), mode="eval")
     except (SyntaxError, ValueError, MemoryError, RecursionError):
-        raise ExpressionError(f"{expression!r} is no expression") from None
+        raise ExpressionError(f"{expression!r} is not an expression") from None
     _require_small(tree)
     return tree
 
@@ -593,7 +593,9 @@ _MESSAGES = {
 
 def _format_problem(first: Any) -> str:
     if first["type"] == "union_tag_invalid":
-        return f"{first['ctx']['tag']!r} is no motion; there are {first['ctx']['expected_tags'].replace(chr(39), '')}"
+        return (
+            f"{first['ctx']['tag']!r} is not a motion; known are {first['ctx']['expected_tags'].replace(chr(39), '')}"
+        )
     if first["type"] == "union_tag_not_found":
         return "a part needs `do`, which names its kind"
     if first["type"] == "missing_argument" or first["type"] == "missing_keyword_only_argument":

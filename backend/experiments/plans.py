@@ -78,7 +78,7 @@ class ExperimentPlan:
         """Control law. Raises ExperimentError."""
         named = self.values.get(self.experiment.law, self.experiment.law)
         if named not in LAWS:
-            why = f"{named!r} is no control law; there are {', '.join(LAWS)}"
+            why = f"{named!r} is not a control law; known are {', '.join(LAWS)}"
             raise ExperimentError(why, ("law",), find_line(("law",), self.lines))
         return Law(str(named))
 

@@ -103,7 +103,7 @@ def read_finite(text: str | bytes) -> Any:
 
 
 def _refuse(word: str) -> NoReturn:
-    raise ValueError(f"{word} is no number")
+    raise ValueError(f"{word} is not a number")
 
 
 def _finite(word: str) -> float:
@@ -229,20 +229,20 @@ def read_facts(text: str | bytes) -> Facts:
     try:
         document = read_finite(text)
         if not isinstance(document, Mapping) or document.get("format") != FORMAT:
-            raise ImportRefusedError(f"what it says of itself is not of format {FORMAT}: take the Sinew that wrote it")
+            raise ImportRefusedError(f"its metadata are not of format {FORMAT}: use the version of Sinew that wrote it")
         contents = {name: part for name, part in document.items() if name != SEAL}
         if document.get(SEAL) != document_digest(contents):
-            raise ImportRefusedError("what it says of itself was changed: its sha256 is another one")
+            raise ImportRefusedError("its metadata were changed: their sha256 differs")
         facts = _FACTS.validate_python(contents)
     except ValidationError as error:
         first = error.errors()[0]
-        raise ImportRefusedError(f"what it says of itself: {first['loc'][0]}: {first['msg']}") from None
+        raise ImportRefusedError(f"its metadata: {first['loc'][0]}: {first['msg']}") from None
     except ValueError as error:
         if isinstance(error, ImportRefusedError):
             raise
-        raise ImportRefusedError(f"what it says of itself cannot be read: {error}") from None
+        raise ImportRefusedError(f"its metadata cannot be read: {error}") from None
     if facts.period_s <= 0.0 or facts.samples < 1 or set(facts.names) != {"t", *facts.fields, *facts.derived}:
-        raise ImportRefusedError("what it says of itself: period, samples or columns do not fit together")
+        raise ImportRefusedError("its metadata: period, samples or columns are inconsistent")
     return facts
 
 

@@ -193,7 +193,7 @@ _NAME = re.compile(
 _LARGEST_TEXT = 64_000_000
 """Most bytes of a member that is read completely: records and reports of a run have one or two million."""
 _MOST_MEMBERS = 1_000
-_CHANGED = f"was changed: its sha256 is another one than {MANIFEST} tells"
+_CHANGED = f"was changed: its sha256 differs from the one in {MANIFEST}"
 
 
 @dataclass(frozen=True)
@@ -233,7 +233,7 @@ def open_bundle(file: Path) -> Iterator[Bundle]:
                 raise ImportRefusedError("the archive around its members was changed, or its end is missing")
             yield Bundle(archive, whole.decode(), int(manifest["run"]), records, frozenset(names))
     except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError, UnicodeDecodeError) as error:
-        raise ImportRefusedError(f"it is no bundle, or was cut off or changed: {error}") from None
+        raise ImportRefusedError(f"it is not a bundle, or was truncated or changed: {error}") from None
 
 
 def _digest(file: Path) -> bytes:
@@ -259,13 +259,13 @@ def _members(archive: zipfile.ZipFile, size: int) -> dict[str, zipfile.ZipInfo]:
         if info.compress_type != zipfile.ZIP_STORED or info.compress_size != info.file_size or info.flag_bits & 1:
             raise ImportRefusedError(f"{name} is compressed or encrypted: members of a bundle are stored as they are")
         if info.file_size > (size if name.endswith(".parquet") else min(size, _LARGEST_TEXT)):
-            raise ImportRefusedError(f"{name} says that it has {info.file_size} bytes: that is too much")
+            raise ImportRefusedError(f"{name} has a stated size of {info.file_size} bytes, which is too large")
         found[name] = info
     if sum(info.file_size for info in found.values()) > size:
-        raise ImportRefusedError("its members say that they are larger than the file")
+        raise ImportRefusedError("the stated sizes of its members exceed the size of the file")
     for name in (MANIFEST, RECORDS):
         if name not in found:
-            raise ImportRefusedError(f"it has no {name}: it is no bundle of a run")
+            raise ImportRefusedError(f"it has no {name}: it is not a bundle of a run")
     return found
 
 
@@ -299,13 +299,13 @@ def _records(archive: zipfile.ZipFile, manifest: Mapping[str, Any]) -> list[dict
     document = read_json(archive.read(RECORDS), RECORDS)
     records = _list(document)
     if document.get("run") != manifest["run"]:
-        raise ImportRefusedError(f"{MANIFEST} says that it is of run {manifest['run']}, {RECORDS} of another one")
+        raise ImportRefusedError(f"{MANIFEST} is of run {manifest['run']}, {RECORDS} of another run")
     record_list = manifest["records"]
     for record in records:
         if record_list.get(get_record_name(record)) != document_digest(record):
-            raise ImportRefusedError(f"{get_record_name(record)} is another one than {MANIFEST} tells")
+            raise ImportRefusedError(f"{get_record_name(record)} differs from the one in {MANIFEST}")
     if len(record_list) != len(records) or len({get_record_name(record) for record in records}) != len(records):
-        raise ImportRefusedError(f"{MANIFEST} and {RECORDS} do not tell of the same records")
+        raise ImportRefusedError(f"{MANIFEST} and {RECORDS} list different records")
     return records
 
 
@@ -322,7 +322,7 @@ def _list(document: Any) -> list[dict[str, Any]]:
     )
     if not isinstance(records, list) or not whole:
         raise ImportRefusedError(
-            f"{RECORDS} is no list of records, each of a kind with a number from 1 to {MAX_RECORD_NUMBER}"
+            f"{RECORDS} is not a list of records, each of a kind with a number from 1 to {MAX_RECORD_NUMBER}"
         )
     return records
 

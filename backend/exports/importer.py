@@ -110,7 +110,7 @@ def check_export(file: Path) -> Facts:
     try:
         require_texts(asdict(facts))
     except ValueError as error:
-        raise ImportRefusedError(f"what it says of itself cannot be read: {error}") from None
+        raise ImportRefusedError(f"its metadata cannot be read: {error}") from None
     require_matching_facts(facts, batches)
     return facts
 
@@ -125,7 +125,7 @@ def require_matching_facts(facts: Facts, batches: Iterable[Batch]) -> None:
     except (ValueError, OverflowError) as error:
         raise ImportRefusedError(str(error)) from None
     if samples != facts.samples:
-        raise ImportRefusedError(f"it holds {samples} samples, and says that it has {facts.samples}")
+        raise ImportRefusedError(f"it holds {samples} samples, its metadata state {facts.samples}")
     if digest.hex() != facts.sha256:
         raise ImportRefusedError(f"its samples are not those that were exported: their sha256 is {digest.hex()}")
 
@@ -208,10 +208,10 @@ def _pieces(facts: Facts, batches: Iterable[Batch]) -> Iterator[tuple[int, Batch
     for batch in batches:
         ticks = batch["t"] / facts.period_s
         if not np.all(np.abs(ticks) < 1e12) or not np.all(np.abs(ticks - np.rint(ticks)) < 0.01):
-            raise ImportRefusedError(f"its times t are no multiples of {facts.period_s:g} s")
+            raise ImportRefusedError(f"its times t are not multiples of {facts.period_s:g} s")
         for tick, part in unbroken(batch, facts.period_s):
             if tick <= end or (end < 0 and tick != 0):
-                raise ImportRefusedError(f"its times t do not rise from 0: look at t = {tick * facts.period_s:g} s")
+                raise ImportRefusedError(f"its times t do not increase from 0: see t = {tick * facts.period_s:g} s")
             yield tick, part
             end = tick + part["t"].size - 1
 

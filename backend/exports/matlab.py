@@ -114,7 +114,7 @@ def read_matlab(file: Path) -> tuple[Facts, Iterator[Batch]]:
     """
     found = _vectors(file)
     if FACTS not in found:
-        raise ImportRefusedError(f"it has no text {FACTS}: it is no export of a run")
+        raise ImportRefusedError(f"it has no text {FACTS}: it is not an export of a run")
     facts = read_facts(_text(file, found.pop(FACTS)[0]))
     missing = [name for name in facts.names if found.get(name, (0, 0))[1] != facts.samples]
     if missing:

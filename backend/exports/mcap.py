@@ -142,7 +142,7 @@ def read_mcap(file: Path) -> tuple[Facts, Iterator[Batch]]:
         metadata = (one for one in _records(opened) if isinstance(one, Metadata) and one.name == FACTS)
         metadata_record = next(metadata, None)
     if metadata_record is None or "facts" not in metadata_record.metadata:
-        raise ImportRefusedError("it does not say which samples these are: it is no export of a run")
+        raise ImportRefusedError("it does not identify its samples: it is not an export of a run")
     facts = read_facts(metadata_record.metadata["facts"])
 
     def batches() -> Iterator[Batch]:

@@ -77,7 +77,7 @@ def read_csv(file: Path) -> tuple[Facts, Iterator[Batch]]:
     lines = heading_lines(file)
     facts_line = next((line for line in lines if line.startswith(_MARK)), None)
     if facts_line is None:
-        raise ImportRefusedError("it has no line that says which samples these are: it is no export of a run")
+        raise ImportRefusedError("no line identifies its samples: it is not an export of a run")
     facts = read_facts(facts_line.removeprefix(_MARK))
     return facts, _batches(file, facts, len(lines))
 
@@ -113,7 +113,7 @@ def _batches(file: Path, facts: Facts, skip: int) -> Iterator[Batch]:
     reading = pyarrow.csv.ReadOptions(skip_rows=skip)
     with pyarrow.csv.open_csv(file, read_options=reading, convert_options=convert) as rows:
         if rows.schema.names != facts.names:
-            raise ImportRefusedError("its heading does not name the columns that it says it has")
+            raise ImportRefusedError("its header row does not name the columns of its metadata")
         for part in rows:
             yield {name: part.column(name).to_numpy(zero_copy_only=False) for name in facts.names}
 
@@ -223,11 +223,11 @@ def read_parquet(file: Path) -> tuple[Facts, Iterator[Batch]]:
     opened = pyarrow.parquet.ParquetFile(file, pre_buffer=False)  # pre_buffer would hold the whole file
     facts_text = (opened.schema_arrow.metadata or {}).get(FACTS.encode())
     if facts_text is None:
-        raise ImportRefusedError("its metadata do not say which samples these are: it is no export of a run")
+        raise ImportRefusedError("its metadata do not identify its samples: it is not an export of a run")
     facts = read_facts(facts_text)
     groups = [opened.metadata.row_group(number) for number in range(opened.metadata.num_row_groups)]
     if opened.schema_arrow.names != facts.names or opened.metadata.num_rows != facts.samples:
-        raise ImportRefusedError("it has not the columns or the samples that it says it has")
+        raise ImportRefusedError("its columns or samples differ from its metadata")
     if any(group.total_byte_size > _LARGEST_GROUP for group in groups):
         raise ImportRefusedError("it has larger groups of rows than an export of a run")
 

@@ -306,7 +306,7 @@ class Publisher:
         names = tuple(field.name for field in layout.fields)
         if names != STORED_NAMES or layout.period_s != T_s:
             raise OtherVersionError(
-                "the service streams other signals than this version knows: use one version of both"
+                "the service streams signals that this version does not support: use the same version of both"
             )
         self._server.remove_status([_SERVICE_STATUS])
         self._began_ns = None
@@ -423,7 +423,7 @@ async def _listen(source: LiveSource, publisher: Publisher) -> tuple[bool, str]:
         reason = closed.rcvd.reason if closed.rcvd is not None else ""
         why = f"the service at {source.address} has ended the stream{f': {reason}' if reason else ''}"
     except TimeoutError:
-        why = f"the service at {source.address} says nothing any more"
+        why = f"the service at {source.address} no longer sends data"
     except (OSError, InvalidHandshake) as error:
         why = f"the service at {source.address} does not answer: {error}"
     return has_received, why

@@ -409,10 +409,10 @@ OUTCOMES: dict[Outcome, str] = {
 
 CRITERIA: dict[str, tuple[str, str, str]] = {
     "pass": ("pass", "The figure was measured on all of the run and lies on the right side of its bound.", ""),
-    "fail": ("fail", "The figure lies on the wrong side of its bound; what was seen is enough to say so.", ""),
+    "fail": ("fail", "The figure violates its bound; the measured data suffice for this verdict.", ""),
     "not_measured": (
         "not measured",
-        "There is no figure, or not all of it was seen; the reason stands beside it. It is neither passed nor failed.",
+        "The figure was not measured, or only in part, for the given reason. It is neither passed nor failed.",
         f"a step is measured from rest, and has settled within ±{100 * SETTLING_BAND:g} %",
     ),
 }
@@ -423,15 +423,15 @@ GRADES: dict[Grade, tuple[str, str]] = {
         "The model may be used for tuning: no test speaks against it.",
         f"fit ≥ {validation.GOOD_FIT_PERCENT:g} % on unseen data, "
         f"K and T known to ±{validation.CAUTION_STD_PERCENT:g} %, "
-        f"gain within {validation.CAUTION_GAIN_ERROR_PERCENT:g} % of geometry, no dry friction found",
+        f"gain within {validation.CAUTION_GAIN_ERROR_PERCENT:g} % of geometry, no Coulomb friction found",
     ),
     Grade.CAUTION: (
-        "The model may be used; the reasons beside it say what is doubtful.",
+        "The model may be used; the listed reasons name what is uncertain.",
         f"fit ≥ {validation.MIN_FIT_PERCENT:g} %, K and T known to ±{validation.MAX_STD_PERCENT:g} %, gain within "
         f"{validation.MAX_GAIN_ERROR_PERCENT:g} % of geometry",
     ),
     Grade.UNUSABLE: (
-        "No gains should be computed from this model; the reasons beside it say why.",
+        "No gains should be computed from this model, for the listed reasons.",
         f"less than {validation.MIN_COUNTS:g} counts of motion, fit < {validation.MIN_FIT_PERCENT:g} %, "
         f"K or T not known to ±{validation.MAX_STD_PERCENT:g} %, "
         f"or gain more than {validation.MAX_GAIN_ERROR_PERCENT:g} % off geometry",
@@ -440,12 +440,12 @@ GRADES: dict[Grade, tuple[str, str]] = {
 """Meaning and rule of each grade; a number that could not be computed never improves a grade."""
 
 ENDS: dict[EndState, str] = {
-    EndState.RUNNING: "The run is under way: samples are still recorded.",
-    EndState.COMPLETED: "The run came to the end of its program, or a session was ended in the usual way.",
+    EndState.RUNNING: "The run is in progress: samples are still recorded.",
+    EndState.COMPLETED: "The program of the run was completed, or the session was ended normally.",
     EndState.STOPPED: "Somebody pressed STOP or ended the service before the run was over.",
     EndState.TRIPPED: "A fault stopped the run; the timing of it is in the flight record.",
     EndState.LINK_LOST: "The page that held control was lost, and the loop stopped softly.",
-    EndState.SERVICE_DIED: "The service died or hung, and the loop stopped by itself.",
+    EndState.SERVICE_DIED: "The service died or hung, and the loop stopped automatically.",
 }
 
 MODES: dict[Mode, str] = {
@@ -461,33 +461,34 @@ MODES: dict[Mode, str] = {
 }
 
 CAUSES: dict[Cause | HomingEnd, str] = {
-    Cause.ASKED_FOR: "A person or a script asked for this mode.",
+    Cause.ASKED_FOR: "A person or a script requested this mode.",
     Cause.PROGRAM: "An experiment or identification began its program.",
     Cause.PROGRAM_ENDED: "A program came to its end.",
-    Cause.CONTACT: "A contact was felt, and the joint gives way until a mode is chosen.",
+    Cause.CONTACT: "A contact was detected; the joint is compliant until a mode is chosen.",
     Cause.STANDING: "A soft stop has brought the joint to rest.",
     Cause.RESET: "A latched fault was acknowledged.",
     Cause.MOTOR_TRIAL: "The bring-up tries the direction of a motor at low voltage.",
     Cause.MOTOR_TRIED: "The trial of a motor's direction is over.",
     Cause.HOMING: "The bring-up drives the joint to its end switch.",
     HomingEnd.HOMED: "The end switch closed where it should: the joint has its zero.",
-    HomingEnd.NOT_REACHED: "The joint came to the end of its way without the end switch; no zero was set.",
+    HomingEnd.NOT_REACHED: "The joint reached the end of its travel without meeting the end switch; no zero was set.",
     HomingEnd.STUCK_CLOSED: "The end switch did not open as the joint left it; no zero was set.",
     HomingEnd.WRONG_WAY: "The joint moved away from the end switch; no zero was set.",
     HomingEnd.JOINT_HELD: "The joint did not follow the motors; no zero was set.",
     HomingEnd.MOTOR_OFF: "A motor did not come to where it was sent; no zero was set.",
     HomingEnd.TENSION: "A tendon pulled harder than homing allows; no zero was set.",
-    HomingEnd.SLACK: "A tendon went slack on the way; no zero was set.",
+    HomingEnd.SLACK: "A tendon went slack during homing; no zero was set.",
     HomingEnd.TOO_LONG: "Homing took longer than it may; no zero was set.",
 }
 
 CHAIN: dict[str, tuple[str, str]] = {
-    "page": ("Page in control", "The page that holds control is heard. Lost for 2 s its references are held; "
-             "2 s later the loop stops softly."),
-    "service": ("Service", "The loop hears the service's beat; without it for 0.34 s the loop stops softly by itself."),
-    "loop": ("Loop process", "Samples arrive from the 1 kHz loop; without one for 1 s the loop is not well."),
-    "watchdog": ("Watchdog, drive-enable", "The card cuts the drives when the loop does not write in time; it has to "
-                 "show that it does before each start."),
+    "page": ("Page in control", "The page that holds control sends signs of life. After 2 s without one the loop "
+             "holds its references; 2 s later the loop stops softly."),
+    "service": ("Service", "The loop receives the heartbeat of the service; after 0.34 s without it the loop stops "
+                "softly."),
+    "loop": ("Loop process", "Samples arrive from the 1 kHz loop; after 1 s without one the loop counts as failed."),
+    "watchdog": ("Watchdog, drive-enable", "The card disables the drives if the loop does not write in time; a test "
+                 "proves this before each start."),
     "safety_module": ("Safety module", "Independent of the controller: it cuts the motors at F_max or at the end of "
                       "the joint's range and stays tripped until it is acknowledged at the rig."),
 }  # fmt: skip
@@ -502,9 +503,9 @@ STEPS: dict[StepState, str] = {
 
 SETUP: dict[ChecklistState, str] = {
     ChecklistState.MISSING: "Nothing of this step is stored yet.",
-    ChecklistState.DONE: "There is one, and it was made from what is in force now.",
-    ChecklistState.OUTDATED: "There is one, made with other parameters or before what it builds on was made anew.",
-    ChecklistState.UNUSABLE: "There is one, and its verdict says not to use it.",
+    ChecklistState.DONE: "It exists and was made from the active settings.",
+    ChecklistState.OUTDATED: "It exists, but was made with other parameters, or an earlier step was repeated since.",
+    ChecklistState.UNUSABLE: "It exists, but its verdict rejects its use.",
 }
 
 TIMING: dict[str, str] = {

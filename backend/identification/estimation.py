@@ -104,9 +104,7 @@ def fit_percent(error: Signal, motion: Signal) -> float:
     Raises IdentificationError if there is no motion.
     """
     if np.ptp(motion) == 0.0:
-        raise IdentificationError(
-            "nothing moved in what the model is to be compared with: there is no motion to explain"
-        )
+        raise IdentificationError("the output of the comparison record is constant: there is no motion to explain")
     return 100.0 * (1.0 - float(np.linalg.norm(error)) / float(np.linalg.norm(motion)))
 
 

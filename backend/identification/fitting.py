@@ -384,7 +384,7 @@ def _check_dead_time(structure: Structure, record: Record, method: Method) -> No
     """
     if method is Method.ARX or record.controller is not None:
         instead = "another method" if method is Method.ARX else "--setpoint in place of --controller"
-        raise StructureError(f"{structure.name} has a dead time, which cannot be found in this way: use {instead}")
+        raise StructureError(f"{structure.name} has a dead time, which this method cannot estimate: use {instead}")
 
 
 def refit(found: Fit, record: Record) -> FitEvaluation:

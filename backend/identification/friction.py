@@ -118,13 +118,13 @@ def fit_friction(record: Record, dead_time_s: float) -> FrictionFit:
     try:
         found = least_squares(residuals, start, jac=differences(residuals), x_scale=0.1, max_nfev=_MAX_STEPS)
     except ValueError:  # a simulation that overflows
-        raise NotConvergedError("no motor with dry friction describes the record") from None
+        raise NotConvergedError("no motor model with Coulomb friction describes the record") from None
     if not np.all(np.isfinite(found.x)):
-        raise NotConvergedError("no motor with dry friction describes the record")
+        raise NotConvergedError("no motor model with Coulomb friction describes the record")
     sensitivities = -np.asarray(found.jac, dtype=np.float64)
     moves = np.linalg.norm(sensitivities, axis=0) > 0.0  # rest, or an offset, may have no effect
     if not np.all(moves[:3]):
-        raise NotConvergedError("the record does not tell gain, lag and dry friction apart")
+        raise NotConvergedError("gain, time constant and Coulomb friction cannot be separated in this record")
     covariance = sandwich(sensitivities[:, moves], sensitivities[:, moves], found.fun)[:3, :3]
     T = float(np.exp(found.x[1]))
     unit = np.array([scale_y / scale_u, T, scale_u])
@@ -355,7 +355,7 @@ def _solve(columns: Signal, u: Signal) -> tuple[tuple[float, float, float], Sign
         return "the motor did not turn both ways; excite more"
     solution, _, rank, _ = np.linalg.lstsq(columns / size, u)
     if rank < columns.shape[1]:
-        return "the records do not tell friction, inertia and load apart; excite more"
+        return "friction, inertia and load cannot be separated in these records; use a richer excitation"
     solution = solution / size
     covariance = sandwich(columns, columns, u - columns @ solution)
     load, sign, sign_load = (_PARAMETERS.index(name) for name in ("load", "sign", "sign_load"))
@@ -413,7 +413,7 @@ def _equations(run: TensionRun, r_m: float) -> tuple[Signal, Signal] | str:
     is_one_direction[: 2 * reach] = is_one_direction[-2 * reach - most :] = False
     counted = int(np.count_nonzero(is_one_direction))
     if counted < MIN_SAMPLES:
-        return f"motor A turns one way in {counted} samples, fewer than {MIN_SAMPLES}"
+        return f"motor A turns in one direction in {counted} samples, fewer than {MIN_SAMPLES}"
     sign = np.sign(theta_d)
     columns = (
         np.gradient(theta_d, period_s),

@@ -118,7 +118,7 @@ def _named_like_one(columns: Columns, taken: Collection[str], period_s: float | 
         certain = [name for name in certain if (columns.units.get(name) or "s").lower() in SECONDS]
     if len(certain) > 1:
         raise DataFileError(
-            f"each of the columns {', '.join(certain)} may be the time: say which by --time COLUMN",
+            f"each of the columns {', '.join(certain)} may be the time: choose one with --time COLUMN",
             FileFault.AMBIGUOUS_TIME,
             column=certain[1],
             option="--time",
@@ -192,7 +192,7 @@ def _find_time_unit(name: str, columns: Columns, since: Signal, period_s: float 
         if known in SECONDS:
             return known, "heading"
         raise DataFileError(
-            f"the time column '{name}' is in '{unit_text}': say which of {UNITS} that is by --time-unit",
+            f"the time column '{name}' is in '{unit_text}': choose which of {UNITS} that is with --time-unit",
             FileFault.TIME_UNIT,
             column=name,
             option="--time-unit",
@@ -211,14 +211,14 @@ def _find_time_unit(name: str, columns: Columns, since: Signal, period_s: float 
     is_day = size > 1e4 and 0.0 < step < 1e-4
     if (is_whole or is_day or step > _LONGEST_PERIOD_S) and step > 0.0:
         raise DataFileError(
-            f"nothing says in which unit the time column '{name}' is, whose rows are {step:.6g} apart: give it by"
-            f" --time-unit, one of {UNITS}"
-            + (f"; where it is no time, by --time {NO_COLUMN} beside --period" if period_s else ""),
+            f"the unit of the time column '{name}', whose rows are {step:.6g} apart, is unknown: give it "
+            f"with --time-unit, one of {UNITS}"
+            + (f"; if it is not a time, use --time {NO_COLUMN} with --period" if period_s else ""),
             FileFault.TIME_UNIT,
             column=name,
             option="--time-unit",
         )
-    return "s", "assumed, as neither heading nor option says"
+    return "s", "assumed, because neither header row nor option states it"
 
 
 def _unit_in(name: str) -> str:
@@ -341,7 +341,7 @@ def decode_text(content: bytes, name: str) -> str:
     if found is not None:
         line = text.count("\n", 0, found.start()) + 1
         raise DataFileError(
-            f"{name} is no table of text: line {line} holds the control character U+{ord(found[0]):04X}",
+            f"{name} is not a table of text: line {line} holds the control character U+{ord(found[0]):04X}",
             FileFault.ENCODING,
             line=line,
         )
@@ -521,7 +521,7 @@ def import_record(
     _require_one_length(signals, found)
     if found is None and time.unit is not None:
         raise DataFileError(
-            "there is no time column that --time-unit is for: name it by --time COLUMN",
+            "--time-unit needs a time column: name it with --time COLUMN",
             FileFault.NO_TIME,
             option="--time",
         )
@@ -534,8 +534,9 @@ def import_record(
         )
     if found is None and columns.holes:
         raise DataFileError(
-            f"{columns.holes} lines between rows are empty or commented out: they may be samples that are missing,"
-            " which no time column tells. Delete those lines, or name the time by --time COLUMN",
+            f"{columns.holes} lines between rows are empty or commented out: they may be missing "
+            f"samples, which cannot be detected without a time column. Delete those lines, or name the "
+            f"time column with --time COLUMN",
             FileFault.ROWS,
             option="--time",
         )
@@ -753,7 +754,7 @@ def _collect_columns(variables: dict[str, Any], objects: dict[str, str]) -> Colu
     for short, keys in places.items():
         if short not in columns and short not in columns.reasons:
             columns.leave_out(
-                short, f"'{short}' of the file may be {' or '.join(keys)}: say which", FileFault.AMBIGUOUS_COLUMN
+                short, f"'{short}' of the file may be {' or '.join(keys)}: choose one", FileFault.AMBIGUOUS_COLUMN
             )
     for name, kind in objects.items():
         reason = f"'{name}' is a MATLAB object ({kind}): save its columns as vectors, as in {_save(name, kind)}"

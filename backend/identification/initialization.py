@@ -106,7 +106,7 @@ class FitEvaluation:
         dead_time_s = problem.structure.dead_time(parameters)
         if not dead_time_s <= problem.first * problem.record.period_s:
             raise UnstableModelError(
-                f"a dead time of {Quantity(dead_time_s, 's'):.3g} is longer than what is looked for"
+                f"a dead time of {Quantity(dead_time_s, 's'):.3g} exceeds the longest dead time that is searched"
             )
         self._from_rest = problem.whiten(problem.simulate(parameters, problem.record.u))
         if not np.all(np.isfinite(self._from_rest)):

@@ -205,7 +205,7 @@ def identify_motor(runs: Sequence[VoltageStepRecord]) -> MotorIdentification:
             minimum=MIN_RUNS,
             maximum=None,
             unit="1",
-            remedy="one voltage cannot tell the gain from dry friction: step to several",
+            remedy="gain and Coulomb friction cannot be separated with one voltage: step to several voltages",
         )
     rule = tuple(rule_of_63_percent(run) for run in runs)
     gains, lags = np.array([[result.K_m, result.T_m] for result in rule]).T
@@ -346,7 +346,7 @@ def _verdict(solution: Signal, std: Signal, coulomb: bool, counts: float, misfit
     known = f"known to ±{spread:.2g} %" if np.isfinite(spread) else "known to no measured error"
     reasons = [
         f"K_m and T_m {known}",
-        f"dry friction takes {u_c:.3f} V" if coulomb else "no dry friction found",
+        f"Coulomb friction takes {u_c:.3f} V" if coulomb else "no Coulomb friction found",
         f"position fitted to {counts:.1f} counts, {misfit_percent:.2g} % of the turn",
     ]
     if K_m <= 0.0:
@@ -523,7 +523,7 @@ def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
     reasons = [
         *(words for grade, words in findings if words and grade is not Grade.USABLE),
         f"K_m and T_m known to ±{spread:.2g} %" if np.isfinite(spread) else "errors of K_m and T_m not measured",
-        f"dry friction takes {Quantity(u_c, 'V'):.3g}" if u_c > 0.0 else "no dry friction found",
+        f"Coulomb friction takes {Quantity(u_c, 'V'):.3g}" if u_c > 0.0 else "no Coulomb friction found",
         f"dead time of {1e3 * t_d:.3g} ms" if t_d > 0.0 else "no dead time found",
         *([f"input offset of {Quantity(u_0, 'V'):.3g} ± {Quantity(found.std_errors[4], 'V'):.2g}"] if u_0 else []),
         *([] if rests else [f"fit of {format_percent(fit)} % on unseen data" if np.isfinite(fit) else _NO_FIT]),
@@ -596,9 +596,10 @@ def _findings(
     for name, share, reference in (("friction", friction, "voltage"), ("dead time", dead_time, "lag")):
         yield (
             grade_value(share, CAUTION_STD_PERCENT, MAX_STD_PERCENT),
-            f"the record tells the {name} only to ±{share:.2g} % of the {reference}"
+            f"the record determines the {name} only to ±{share:.2g} % of the {reference}"
             if np.isfinite(share)
-            else f"the record does not tell the {name} from gain and lag: drive the motor with several voltages",
+            else f"the {name} cannot be separated from gain and time constant in this record: drive the "
+            f"motor with several voltages",
         )
     if not is_friction_significant:
         yield Grade.CAUTION, "the residuals are not white: the motor does something that this model leaves out"

@@ -406,8 +406,8 @@ def check_time(t: Signal, period_s: float) -> None:
             minimum=MIN_STEP * period_s,
             maximum=MAX_STEP * period_s,
             unit="s",
-            remedy="the time column must rise from row to row; "
-            "--time none beside --period leaves out one that is too coarse",
+            remedy="the time column must increase from row to row; if its resolution is too coarse, use "
+            "--time none with --period",
         )
     largest = float(np.max(steps))
     typical = float(np.median(steps))

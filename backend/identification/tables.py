@@ -118,8 +118,8 @@ def _make_day_reader(
     is_month_first = any(int(other) > 12 for _, other, _ in days)
     if order is None and not (is_day_first or is_month_first) and len(days) > 1:
         raise DataFileError(
-            f"in '{matches[0].string}' of the time column '{name}' day and month cannot be told apart: say which comes"
-            f" first by --time-unit {DAY_FIRST} or {MONTH_FIRST}",
+            f"in '{matches[0].string}' of the time column '{name}' day and month cannot be "
+            f"distinguished: choose which comes first with --time-unit {DAY_FIRST} or {MONTH_FIRST}",
             FileFault.DATES,
             column=name,
             option="--time-unit",
@@ -348,8 +348,8 @@ def _make_ambiguity_error(
     cell = columns[at][row]
     values = " or ".join(f"{number(cell, mark):.10g} with a decimal {mark}" for mark in DecimalMark)
     raise DataFileError(
-        f"column '{names[at]}' holds '{cell}' in line {lines[row]}, which is {values}: say which by --decimal point or"
-        " --decimal comma",
+        f"column '{names[at]}' holds '{cell}' in line {lines[row]}, which is {values}: choose with "
+        f"--decimal point or --decimal comma",
         FileFault.AMBIGUOUS_DECIMALS,
         column=names[at],
         line=lines[row],
@@ -366,7 +366,7 @@ def _make_ambiguity_error(
 
 
 MAX_SAMPLES = 5_000_000
-NOT_ASKED_FOR = "not asked for"
+NOT_ASKED_FOR = "not selected"
 LARGEST_EXACT = 2.0**53
 """Integers beyond it are rounded as 64-bit floating-point numbers."""
 _HEADING = re.compile(r"^\s*(?P<name>[^\[\(]*?)\s*(?:[\[\(](?P<unit>[^\]\)]*)[\]\)])?\s*$")
@@ -560,7 +560,7 @@ class _Table:
         if above:
             options = " or ".join(f"--header {line}" for line, _ in above)
             raise DataFileError(
-                f"lines {above[0][0]} to {above[-1][0]} may all name the columns: say which of them does by {options}",
+                f"lines {above[0][0]} to {above[-1][0]} may all be the header row: choose one with {options}",
                 FileFault.AMBIGUOUS_HEADING,
                 line=above[-1][0],
                 option="--header",
@@ -572,8 +572,8 @@ class _Table:
         if first > 0:
             line, words = self.lines[first - 1]
             raise DataFileError(
-                f"line {line}, above the first row of numbers, does not name {self.width} columns: '{words[:60]}'."
-                " --header LINE says which line does",
+                f"line {line}, above the first row of numbers, does not name {self.width} columns: "
+                f"'{words[:60]}'. Give the header row with --header LINE",
                 FileFault.AMBIGUOUS_HEADING,
                 line=line,
                 option="--header",

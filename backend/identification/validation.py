@@ -369,7 +369,10 @@ def judge(evidence: ValidationData) -> Verdict:
             return Verdict(grade, tuple(reason for _, reason in ordered))
     known = f"K and T known to ±{evidence.spread:.2g} %"
     if evidence.spread_with_friction > evidence.spread:
-        known += f", ±{evidence.spread_with_friction:.2g} % if there is dry friction too little to be seen here"
+        known += (
+            f", ±{evidence.spread_with_friction:.2g} % if there is Coulomb friction below the "
+            f"detection limit of this record"
+        )
     praise = [f"fit of {format_percent(evidence.fit)} % on unseen data", known]
     if evidence.gain_error_percent is not None:
         praise.append(f"gain {evidence.gain_error_percent:+.1f} % from the geometric one")
@@ -409,15 +412,15 @@ def _signals(evidence: ValidationData) -> Iterator[Finding]:
     if evidence.input_at_limit_percent > MAX_SATURATED_PERCENT:
         yield (
             Grade.CAUTION,
-            f"the input is at its limit for {evidence.input_at_limit_percent:.1f} % of the time, where the controller"
-            " does not say what it is: give --setpoint in place of --controller",
+            f"the input is at its limit for {evidence.input_at_limit_percent:.1f} % of the time, where "
+            f"the controller does not determine it: give --setpoint instead of --controller",
         )
     if evidence.biased_by_loop:
         yield (
             grade_value(evidence.misfit, 0.0, MAX_STD_PERCENT),
             "the record is of a closed loop: the input reacts to the noise of the output, which is not white, so K and"
-            f" T may be off by as much as it is of the motion, {evidence.misfit:.2g} %, whatever their standard errors"
-            " say: give --setpoint or --controller",
+            f" T may be off by as much as it is of the motion, {evidence.misfit:.2g} %, regardless of "
+            f"their standard errors: give --setpoint or --controller",
         )
     rest = evidence.at_limit
     if rest is not None and evidence.unexplained and not evidence.negligible:
@@ -454,8 +457,8 @@ def _friction(evidence: ValidationData) -> Iterator[Finding]:
     grade = grade_value(max(abs(K_off), abs(T_off)), 0.0, MAX_FRICTION_ERROR_PERCENT)
     yield (
         grade,
-        f"dry (Coulomb) friction takes {friction.u_c:.3g} of the input: with it the record says"
-        f" K = {friction.K:.4g} ± {friction.K_std:.2g} and T = {friction.T:.4g} ± {friction.T_std:.2g} s"
+        f"Coulomb friction takes {friction.u_c:.3g} of the input: with it the record gives K = "
+        f"{friction.K:.4g} ± {friction.K_std:.2g} and T = {friction.T:.4g} ± {friction.T_std:.2g} s"
         f"{f' behind a dead time of {friction.t_d:.3g} s' if friction.t_d else ''}, from which"
         f" this linear model is {K_off:+.1f} % and {T_off:+.1f} % off",
     )

@@ -168,7 +168,9 @@ class ActuatorResult:
 
 ACTUATOR_MODEL: DocumentCodec[ActuatorModel] = DocumentCodec(ActuatorModel, "its model", VERSION)
 ACTUATOR_QUALITY: DocumentCodec[ActuatorQuality] = DocumentCodec(ActuatorQuality, "the quality of its model", VERSION)
-ACTUATOR_RECORD: DocumentCodec[ActuatorRecord] = DocumentCodec(ActuatorRecord, "what is told of its samples", VERSION)
+ACTUATOR_RECORD: DocumentCodec[ActuatorRecord] = DocumentCodec(
+    ActuatorRecord, "the description of its samples", VERSION
+)
 ACTUATOR_OPTIONS: DocumentCodec[ActuatorOptions] = DocumentCodec(ActuatorOptions, "its options", VERSION)
 
 
@@ -399,7 +401,7 @@ class TableRecord:
 
 SPRING_MODELS: DocumentCodec[SpringModels] = DocumentCodec(SpringModels, "its model", VERSION)
 SPRING_QUALITIES: DocumentCodec[SpringQualities] = DocumentCodec(SpringQualities, "the quality of its model", VERSION)
-TABLE: DocumentCodec[TableRecord] = DocumentCodec(TableRecord, "what is told of its file", VERSION)
+TABLE: DocumentCodec[TableRecord] = DocumentCodec(TableRecord, "the description of its file", VERSION)
 
 
 def combine_spring_results(models: SpringModels, qualities: SpringQualities, owner: str) -> dict[str, SpringResult]:

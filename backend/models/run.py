@@ -395,7 +395,7 @@ def complete_motion(parts: Mapping[str, Any]) -> dict[str, Any]:
     return {**parts, "motion": TIME_OPTIMAL}
 
 
-SETTINGS: DocumentCodec[RunSettings] = DocumentCodec(RunSettings, "what it was set to", SETTINGS_VERSION)
+SETTINGS: DocumentCodec[RunSettings] = DocumentCodec(RunSettings, "its settings", SETTINGS_VERSION)
 
 
 # Active and saved tuning ---------------------------------------------------------------------------
@@ -431,10 +431,8 @@ class SavedLoopSettings(StoredLoopSettings):
     version: int = TUNING_VERSION
 
 
-ACTIVE_TUNING: DocumentCodec[StoredTuning] = DocumentCodec(StoredTuning, "the tuning in force", TUNING_VERSION)
-SAVED_TUNING: DocumentCodec[SavedLoopSettings] = DocumentCodec(
-    SavedLoopSettings, "the tuning that was saved", TUNING_VERSION
-)
+ACTIVE_TUNING: DocumentCodec[StoredTuning] = DocumentCodec(StoredTuning, "the active tuning", TUNING_VERSION)
+SAVED_TUNING: DocumentCodec[SavedLoopSettings] = DocumentCodec(SavedLoopSettings, "the saved tuning", TUNING_VERSION)
 
 
 # Bank numbers in settings --------------------------------------------------------------------------

@@ -98,7 +98,7 @@ class Contact:
         check_range("points", len(command.bias), 0, MAX_POINTS, "1", label="number of points of the bias")
         bias = np.array(command.bias, dtype=np.float64).reshape(-1, 2)
         if not np.all(np.isfinite(bias)) or np.any(np.diff(bias[:, 0]) <= 0.0):
-            raise ValueError("the bias of the outside force is to rise in S from point to point: it was left as it is")
+            raise ValueError("the points of the external-force bias must have increasing S: the bias is unchanged")
         if len(bias) == 0 and self._tunings.gains.disturbance_feedforward.k_ext > 0.0:
             raise CommandRejectedError("pushes are rejected by what was learned: set k_ext to 0 before it is forgotten")
         if command.contact_N != 0.0:
@@ -124,7 +124,7 @@ class Contact:
     def require_program(self, program: Program) -> None:
         """Raise CommandRejectedError or OutOfRangeError for impossible contact detections."""
         detections = program.contact_detections
-        words = "number of changes of what is given way to"
+        words = "number of changes of the contact reaction"
         check_range("touches", len(detections), None, MAX_CONTACT_DETECTIONS, "1", label=words)
         for segment in program.segments:
             if not 0 <= segment.contact_detection <= len(detections):
@@ -142,11 +142,11 @@ class Contact:
                     remedy="0 N reacts to nothing",
                 )
         if detections and program.law is not Law.CASCADE:
-            raise CommandRejectedError(f"a {program.law} program gives way to nothing: play it by the cascade")
+            raise CommandRejectedError(f"a {program.law} program has no contact reaction: run it with the cascade")
         if self._threshold_N != math.inf and any(detection.contact_N for detection in detections):
             raise CommandRejectedError(
-                f"the joint gives way to contacts from {self._threshold_N:g} N on, and stays so: that would end this "
-                "program at its first contact. Have it give way to none first, the program gives way by itself"
+                f"contact reaction is armed at {self._threshold_N:g} N and would end this program at its "
+                f"first contact. Disable it first; the program enables its own contact reaction"
             )
 
     def begin(self, program: Program) -> None:
@@ -200,7 +200,9 @@ class Contact:
     def require_none(self, legal: tuple[Mode, ...]) -> None:
         """Raise CommandRejectedError while the loop reacts to a contact."""
         if self.is_active:
-            raise CommandRejectedError("the joint gives way to a contact: choose a mode to go on, then move it", legal)
+            raise CommandRejectedError(
+                "the joint is compliant after a contact: choose a mode first, then move it", legal
+            )
 
     def begin_reaction(self, tick: int) -> bool:
         """Begin the reaction to a contact and report it; return whether it is new."""
@@ -375,7 +377,7 @@ class ProgramDisturbances:
         Raises CommandRejectedError during a program with obstacles and on a plant without, PlantError.
         """
         if len(self._obstacles) > 1:
-            raise CommandRejectedError("the program puts up walls by itself: wait for its end or stop it")
+            raise CommandRejectedError("the program places its own walls: wait for its end or abort it")
         self._set_obstacle(obstacle, 0, tick)
         self._obstacles = (obstacle,)
 
@@ -388,7 +390,7 @@ class ProgramDisturbances:
         obstacles = program.walls
         check_range("walls", len(obstacles), None, MAX_WALLS, "1", label="number of changes of the obstacle")
         if obstacles and program.law in IDENTIFYING:
-            raise CommandRejectedError(f"no wall stands while a {program.law} program plays: leave it out")
+            raise CommandRejectedError(f"a {program.law} program does not support a wall: remove the wall")
         if obstacles:
             self._require_obstructed()
         for segment in program.segments:

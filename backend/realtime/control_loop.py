@@ -124,7 +124,7 @@ def execute_commissioning(
             _switch_drives(mode_manager, plant, context, on=on)
         case SimulateManualInput(manual_input):
             if not isinstance(plant, SupportsManualInput):
-                raise PlantError("nothing here is moved by this program's hand: do it at the rig")
+                raise PlantError("this plant does not support simulated manual input: move the rig by hand")
             plant.apply_manual_input(manual_input)
         case _:
             assert_never(command)
@@ -171,7 +171,9 @@ def _start_homing(position: float, mode_manager: ModeManager, plant: Plant, cont
     if plant.unproven:
         raise CommandRejectedError(plant.unproven)
     bounds, m = mode_manager.bounds, context.m
-    check_range("position", abs(position), MIN_SWITCH_TRAVEL_RAD, bounds.q_trip, "rad", label="way to the end switch")
+    check_range(
+        "position", abs(position), MIN_SWITCH_TRAVEL_RAD, bounds.q_trip, "rad", label="travel to the end switch"
+    )
     if not (m.F_A <= TENSION_MAX_N and m.F_B <= TENSION_MAX_N):
         raise CommandRejectedError(
             f"the tendons hold {m.F_A:.1f} N and {m.F_B:.1f} N, at most {TENSION_MAX_N:g} N are safe: slacken them"
@@ -300,16 +302,16 @@ def describe_implausible_reading(
     if fault.verdict == fault_detection.REVERSED:
         return Fault.MOTOR_REVERSED, f"{theta} runs away from {command[side]:.1f} V, faster and faster"
     if fault.verdict == fault_detection.UNMOVED:
-        text = f"{theta} stands at {Angle(raw[1 + side]):.3f} although its motor gets {command[side]:.1f} V"
+        text = f"{theta} stays at {Angle(raw[1 + side]):.3f} although the motor voltage is {command[side]:.1f} V"
         return Fault.SENSOR_STUCK, text
     if fault.verdict == fault_detection.STUCK:
         condition = f"although its motor turned by {Angle(fault_detection.TURNED_RAD):g}"
-        return Fault.SENSOR_STUCK, f"{F} stands at {raw[3 + side]:.2f} N {condition}"
+        return Fault.SENSOR_STUCK, f"{F} stays at {raw[3 + side]:.2f} N {condition}"
     difference = (
         f"{F} = {m[3 + side]:.1f} N, but the encoders stretch that spring to {m[3 + side] - fault.excess:.1f} N"
     )
     if unchanged >= 0:
-        return Fault.SENSOR_STUCK, f"{_NAMES[unchanged]} stands still; {difference}"
+        return Fault.SENSOR_STUCK, f"{_NAMES[unchanged]} does not move; {difference}"
     return Fault.IMPLAUSIBLE, difference
 
 
@@ -474,7 +476,7 @@ class Loop:
         except (ValueError, PlantError) as error:
             events.append(Refused(sequence, tick, str(error)))
         except AssertionError:  # from assert_never: a service of another version
-            events.append(Refused(sequence, tick, f"this loop knows no command {type(command).__name__}"))
+            events.append(Refused(sequence, tick, f"unknown command {type(command).__name__}"))
         except Exception as error:  # a programming error; the state it left must not produce voltages
             self._trip_on_internal_error(error)
             events.append(Refused(sequence, tick, f"{type(command).__name__} ended in {_describe_error(error)}"))
@@ -532,7 +534,7 @@ class Loop:
                 f"there is no fault to reset; the mode is {mode_manager.mode}", LEGAL[mode_manager.mode]
             )
         if self._has_internal_error:
-            raise CommandRejectedError("this loop has failed by a mistake of its own: a new one has to be started")
+            raise CommandRejectedError("this loop has failed because of an error in its own code: start a new one")
         fault, detail = self._fault_describer.find_static_fault(
             mode_manager.zeros.subtract_joint_centre(self._step.m), self._plant.raw
         )

@@ -85,8 +85,8 @@ def build_cascade_tuning(command: SetTuning, plant_model: PlantModel) -> cascade
 
 
 BIAS_NOT_CALIBRATED = (
-    "the outside force cannot be rejected before it is learned what its estimate reads with nothing outside: hold the "
-    "joint at rest and learn it first, or set k_ext to 0"
+    "disturbance rejection requires a calibrated external-force bias: hold the joint at rest and "
+    "calibrate it first, or set k_ext to 0"
 )
 
 
@@ -114,7 +114,7 @@ class ActiveGains:
     def replace(self, gains: CascadeTuning, lambdas: TuningParameters) -> None:
         """Apply an operator's tuning. Raises CommandRejectedError if a program sets it."""
         if self._program_gains:
-            raise CommandRejectedError("the program changes the tuning by itself: wait for its end or stop it")
+            raise CommandRejectedError("the program changes the tuning: wait for its end or abort it")
         self._require_bias(gains)
         self._apply(GainsInUse(gains, lambdas))
 

@@ -74,14 +74,15 @@ class WatchdogMonitor:
             if state.mirror:  # a mirror keeps the last known state
                 if not self.problem:
                     self._set_problem(
-                        f"the loop is dead: the rig's card cuts the drives by its watchdog, {state.watchdog_s:g} s "
-                        "after the last write, which cannot be seen from here; look at the rig, then reset"
+                        f"the loop has died: the watchdog of the rig's card disables the drives "
+                        f"{state.watchdog_s:g} s after the last write, which the service cannot observe; "
+                        f"check the rig, then reset"
                     )
                 return False
             self._card.expire()
             self._set_problem(
-                "the loop and the card's watchdog were both dead: the service cleared the outputs itself; "
-                "look at the rig, then reset"
+                "the loop and the card's watchdog had both died: the service set the outputs to zero; "
+                "check the rig, then reset"
             )
         return not loop_ended or self._card.state().drive_enabled
 
@@ -164,7 +165,7 @@ class HeartbeatSender:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
         _send_beats(self._fd, self._packet, self._words)
         if not self._is_stopped:
-            raise RuntimeError("the heartbeat ended without being told to")
+            raise RuntimeError("the heartbeat ended without a request")
 
     def refresh(self) -> None:
         """Record that the event loop is alive."""

@@ -215,7 +215,7 @@ class ModeManager:
             )
             self._enter(context, mode, motion, Cause.ASKED_FOR, command.run)
         else:
-            raise CommandRejectedError(f"{mode} starts with a program, not by itself", LEGAL[self.mode])
+            raise CommandRejectedError(f"{mode} requires a program", LEGAL[self.mode])
 
     def run_program(self, command: RunProgram, context: TickContext) -> None:
         """Start a program.

@@ -12,7 +12,7 @@ from plant import ErrorCode, SinewError
 class Cause(StrEnum):
     """Cause of a mode change without a fault."""
 
-    ASKED_FOR = "asked for"
+    ASKED_FOR = "requested"
     PROGRAM = "program"
     PROGRAM_ENDED = "program ended"
     CONTACT = "contact"
@@ -29,7 +29,7 @@ class HomingEnd(StrEnum):
     HOMED = "homed at the end switch"
     NOT_REACHED = "homing: the end switch did not close"
     STUCK_CLOSED = "homing: the end switch stayed closed"
-    WRONG_WAY = "homing: the joint went the wrong way"
+    WRONG_WAY = "homing: the joint moved in the wrong direction"
     JOINT_HELD = "homing: the joint did not follow the motors"
     MOTOR_OFF = "homing: a motor did not go where it was sent"
     TENSION = "homing: a tendon was too taut"
@@ -79,7 +79,8 @@ pretension (before that the command is answered by ``Refused``)."""
 
 
 DRIVES_OFF = (
-    "the drives are switched off, as hands may be at the rig: take them off, then switch the drives on in the bring-up"
+    "the drives are switched off, because people may be working at the rig: keep clear of it, then "
+    "switch the drives on in the bring-up"
 )
 """Reason why no motion starts while people may be working at the rig."""
 

@@ -280,7 +280,7 @@ def _receive_setup(channel: Channel) -> Setup:
         raise ChannelError("woken without a message")
     _, message = decode_to_loop(packet)
     if not isinstance(message, Setup):
-        raise ChannelError(f"the first message has to be Setup, not {type(message).__name__}")
+        raise ChannelError(f"the first message must be Setup, not {type(message).__name__}")
     return message
 
 

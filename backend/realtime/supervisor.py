@@ -198,11 +198,9 @@ START_TIMEOUT_S = 120.0
 ANSWER_TIMEOUT_S = 2.0
 STOP_TIMEOUT_S = 3.0
 
-_WATCH_PART = Part("The watch over the loop process", "A loop process that ends now is told late.")
-_LIVENESS_PART = Part("The sign of life to the loop process", "Without it the loop stops by itself within 4 s.")
-_HEARTBEAT_PART = Part(
-    "The heartbeat to the loop process", "The loop stops by itself when it hears nothing for 0.34 s."
-)
+_WATCH_PART = Part("The watch over the loop process", "If the loop process ends now, the service detects it late.")
+_LIVENESS_PART = Part("The sign of life to the loop process", "Without it the loop stops within 4 s.")
+_HEARTBEAT_PART = Part("The heartbeat to the loop process", "The loop stops after 0.34 s without a heartbeat.")
 PACKETS_AT_ONCE = 8
 """Packets of a long program sent without a pause; the loop receives one per tick, and a stop still fits in the
 queue."""
@@ -357,7 +355,7 @@ class Supervisor:
                 process.terminate()
             await wait_for_result(asyncio.ensure_future(process.wait()), STOP_TIMEOUT_S)
         except (LoopExitedError, TimeoutError, ProcessLookupError):
-            self._kill("it did not end when told to")
+            self._kill("it did not end on request")
         for task in self._tasks:
             await task.wait()
 

@@ -66,7 +66,7 @@ def _inflate(packed: bytes, columns: int) -> bytes:
     except zlib.error as error:
         raise CodecError(f"damaged samples: {error}") from error
     if len(raw) % (columns * _WIDTH):
-        raise CodecError(f"damaged samples: {len(raw)} bytes are no table of {columns} columns")
+        raise CodecError(f"damaged samples: {len(raw)} bytes are not a table of {columns} columns")
     return raw
 
 

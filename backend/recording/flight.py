@@ -209,7 +209,8 @@ def enforce_quota(session: Session, quota: Quota, of: str = "") -> None:
     if gone:
         named = "captures of triggers" if of else "flight records"
         text = (
-            f"the {gone} oldest {named} gave way: at most {quota.records} and {quota.size_bytes / 1e6:.0f} MB are kept"
+            f"the {gone} oldest {named} were deleted: at most {quota.records} and "
+            f"{quota.size_bytes / 1e6:.0f} MB are kept"
         )
         events.add(session, EventKind.FLIGHT_QUOTA, text)
 

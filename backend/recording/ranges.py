@@ -160,7 +160,7 @@ def find_tick_range(session: Session, run_id: int, from_s: float = 0.0, to_s: fl
     slack_s = _EXACT * period_s
     within = f"the recording of run {run_id} ends at {last_s:.3f} s: choose a range within it"
     if not -slack_s <= from_s <= last_s + slack_s:
-        check_range("from", from_s, minimum=0.0, maximum=last_s, unit="s", remedy=within, label="begin of the range")
+        check_range("from", from_s, minimum=0.0, maximum=last_s, unit="s", remedy=within, label="start of the range")
     if to_s is None:
         to_s = last_s
     if not from_s <= to_s <= last_s + slack_s:

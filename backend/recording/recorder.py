@@ -182,7 +182,7 @@ class Recorder:
         """
         self._closing.set()
         self.drain()
-        self._attempt(lambda: self._finish(EndState.STOPPED, "the recorder was closed while the run went on"))
+        self._attempt(lambda: self._finish(EndState.STOPPED, "the recorder was closed during the run"))
         if self.problem:
             raise RecordingError(self.problem)
 
@@ -275,7 +275,7 @@ class Recorder:
         try:
             self._position, rows, missed = self._ring.read(self._position, CHUNKS_AT_ONCE * CHUNK_TICKS)
         except InvariantError as error:  # the skipped samples become a gap in the ticks
-            _LOG.critical("The recorder goes on at the newest sample: %s", error)
+            _LOG.critical("The recorder continues with the newest sample: %s", error)
             self._position = self._ring.count
             return False
         if not len(rows):

@@ -89,8 +89,8 @@ def delete_recordings(database: Database, rule: RetentionRule, run_ids: Sequence
     if others or not run_ids:
         named = ", ".join(map(str, others)) or "none"
         raise NotRemovableError(
-            f"runs named that may not go: {named}; may go now: {', '.join(map(str, may_go)) or 'none'}; nothing was "
-            "deleted: look at the list again and name runs of it"
+            f"runs that may not be deleted: {named}; these may be deleted: "
+            f"{', '.join(map(str, may_go)) or 'none'}; nothing was deleted: reload the list and choose runs from it"
         )
     for run_id in sorted(set(run_ids)):
         _remove(database, may_go[run_id], who)

@@ -63,7 +63,7 @@ def _problem(chunk: Chunk, digest: str, columns: int) -> str:
     if len(table) != chunk.count:
         return f"they are {len(table)}, recorded were {chunk.count}"
     if not _is_equal(summarise_buckets(table), summary):
-        return "their smallest or largest values are others than those that were kept beside them"
+        return "their minima or maxima differ from the stored ones"
     return ""
 
 

@@ -307,17 +307,19 @@ def read_manifest(page: str) -> ReportManifest | SeriesEvidence:
     """Return the manifest of a page, of a run or of a series. Raises EvidenceError."""
     element = find_element(page)
     if not element:
-        raise EvidenceError("it carries no account of its numbers: it is no report of a run, or of an older Sinew")
+        raise EvidenceError(
+            "it contains no report manifest: it is not a report of a run, or an older version of Sinew wrote it"
+        )
     text = element[len(_BEGIN) : -len(_END)]
     try:
         kind = json.loads(text).get("format")
         if kind not in (FORMAT, SERIES):
-            raise EvidenceError(f"its account is not of format {FORMAT}: take the Sinew that it was made with")
+            raise EvidenceError(f"its report manifest is not of format {FORMAT}: use the version of Sinew that made it")
         return _SERIES.validate_json(text) if kind == SERIES else _EVIDENCE.validate_json(text)
     except (ValidationError, ValueError, AttributeError, RecursionError) as error:
         if isinstance(error, EvidenceError):
             raise
-        raise EvidenceError(f"its account of its numbers cannot be read: {str(error).splitlines()[0]}") from None
+        raise EvidenceError(f"its report manifest cannot be read: {str(error).splitlines()[0]}") from None
 
 
 def _find_identifications(source: RunData) -> set[int]:

@@ -79,8 +79,8 @@ _REST_S = 1.0
 
 _COMPLIANCE_NOTES = (
     S_NOTE,
-    "The force of the hand is measured as the reaction F_ext = F_A − F_B; commanded stiffness and measured position "
-    "let expect F_exp = −S_ref q/r_j (equations 22 and 25 of the paper, a linear approximation).",
+    "The force of the hand is measured as the reaction F_ext = F_A − F_B; commanded stiffness and "
+    "measured position predict F_exp = −S_ref q/r_j (equations 22 and 25 of the paper, a linear approximation).",
     "Raw differences hold the load cells' delay and offset, as the paper's 2.239 N does. Aligned means: the measured "
     "force is moved back by the delay that fits best, and each force counts from its mean over the second before the "
     "first push.",
@@ -108,8 +108,9 @@ def _compliance_figures(source: RunData, metrics: Metrics) -> ReportSection:
             Figure(
                 "forces",
                 panels,
-                "Pushes on the joint: (A) joint position, (B) measured force F_ext, the force F_exp that stiffness "
-                "and position let expect, and the force that encoders and springs tell without a load cell, (C) the "
+                "Pushes on the joint: (A) joint position, (B) measured force F_ext, the force F_exp "
+                "predicted from stiffness and position, and the force estimated from encoders and "
+                "springs without a load cell, (C) the "
                 "difference of the first two as measured (grey) and aligned. Compare figure 8 of the paper.",
             ),
             Figure(
@@ -164,7 +165,8 @@ UNITS = {"q": "rad", "S": "N·m/rad"}
 GOVERNOR = (
     "For comparison: the same references with the governor of the paper (lambda motion) in place of the trajectory, "
     "all else alike: simulated with the run's own parameters, gains, push and seed, from rest at its first references. "
-    "It is no measurement. With the trajectory the lags of the loops do not delay a reference; λ sets how deviations "
+    "It is not a measurement. With the trajectory the lags of the loops do not delay a reference; λ sets "
+    "how deviations "
     "of the actuator from its model are corrected (docs/decisions/0046)."
 )
 
@@ -244,7 +246,7 @@ def make_law_comparison(steps: Sequence[StepFigures], law: PaperLawResponse, ang
         Column("To 90 %, the paper's law", "s"),
         Column("paper's law / measured"),
     )
-    caption = "Time from a step to 90 % of its way, beside what it takes with the paper's governor (simulated)."
+    caption = "Time from a step to 90 % of its height, and the same time with the paper's governor (simulated)."
     return (Table(caption, columns, tuple(rows)),)
 
 
@@ -276,7 +278,7 @@ def recording_report(source: RunData) -> Report:
         title="Session",
         subtitle=subtitle(source),
         outcome="neutral",
-        verdict="Recorded by hand: no program was played, nothing is judged.",
+        verdict="Manual session: no program was run, so the report contains no verdict.",
         facts=(*facts(source), *tuning_facts(source)),
         sections=(*sections, parameter_section(source)),
         footer=f"Sinew {source.run.software} · session · run {source.run.id}",
@@ -313,10 +315,10 @@ def _recording_figures(source: RunData) -> ReportSection:
 
 
 _ROBUSTNESS_NOTES = (
-    "The paper loads the motor loop by an additional spring tension of 50 N, 0.375 N·m at the gearbox shaft, while it "
-    "looks for λ_motor; it prints the load and the chosen M_s = 1.4, no response.",
-    "The load pulls the way the tendon does. It is applied at the shaft, in one step, beside the tendon's "
-    "own force; joint and stiffness loops stay closed, so that both motor references answer as well.",
+    "The paper loads the motor loop with an additional spring tension of 50 N, 0.375 N·m at the gearbox "
+    "shaft, to choose λ_motor; it prints the load and the chosen M_s = 1.4, but no response.",
+    "The load pulls in the direction of the tendon. It is applied at the shaft, in one step, in addition "
+    "to the tendon's own force; joint and stiffness loops stay closed, so both motor references respond as well.",
     "The integral of the error is what the integral part of the motor loop had to add: τ_load/(K_t k_i), but for "
     "friction and for the little that the references move.",
 )
@@ -381,8 +383,8 @@ _TRACKING_NOTES = (
     "dimensionally wrong and does not place the poles at −1/λ (erratum E1).",
     "Both motors move together through the decoupler, which doubles the gains identified with one motor excited; the "
     "gains are scaled for that (erratum E3).",
-    "The bound beside the largest q step is the time in which one motor, unloaded and at full voltage from the first "
-    "moment, turns by 90 % of what the step needs: speed K_m u_max, lag T_m. No law can be faster on these motors.",
+    "The bound for the largest q step is the time in which one unloaded motor at full voltage turns by "
+    "90 % of the angle that the step needs: speed K_m u_max, time constant T_m. No law can be faster on these motors.",
     "Tension is counted from the start of the program, after pretension; load-cell noise and delay are part of it. "
     "Root mean squares include the steps themselves and therefore mostly measure how fast λ lets the loop move.",
 )
@@ -474,9 +476,9 @@ def _tracking_figures(
             Figure(
                 "steps",
                 tracking_step_panels(columns, steps, lam, "steps"),
-                "All steps on one scale, (A) of joint position and (B) of stiffness, over the response that λ stands "
-                f"for on a first-order process (dashed), and (C, D) what is left of each in per cent of the step, with "
-                f"the band of ±2 % in which it counts as settled. {_what_shapes_a_step(law)}",
+                "All steps on one scale, (A) of joint position and (B) of stiffness, over the response "
+                "that λ defines for a first-order process (dashed), and (C, D) the remaining error in "
+                "per cent of the step, with the settling band of ±2 %. {_what_shapes_a_step(law)}",
             )
         )
     return ReportSection("Figures", tuple(blocks))
@@ -571,7 +573,7 @@ def _reasons(steps: Sequence[StepFigures]) -> tuple[Table, ...]:
     return (
         (
             Table(
-                "What could not be measured; a figure that stands above all the same is at least that.",
+                "Quantities that could not be measured; a value above that is listed here is a lower bound.",
                 columns,
                 tuple(rows),
             ),
@@ -591,16 +593,17 @@ _COMPOSED_NOTES = (
     "Root mean squares include the steps themselves and therefore mostly measure how fast λ lets the loop move.",
 )
 _ON_RESPONSES = (
-    "Of a periodic excitation the last period is measured, line by line; of a sweep all of it, smoothed. Gain and "
-    "phase are those of the closed loop, from the reference to what is measured, dead time and governor included."
+    "For a periodic excitation, the last period is evaluated, line by line; for a sweep, the whole "
+    "record, smoothed. Gain and phase are those of the closed loop from the reference to the measured "
+    "output, dead time and governor included."
 )
 _ON_IMPACTS = (
-    "F_wall is what the simulated wall does to the joint, tangential at r_j: k_wall δ (1 + c_wall δ') while it is "
-    "δ deep, never pulling. In the first milliseconds the wall stops the joint's own inertia, whatever its stiffness; "
-    "then the motors press on through the springs, and that is what a soft joint keeps small. A joint that gives way "
-    "brings its motors to a stand, position loop open, and goes to its lowest stiffness, for as long as the hit it is "
-    "beside would have taken; what it feels is estimated from encoders and springs, less what the experiment has "
-    "learned at rest."
+    "F_wall is the force of the simulated wall on the joint, tangential at r_j: k_wall δ (1 + c_wall δ') "
+    "at penetration depth δ, never a pull. In the first milliseconds the wall stops the joint's own "
+    "inertia, independently of its stiffness; then the motors press through the springs. A low stiffness "
+    "reduces this second part only. The contact reaction stops the motors, opens the position loop and "
+    "commands the lowest stiffness, for as long as the corresponding hit without it lasts. The contact "
+    "force is estimated from encoders and springs, less the bias that the experiment has calibrated at rest."
 )
 _ON = {
     Measure.RESPONSE: (_ON_RESPONSES,),
@@ -649,7 +652,7 @@ def _make_signal_sections(source: RunData, plan: ExperimentPlan) -> Iterator[Rep
             Figure(
                 "tuning",
                 _lambda_panel(columns, "tuning"),
-                "λ of both loops as each sample was controlled with; the experiment changes the tuning on its way.",
+                "λ of both loops at each sample; the experiment changes the tuning.",
             )
         )
     drawn += _of_measures(source, plan)

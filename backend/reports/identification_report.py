@@ -288,7 +288,8 @@ def _comparison(found: Identification, tension_N: float) -> Table:
     channels = {key: found.actuator.channel(key) for key in CHANNELS}
     rows = tuple(_make_comparison_row(key, channel, *paper[key]) for key, channel in channels.items())
     title = (
-        f"First-order models beside the paper's table 1 at {exact(nearest)} N. By ARX: the paper's method, first order "
+        f"First-order models compared with the paper's table 1 at {exact(nearest)} N. By ARX: the "
+        f"paper's method, first order "
         f"with a low-pass, on the same record, for comparison only. {_missing_arx(channels)}"
     )
     return Table(title.strip(), columns, rows)
@@ -357,9 +358,9 @@ _MOTOR_NOTES = (
     "Least squares fits K_m, T_m and the Coulomb voltage u_c together, on position, over all steps: "
     "T_m ω' + ω = K_m (u − u_c sign ω). u_c is left out where it does not differ from zero at the 1 % level. Standard "
     "errors allow for coloured residuals.",
-    "The 63.21 % rule is the paper's: K_m from the steady speed, T_m where the speed reaches 63.21 % of it. It knows "
-    "nothing of dry friction, which lowers its gain most at the smallest voltage, nor that a step ended before its "
-    "speed was quite steady, which lowers it at the largest.",
+    "The 63.21 % rule is the paper's: K_m from the steady speed, T_m where the speed reaches 63.21 % of "
+    "it. The rule neglects Coulomb friction, which lowers its gain most at the smallest voltage, and "
+    "steps that end before the speed is steady, which lower it at the largest.",
     "Both tendons were slack during the steps. A step that saturates or that a tendon loads is refused and listed.",
 )
 
@@ -430,7 +431,7 @@ def _estimates(motors: MotorsResult) -> Table:
         rows.append(
             (
                 side,
-                "in force before",
+                "active before",
                 format_measured(item.before.K_m, 4),
                 NO_FIGURE,
                 format_measured(item.before.T_m),
@@ -451,7 +452,7 @@ def _estimates(motors: MotorsResult) -> Table:
             NO_FIGURE,
         )
     )
-    return Table("Both motors, K_m/(s (T_m s + 1)) with dry friction worth u_c.", columns, tuple(rows))
+    return Table("Both motors, K_m/(s (T_m s + 1)) with Coulomb friction of u_c.", columns, tuple(rows))
 
 
 def _rule(motors: MotorsResult) -> Table:
@@ -504,8 +505,8 @@ def _motor_figures(motors: MotorsResult, angles: AngleUnit) -> tuple[Block, ...]
         Figure(
             "steps",
             step_panels(motors, "steps", angles),
-            "Turn of each motor after the steps as measured (coloured) and as the least-squares model says (dashed), "
-            "and (C, D) their difference.",
+            "Angle of each motor after the steps, measured (coloured) and by the least-squares model "
+            "(dashed), and (C, D) their difference.",
         ),
     )
 
@@ -541,9 +542,9 @@ _ORDER_COLOURS = {2: INK, 3: COLOURS["u_B"], 5: COLOURS["u_A"]}
 _SPRING_NOTES = (
     "Elongations are x_A = r_m θ_A − r_j q and x_B = r_m θ_B + r_j q (equations 1 and 2). They count from the zero "
     "that pretension gave the encoders, with the spring known before.",
-    "One pair is the mean of 0.1 s. Left out: the error at each pair of a polynomial fitted to all others. A higher "
-    "order is recommended only where it predicts pairs left out at least 20 % better and rises everywhere; order 2 "
-    "carries the analytic decoupler. The paper's order 2 stayed below 0.85 N.",
+    "One pair is the mean of 0.1 s. Cross-validation error: the error at each pair of a polynomial "
+    "fitted to all others. A higher order is recommended only if it reduces this error by at least 20 % "
+    "and increases monotonically; the analytic decoupler needs order 2. The paper's order 2 stayed below 0.85 N.",
     "The ways up and down differ by the load cells' delay and by friction between spring and load cell; fitted over "
     "both ways, the polynomial lies between them.",
 )
@@ -599,7 +600,7 @@ def _fits(side: str, model: SpringModel) -> Table:
         for fit in model.fits
     )
     before = ", ".join(format_measured(k, 5) for k in model.before or ())
-    caption = f"Spring {side}: F(x) = k_0 + k_1 x + k_2 x² + … In force before: {before or 'a table'}."
+    caption = f"Spring {side}: F(x) = k_0 + k_1 x + k_2 x² + … Active before: {before or 'a table'}."
     return Table(caption, columns, rows)
 
 
@@ -622,7 +623,8 @@ def _spring_figures(springs: Mapping[str, SpringResult]) -> tuple[Block, ...]:
             "springs",
             spring_panels(springs, "springs"),
             "Characteristic of (A) spring A and (B) spring B: measured pairs (dots) and the recommended polynomial; "
-            "(C, D) measured minus fitted force by order, dots on the way up, crosses on the way down. Compare figure "
+            "(C, D) measured minus fitted force by order, dots with increasing force, crosses with "
+            "decreasing force. Compare figure "
             "3 of the paper.",
         ),
     )

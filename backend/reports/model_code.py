@@ -44,7 +44,7 @@ def motor_blocks(motors: Mapping[Side, IdentifiedMotor]) -> tuple[Block, ...]:
     for side in SIDES:
         model = motors[side]
         fitted, std = model.parameters, model.std_errors
-        text.append(f"motor {side}: theta/u = K_m/(s (T_m s + 1)), dry friction worth u_c")
+        text.append(f"motor {side}: theta/u = K_m/(s (T_m s + 1)), Coulomb friction of u_c")
         known = (("K_m", fitted.K_m, std.K_m, "rad/(V*s)"), ("T_m", fitted.T_m, std.T_m, "s"))
         for name, value, error, unit in (*known, ("u_c", fitted.u_c, std.u_c, "V")):
             if value is not None:
@@ -54,7 +54,7 @@ def motor_blocks(motors: Mapping[Side, IdentifiedMotor]) -> tuple[Block, ...]:
             code.append(f"motor_{side} = control.tf([{fitted.K_m!r}], [{fitted.T_m!r}, 1.0, 0.0])")
     return (
         Code("The least-squares models with all digits, as text:", "\n".join(text)),
-        Code("The same for python-control, without dry friction:", "\n".join(code)),
+        Code("The same for python-control, without Coulomb friction:", "\n".join(code)),
     )
 
 
@@ -95,7 +95,7 @@ def _coefficient_table(channels: Mapping[ChannelName, ChannelModel]) -> Table:
             rows.append((key, name, *figures, f"of {_power(power)} in the whole denominator"))
     caption = (
         "All coefficients of the identified models with standard errors: the parameters that were estimated and, where "
-        "these are no coefficients of the denominator themselves, those that follow from them. The gain and the sum of "
+        "these are not the coefficients of the denominator themselves, but derived ones. The gain and the sum of "
         "lags of the first table follow from these coefficients; with the two the λ formulas and the bank compute."
     )
     return Table(caption, columns, tuple(rows))

@@ -77,7 +77,7 @@ def sentence(missing: frozenset[str], elsewhere: str) -> str:
     codes = [f"U+{ord(letter):04X}" for letter in sorted(missing)]
     more = f" and {len(codes) - _NAMED} more" if len(codes) > _NAMED else ""
     named = f"{', '.join(codes[:_NAMED])}{more}"
-    return f"{BOX} stands for a character that the fonts of this PDF do not have: {named}. {elsewhere}"
+    return f"{BOX} replaces a character that the fonts of this PDF do not have: {named}. {elsewhere}"
 
 
 def iterate_texts(document: Any) -> Iterable[str]:

@@ -425,8 +425,8 @@ WHAT_IS_DRAWN = (
     "(A) joint position and (B) its error q − q_ref, (C) stiffness and (D) its error S − S_ref, (E, F) voltages"
 )
 CUT_OFF = (
-    "Errors are drawn on the scale of what is left of them once a step has come within 2 % of its end; beyond the "
-    "panel the signal is on its way."
+    "The scale of errors is that of the error after a step has come within 2 % of its final value; "
+    "outside the panel the transient is still in progress."
 )
 TENSIONS = "Tendon tensions as the load cells show them: (A) of tendon A, (B) of tendon B."
 

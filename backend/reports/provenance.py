@@ -44,9 +44,9 @@ from plant import SHIPPED, SIMULATED, SIMULATOR, load_parameters
 
 S_NOTE = (
     "S is everywhere the estimate 2 r_j² (k_1 + k_2 r_m (θ_A + θ_B)) from measured angles and the identified spring, "
-    "not a direct measurement of stiffness. It is wrong by as much as the identified springs are wrong: where they are "
-    "20 % stiffer than identified, S is 14.4 N·m/rad while 12 is asked for and shown, and no law based on angles can "
-    "notice."
+    "not a direct measurement of stiffness. Its relative error is that of the identified springs: if "
+    "they are 20 % stiffer than identified, S is 14.4 N·m/rad while 12 is commanded and displayed, and "
+    "no law based on angles can detect this."
 )
 """Note for all places that show S as measured."""
 
@@ -89,8 +89,8 @@ _CONTROLLERS = {
     ),
     Law.FEEDBACK_LINEARIZATION: (
         "feedback linearisation (the static law), for comparison: without motor loops, without bank and outer gains",
-        "the true plant: the equations and all numbers that the simulator computes with, friction and the differences "
-        "between the sides included. On a rig nobody has such a model",
+        "the true plant: all equations and parameters of the simulator, including friction and the "
+        "differences between the sides. No such model exists for a rig",
     ),
     Law.FORCE_HOLD: ("motor loops alone: motor A holds the tension, the excitation is added to its reference", ""),
     Law.MOTOR_STEPS: ("steps of voltage; between them the motor loops alone", ""),
@@ -113,7 +113,7 @@ def tuning_facts(source: RunData) -> tuple[Fact, ...]:
     controller, known = _CONTROLLERS.get(law) or (_cascade_in_words(source, law), _KNOWN)
     lines = [Fact("Tuning", ", ".join(parts)), Fact("Controller", controller)]
     if known:
-        lines.append(Fact("The law knows", known))
+        lines.append(Fact("Model in the law", known))
     if source.run.plant in SIMULATED and loop.seed is not None:
         lines.append(Fact("Seed", str(loop.seed)))
     return tuple(lines)
@@ -345,8 +345,8 @@ def definitions_facts(sources: Sequence[RunData]) -> tuple[Fact, ...]:
     commands = ", ".join(f"sinew runs evaluate {number}" for number in others)
     which = "" if len(sources) == 1 else f"of run {', '.join(map(str, others))}: "
     words = (
-        f"{which}computed by version {versions} of the definitions of figures and criteria; this Sinew computes by "
-        f"version {DEFINITIONS}. To compute anew, before a new report: {commands}"
+        f"{which}computed by version {versions} of the definitions of figures and criteria; this Sinew "
+        f"uses version {DEFINITIONS}. To recompute before a new report: {commands}"
     )
     return (Fact("Definitions", words),)
 
@@ -452,7 +452,7 @@ _LINE = 92
 def reproduction(source: RunData) -> tuple[Block, ...]:
     """Return the command that repeats a run and its files, or the reason for none."""
     if reason := _not_again(source):
-        return (Paragraph(f"No command plays this run again: {reason}."),)
+        return (Paragraph(f"No command repeats this run: {reason}."),)
     return tuple(_blocks(source))
 
 
@@ -461,9 +461,9 @@ def _not_again(source: RunData) -> str:
     if run.plant != SIMULATOR.name:
         return f"only the simulator repeats a run, and this one is of the plant {run.plant}"
     if run.set_to.plan is None:
-        return "it was moved by hand"
+        return "it was operated manually"
     if run.end_state != EndState.COMPLETED:
-        return "it did not play its program to the end"
+        return "its program was not completed"
     return ""
 
 
@@ -510,7 +510,7 @@ def _wrap_words(words: Sequence[str]) -> Iterator[str]:
 def _caption(source: RunData, files: bool) -> str:
     words = "Play this run again"
     if source.bank is None:
-        words += f", in a data folder of its own, {_FOLDER}"
+        words += f", in a separate data folder, {_FOLDER}"
     else:
         words += f", in the data folder that has bank “{source.bank.name}” version {source.bank.version}"
     if files:

@@ -77,9 +77,10 @@ BODE_NOTES = (
     "acted.",
     "Bandwidth and resonance are relative to the gain 1 at rest, which integral action gives. Between two lines, and "
     "between rest and the lowest line, 1/|H|² is interpolated over f² by a monotone cubic.",
-    "Predicted is what the plant, linearised about the references with its identified numbers, voltages held over a "
-    "period, and the loops as they run give with the gains in use. In time-optimal motion the trajectory is in it, "
-    "as long as the voltage that the references ask for is within its limit. Friction is not.",
+    "The prediction combines the plant, linearised about the references with its identified parameters "
+    "and zero-order hold of the voltages, with the active loops and gains. In time-optimal motion it "
+    "includes the trajectory, provided that the voltage for the references is within its limit. It does "
+    "not include friction.",
 )
 
 
@@ -92,8 +93,9 @@ def _bode_blocks(found: Sequence[Lines]) -> Iterator[Block]:
     yield Figure(
         "bode",
         bode_panels(found, "bode"),
-        "Bode diagram of the closed loops, from the reference to what is measured: (A) gain, (B) phase. Points are "
-        "measured, crosses are lines that are not (their reason stands in the table), lines are predicted.",
+        "Bode diagram of the closed loops, from the reference to the measured output: (A) gain, (B) "
+        "phase. Points are measured, crosses mark frequencies that were not measured (the table gives "
+        "the reason), lines are predicted.",
     )
     for lines in found:
         yield line_table(lines)
@@ -220,9 +222,9 @@ def _format_fixed(value: float, digits: int) -> str:
 
 
 HOLD_NOTES = (
-    "A stretch is held where the references stand as before it and nothing pushes or loads. Readings are what the "
-    "encoders tell: a joint that stands between two counts may show either, so half a count is granted where they have "
-    "counts. Motors are told to move in a tick in which the count of either changed.",
+    "A hold is an interval with constant references, no push and no load. Readings are those of the "
+    "encoders: a joint at rest between two counts may show either, so half a count is allowed where "
+    "encoders count. A motor counts as moving in a tick in which its encoder count changes.",
     "Against stiction an integrator hunts for a count forever. Once the joint has arrived, the outer integrators "
     "ignore errors below half a count of the joint and 0.01 N·m/rad, in both motions. The law as printed in the paper "
     "does not.",
@@ -413,8 +415,9 @@ def _with_error(value: float | None, std: float | None) -> str:
 
 
 CAPTION = (
-    "Hits on the wall: (A) its force on the joint from the touch on, (B) largest force and (C) impulse over the speed "
-    "of approach, at each stiffness. Dashed, with open marks: the joint gives way to the contact, from the dot in A on."
+    "Hits on the wall: (A) its force on the joint from the contact on, (B) largest force and (C) impulse "
+    "over the speed "
+    "of approach, at each stiffness. Dashed, with open marks: with contact reaction, from the dot in A on."
 )
 
 _BEFORE = 20
@@ -440,10 +443,10 @@ def hits_table(hits: Sequence[Hit], angles: AngleUnit) -> Table:
         Column("Peak force", "N"),
         Column("Impulse", "N·s"),
         Column("In contact", "ms"),
-        Column("Gives way from", "N"),
-        Column("Felt after", "ms"),
-        Column("Gives way after", "ms"),
-        Column("Largest after", "ms"),
+        Column("Threshold", "N"),
+        Column("Detected after", "ms"),
+        Column("Reaction after", "ms"),
+        Column("Peak after", "ms"),
     )
     rows = tuple(
         (
@@ -459,9 +462,10 @@ def hits_table(hits: Sequence[Hit], angles: AngleUnit) -> Table:
         for hit in hits
     )
     return Table(
-        "Every hit: the approach is measured over the 50 ms before the touch. Felt: from the touch until the estimated "
-        "force passes that from which on the joint gives way; from there until it gives way (0: in the same sample), "
-        "and until the wall's force is at its largest, from where on it falls.",
+        "All hits. The approach speed is measured over the 50 ms before the contact. Detected: from the "
+        "contact until the estimated force exceeds the threshold; reaction: from detection until the "
+        "contact reaction begins (0: in the same sample); peak: from the contact until the wall's force "
+        "is at its largest.",
         columns,
         rows,
     )
@@ -519,7 +523,7 @@ def impact_panels(columns: Columns, hits: Sequence[Hit], name: str, angles: Angl
             colour = _HUES[stiffnesses.index(S) % len(_HUES)]
             line = {"color": colour, "linestyle": (0, (4, 2)) if reacts else "-"}
             label = f"S = {convert_to_display(S, 'N·m/rad', angles):.3g} {get_display_unit('N·m/rad', angles).unit}"
-            label += ", gives way" if reacts else ""
+            label += ", with reaction" if reacts else ""
             for place, hit in enumerate(alike):
                 first = max(hit.window.start - _BEFORE, 0)
                 shape = force[first : hit.window.stop + _BEFORE]
@@ -556,8 +560,9 @@ PUSH_NOTES = (
     "Deviations count from the tenth of a second before each push. Expected is what the plant, linearised with its "
     "identified numbers, and the loops as they run give under the same force with the gains in use; friction is not in "
     "it. It is the same in both motions: the loops that answer a push are the same.",
-    "Static is r_j F/S: so far the joint gives way to a constant force where the position loop is open. A step in "
-    "closed loop exceeds it by the joint's swing, and is then brought back by the integral; an impulse is over before.",
+    "Static is r_j F/S, the deflection under a constant force with the position loop open. With the loop "
+    "closed, a step of force exceeds it by the joint's overshoot, then the integral action removes the "
+    "deflection; an impulse ends earlier.",
 )
 
 
@@ -570,9 +575,9 @@ def _push_blocks(columns: Columns, found: Sequence[MeasuredPush], angles: AngleU
     yield Figure(
         "pushes",
         push_panels(columns, found, "pushes", angles),
-        "Pushes at the joint: (A) force, (B) deviation of the joint from before the push, measured, and expected "
-        "(dashed), (C) measured less expected, (D) stiffness off its reference; beyond the panel it is on its way to "
-        "another one.",
+        "Pushes at the joint: (A) force, (B) deviation of the joint from its position before the push, "
+        "measured, and expected (dashed), (C) measured minus expected, (D) stiffness minus its "
+        "reference; outside the panel it moves to another reference.",
     )
     yield push_table(found, angles)
     if why := next((one.unpredicted for one in found if one.unpredicted), ""):

@@ -228,7 +228,7 @@ def _make_difference_tables(sources: Sequence[RunData], angles: AngleUnit) -> It
         return
     first = (Column("Setting or parameter", number=False, wide=True),)
     yield from _make_run_tables(
-        sources, "What is not the same in all runs", first, [((name,), texts) for name, texts in rows]
+        sources, "Settings that differ between the runs", first, [((name,), texts) for name, texts in rows]
     )
 
 
@@ -342,7 +342,7 @@ def _partial(sources: Sequence[RunData]) -> Iterator[Paragraph]:
                 texts.setdefault(f"{item.label}: {item.reason}", []).append(str(source.run.id))
     if texts:
         reasons = "; ".join(f"{words} (run {', '.join(runs)})" for words, runs in texts.items())
-        yield Paragraph(f"{_MARK.strip()} Not measured whole, so that no difference is told. {reasons}.")
+        yield Paragraph(f"{_MARK.strip()} Measured only in part, so no difference is given. {reasons}.")
 
 
 def _deviation(values: Sequence[float]) -> float:

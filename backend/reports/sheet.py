@@ -143,7 +143,7 @@ class _Reading:
         _require_few("elements", self.elements, MOST_ELEMENTS, "draw fewer panels or marks on one sheet")
         _require_few("elements in each other", len(self.open) + 1, DEEPEST, "nest them less")
         if not self.open and name != "svg":
-            raise _refusal(f"it begins with <{_short(name)}> where <svg> has to stand")
+            raise _refusal(f"it begins with <{_short(name)}> instead of <svg>")
         if self.open and name not in (*_DRAWN, *_UNDRAWN):
             allowed = ", ".join((*_DRAWN, *_UNDRAWN))
             raise _refusal(f"it has an element <{_short(name)}>; allowed in a sheet are only {allowed}")
@@ -223,7 +223,8 @@ def _require_few(what: str, number: int, most: int, remedy: str) -> None:
 def _refusal(why: str) -> RequestRejectedError:
     return RequestRejectedError(
         ErrorCode.BAD_VALUE,
-        f"this is no sheet of charts: {why}. Send the SVG as the charts save it, or convert it with a drawing program",
+        f"this is not a sheet of charts: {why}. Send the SVG as the charts save it, or convert it with a "
+        f"drawing program",
         code="not_a_sheet",
     )
 

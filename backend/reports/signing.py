@@ -220,7 +220,7 @@ def sign_page(page: bytes, key: "Ed25519PrivateKey", name: str) -> bytes:
     unsigned = page[:begin] + page[end:]
     place = _place(unsigned)
     if place is None:
-        raise UnsignableError("it carries no account of its numbers: only reports of runs and of series are signed")
+        raise UnsignableError("it contains no report manifest: only reports of runs and of series can be signed")
     if _BEGIN in unsigned:
         raise UnsignableError("it has two signatures: make the report again")
     fields = _make_signature_fields(Signature(derive_public_key(key), name))
@@ -236,9 +236,9 @@ def read_signature(page: bytes) -> SignedPage:
     try:
         signature, value = _parse(page[begin:end])
     except (ValueError, KeyError, TypeError, RecursionError):
-        return SignedPage(unsigned, problem="an element that is no signature of a report")
+        return SignedPage(unsigned, problem="an element that is not a signature of a report")
     if begin != _place(unsigned) or _BEGIN in unsigned:
-        return SignedPage(unsigned, signature, "a signature elsewhere than beside the account")
+        return SignedPage(unsigned, signature, "a signature that does not follow the report manifest")
     if not _is_signed(signature.key, value, _message(_make_signature_fields(signature), unsigned)):
         return SignedPage(unsigned, signature, "a page that this key has not signed")
     return SignedPage(unsigned, signature)

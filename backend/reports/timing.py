@@ -61,7 +61,12 @@ def granted_rows(granted: StoredRealTimeStatus | None) -> list[tuple[str, str, s
     return [
         ("Scheduling", scheduling, "", "granted to the loop by the machine"),
         ("Memory", memory, "", "granted to the loop by the machine"),
-        ("Timer slack", str(granted.timer_slack_ns), "ns", "by which the machine may wake the loop later than asked"),
+        (
+            "Timer slack",
+            str(granted.timer_slack_ns),
+            "ns",
+            "by which the machine may wake the loop later than requested",
+        ),
         *(("Not granted", "", "", refusal) for refusal in granted.refusals),
     ]
 

@@ -87,7 +87,7 @@ class ReportDifference:
     @property
     def sentence(self) -> str:
         """Return the difference as a sentence."""
-        return f"{self.name}: the report says {self.said}, found {self.found}"
+        return f"{self.name}: the report has {self.said}, found {self.found}"
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ _PLACE = "<svg/>"
 _LINE = 2000
 """Maximum number of characters of a line in a difference; longer lines occur only in forged pages."""
 _DRAWING_OF = "drawing of figure"
-_VERIFIED_PARTS = "figures, criteria, models, parameters and hashes that it carries, but not the page as it is read"
+_VERIFIED_PARTS = "figures, criteria, models, parameters and hashes of its manifest, but not the visible page"
 
 _XML = re.compile(r"<(/?)([A-Za-z][\w:.-]*)([^<>]*)>")
 _ATTRIBUTE = re.compile(r'\s+([A-Za-z][\w:.-]*)="([^"<>]*)"')
@@ -208,12 +208,13 @@ def compare_pages(page: str, manifest: ReportManifest | SeriesEvidence, make_aga
         by, this = (
             f"Sinew {versions.get(SINEW)}, layout {versions.get(LAYOUT, 'unknown')}" for versions in (reported, here)
         )
-        left_out = f"the page as it is read: it was written by {by}, this is {this}"
+        left_out = f"the visible page: {by} wrote it, this is {this}"
         return Verified(foreign[:MOST], (left_out,), _VERIFIED_PARTS)
     if DRAWING in others:
         differences = [one for one in differences if not one.name.startswith(_DRAWING_OF)]
     version_differences = (
-        f"what {name} made: the account names its version {reported.get(name)}, here is {here.get(name)}"
+        f"the output of {name}: the report manifest names version {reported.get(name)}, this "
+        f"installation has {here.get(name)}"
         for name in others
     )
     return Verified((*differences, *foreign)[:MOST], tuple(version_differences))
@@ -266,7 +267,7 @@ def _compare_manifest(page: str, manifest: ReportManifest | SeriesEvidence) -> I
     """Compare the manifest text with the parsed manifest; nothing else may be in it."""
     reported, found = find_element(page), to_element(manifest)
     if reported != found:
-        yield ReportDifference("the account as it is written", *find_difference(reported, found))
+        yield ReportDifference("the report manifest as written", *find_difference(reported, found))
 
 
 def _pages(page: str, again: str) -> Iterator[ReportDifference]:
@@ -365,7 +366,7 @@ def read_samples_file(file: Path) -> tuple[Columns, tuple[ReportDifference, ...]
         raise SamplesFileError(f"{file} cannot be read: {error}") from None
     missing = [name for name in STORED_NAMES if name not in facts.names and name not in ADDED_LATER]
     if "t" not in facts.names or "q" in missing:
-        raise SamplesFileError(f"{file}: the column {missing[0]} is missing; it is no export of a run's samples")
+        raise SamplesFileError(f"{file}: the column {missing[0]} is missing; it is not an export of a run's samples")
     names = ("t", *(name for name in STORED_NAMES if name in facts.names))
     columns = {name: np.concatenate([part[name] for part in parts]).astype(np.float64) for name in names}
     # A signal that an older version did not store was not measured; it differs if the manifest has its checksum.
@@ -534,7 +535,7 @@ def verify_pdf(pdf: bytes, page: str, columns: Columns | None, files: Accompanyi
     if verified.differences or source is None:
         return verified
     if manifest.made_with != made_with():
-        words = f"of the page beside it: {verified.compared}"
+        words = f"of the page in the same folder: {verified.compared}"
         return replace(verified, left_out=(*verified.left_out, _OTHER_PDF), compared=words)
     try:
         same = to_pdf(build_report(source)) == pdf
@@ -548,7 +549,7 @@ def verify_pdf(pdf: bytes, page: str, columns: Columns | None, files: Accompanyi
 def _of_a_run(page: str) -> ReportManifest:
     manifest = read_manifest(page)
     if isinstance(manifest, SeriesEvidence):
-        raise EvidenceError("it is of a series: its runs are looked for where they are stored, in the folder of --data")
+        raise EvidenceError("it is a report of a series: its runs are searched for in the folder of --data")
     return manifest
 
 
@@ -604,9 +605,9 @@ def _describe_older_definitions(manifest: ReportManifest) -> tuple[str, ...]:
         return ()
     definitions = manifest.metrics.get("definitions", 0)
     text = (
-        f"the result: it was computed by version {definitions} of the definitions of figures and criteria, this Sinew "
-        f"computes by version {DEFINITIONS}: compute it anew with `sinew runs evaluate {manifest.run.id}`, and make "
-        "the report again"
+        f"the result: it was computed by version {definitions} of the definitions of figures and "
+        f"criteria, this Sinew uses version {DEFINITIONS}: recompute it with `sinew runs evaluate "
+        f"{manifest.run.id}`, and export the report again"
     )
     return (text,)
 
@@ -721,7 +722,9 @@ def verify_series_report(
     EvidenceError if the samples of a run are missing.
     """
     if len(manifest.runs) < 2 or any(one.run.kind == RunKind.SESSION for one in manifest.runs):
-        raise EvidenceError("its account is of no series: that is of two runs or more, none of them a session")
+        raise EvidenceError(
+            "its report manifest is not of a series: a series has two or more runs, none of them a session"
+        )
     found, sources = [], []
     for one in manifest.runs:
         columns = find(one)

@@ -208,7 +208,7 @@ class _SceneViewers:
             return
         await websocket.accept(subprotocol=PROTOCOL)
         if self._viewer_count >= MOST_VIEWERS:
-            await websocket.close(LATER, f"{MOST_VIEWERS} look at the scene already")
+            await websocket.close(LATER, f"{MOST_VIEWERS} viewers have the scene open already")
             return
         self._viewer_count += 1
         try:

@@ -54,7 +54,7 @@ class ErrorDetail(Schema):
     """Why a request was rejected, and what would be accepted. Numbers are in SI."""
 
     code: str
-    message: str = Field(description="complete message, with angles in the unit of the person who asked")
+    message: str = Field(description="complete message, with angles in the unit of the reader")
     quantity: str | None = Field(default=None, description="name of the rejected value in the interface")
     words: str | None = Field(default=None, description="label of the rejected value")
     path: list[str | int] | None = Field(
@@ -164,7 +164,7 @@ def _describe_problem(
         unit = "" if declared.unit in (None, "1") else f" in {get_display_unit(declared.unit, angles).unit}"
         if value is None or isinstance(value, list | dict):
             return f"a {whole}number is needed{unit}"
-        return f"{_format_value(value)} is no {whole}number; give one{unit}"
+        return f"{_format_value(value)} is not a {whole}number; give one{unit}"
     if kind.startswith("bool"):
         return f"{_format_value(value)} is neither true nor false"
     if kind.endswith(("too_long", "too_short")):

@@ -40,7 +40,7 @@ class ComparisonRequest(Schema):
     reference: RowNumber | None = Field(
         default=None, description="run that the differences are to; the first if left out"
     )
-    by: AlignBy = Field(default=AlignBy.BEGIN, description="what is brought to one moment")
+    by: AlignBy = Field(default=AlignBy.BEGIN, description="the event that is aligned")
     step: StepSignal = Field(default=StepSignal.Q_REF, description="signal whose step it is")
     event: MarkKind = Field(default=MarkKind.TRIP, description="kind of the event")
     number: int = Field(default=1, ge=1, le=MOST_NUMBER, description="which step or event of each run, from 1")

@@ -215,7 +215,7 @@ class CheckedStudy(Schema):
     document: dict[str, Any] | None = Field(description="its text as parsed data; null if it cannot be parsed")
     points: int | None = Field(description="number of its runs; null if it is rejected")
     problem: str = Field(description="why it is rejected, with the line; else empty")
-    path: list[int | str] = Field(description="path in the document of what is rejected")
+    path: list[int | str] = Field(description="path of the rejected value in the document")
 
 
 class PlantNumber(Schema):

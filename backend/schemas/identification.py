@@ -220,7 +220,7 @@ class ActuatorRequest(Schema):
     tension_N: float = _declare_setting(ActuatorIdentificationPlan, "tension_N")
     tensions_N: list[Finite] | None = quantity(
         "N",
-        "tensions of several runs in turn",
+        "tensions of several consecutive runs",
         default=None,
         min_length=1,
         max_length=8,

@@ -27,7 +27,7 @@ class ChartPanel(Schema):
     """A chart of signals with one unit over time, or over another signal."""
 
     title: LayoutName
-    signals: list[ChartSignal] = Field(max_length=8, description="what is drawn, in this order")
+    signals: list[ChartSignal] = Field(max_length=8, description="the signals drawn, in this order")
     over: ChartSignal | None = Field(description="signal along the other axis; null for time")
     share: float = quantity("1", "height, as a multiple of that of a plain panel", ge=0.5, le=4.0)
 
@@ -97,7 +97,7 @@ class Preferences(Schema):
     hidden: list[ChartSignal] = Field(max_length=60, description="signals switched off in the charts")
     layout: LayoutName = Field(description="name of the charts' layout in use: an own one, or one of the page's")
     layouts: list[ChartLayout] = Field(max_length=20, description="own layouts of the charts")
-    clock: bool = Field(description="the time axis tells the time of day; else the time since the start")
+    clock: bool = Field(description="whether the time axis shows the time of day; else the time since the start")
     window_s: float = quantity("s", "length of the following window", ge=5.0, le=120.0)
     statistics: bool = Field(description="figures of the visible range are shown")
     solid: bool | None = Field(

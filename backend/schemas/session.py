@@ -55,7 +55,7 @@ class SessionView(Schema):
 
     name: str
     role: Role
-    asks_name: bool = Field(description="this browser has no name yet, so the page asks for one")
+    asks_name: bool = Field(description="whether this browser has no name yet, so that the page requests one")
 
 
 class PageAddress(Schema):

@@ -33,10 +33,10 @@ class ControlRequest(Schema):
 
     take_over: bool = Field(default=False, description="take control although somebody else holds it")
     resume: PageKey | None = Field(
-        default=None, description="the key of this page before it was loaded again: goes on, or is refused"
+        default=None, description="the key of this page before it was reloaded: continued, or refused"
     )
     handed: RowNumber | None = Field(
-        default=None, description="the number under which it was handed over or offered: takes that, or is refused"
+        default=None, description="the number of the handover or offer, which is accepted, or refused"
     )
 
 
@@ -61,14 +61,16 @@ class HolderView(Schema):
     lost: bool = Field(description="no heartbeat received: references are held, a soft stop follows")
 
 
-Reason = Annotated[str, Field(max_length=200, description="why, in a few words; stands in the log")]
+Reason = Annotated[str, Field(max_length=200, description="reason in a few words; recorded in the log")]
 
 
 class HandoverRequest(Schema):
     """Ask the holder for the control lease, or offer it to somebody as its holder."""
 
     reason: Reason
-    to: str | None = Field(default=None, max_length=60, description="to whom it is offered; null asks for it")
+    to: str | None = Field(
+        default=None, max_length=60, description="the person to whom control is offered; null requests control"
+    )
 
 
 class HandoverAnswer(StrEnum):
@@ -280,12 +282,14 @@ class TouchOrder(Schema):
     """Changes of bias and contact reaction; null and false change nothing."""
 
     contact_N: float | None = quantity(
-        "N", "force from which on the joint gives way to a contact, 0 for never", default=None, **ANY_SIZE
+        "N", "threshold of the contact reaction, 0 if it is disabled", default=None, **ANY_SIZE
     )
-    learn: bool = Field(default=False, description="take what is estimated now for nothing outside, at this stiffness")
+    learn: bool = Field(default=False, description="take the present estimate as the bias at this stiffness")
     forget: bool = Field(default=False, description="forget what was learned; with learn, all but that")
     sweep: Literal["begin", "stop"] | None = Field(
-        default=None, description="learn over all of the stiffness, point by point, with nobody at the joint; alone"
+        default=None,
+        description="calibrate over the whole stiffness range, point by point, with no "
+        "person at the joint; no other field with it",
     )
 
 
@@ -303,7 +307,7 @@ class FormulaText(Schema):
         "round, if else"
     )
     unit: Annotated[str, Field(min_length=1, max_length=20), ONE_LINE] = Field(
-        description="SI unit of the result, as the writer says; 1 for a plain number"
+        description="SI unit of the result, as its author gives it; 1 for a plain number"
     )
     meaning: Annotated[str, Field(max_length=100), ONE_LINE] = Field(default="", description="what it is, in words")
 
@@ -412,15 +416,15 @@ class ReferencesView(Schema):
 class PushRequest(Schema):
     """An external force on a simulated joint, held for a time."""
 
-    F_push: float = quantity("N", "force, tangential at the joint pulley, positive towards +q; 0 lets go", **ANY_SIZE)
-    duration_s: float = quantity("s", "time after which the loop lets go by itself", default=1.0, **ANY_SIZE)
+    F_push: float = quantity("N", "force, tangential at the joint pulley, positive towards +q; 0 releases", **ANY_SIZE)
+    duration_s: float = quantity("s", "time after which the loop releases the joint", default=1.0, **ANY_SIZE)
 
 
 class WallView(Schema):
     """Obstacle of a simulated joint."""
 
-    q_wall: float = quantity("rad", "where it stands", **ANY_SIZE)
-    side: Literal["above", "below"] = Field(default="above", description="on which side of that angle it stands")
+    q_wall: float = quantity("rad", "angle of the wall", **ANY_SIZE)
+    side: Literal["above", "below"] = Field(default="above", description="the side of that angle that the wall blocks")
     k_wall: float = quantity("N/m", "its stiffness, at the joint pulley", default=20000.0, **ANY_SIZE)
     c_wall: float = quantity("s/m", "its damping, at the joint pulley", default=1.0, **ANY_SIZE)
 

@@ -248,13 +248,15 @@ class TuningRequest(Schema):
         default=None,
         **ANY_SIZE,
     )
-    k_ext: float | None = quantity("1", "share of the outside force fed forward, 0: none", default=None, **ANY_SIZE)
+    k_ext: float | None = quantity(
+        "1", "share of the external force that is fed forward, 0 for none", default=None, **ANY_SIZE
+    )
 
 
 class TrialRequest(TuningRequest):
     """A trial of a tuning, after which the service restores the earlier one."""
 
-    duration_s: float = quantity("s", "how long it stays in force", ge=1.0, le=600.0)
+    duration_s: float = quantity("s", "duration of the trial", ge=1.0, le=600.0)
 
 
 class SavedTuning(TuningParts):

@@ -37,10 +37,11 @@ def render_sample_typescript() -> str:
             "/** Defaults of the method [s]. */",
             f"export const LAMBDAS = {_literal({'lam_q': LAM_Q, 'lam_S': LAM_S, 'lam_motor': LAM_MOTOR})} as const;",
             "",
-            "/** So many samples at most are read one by one at hand; of more it takes longer. */",
+            "/** Largest number of samples that are read one by one quickly; more take longer. */",
             f"export const AT_HAND_SAMPLES = {AT_HAND_SAMPLES};",
             "",
-            "/** Outside force that a rejection leaves alone [N]: so many deviations of the estimate. */",
+            "/** External force below which rejection does not act [N]: a number of standard deviations "
+            "of the estimate. */",
             f"export const UNSEEN_F = {UNSEEN_F};",
             f"export const DEVIATIONS = {DEVIATIONS};",
             "",

@@ -116,7 +116,7 @@ def unknown_host(host: str, public: PublicUrl | None) -> str:
 
 def foreign_origin(origin: str, host: str, public: PublicUrl | None) -> str:
     """Return the message for a rejected command or websocket of a page."""
-    issue = f"the page comes from {_cut(origin)!r}, and the request asks for the host {_cut(host)!r}"
+    issue = f"the page is from {_cut(origin)!r}, but the request names the host {_cut(host)!r}"
     if public is not None:
         return (
             f"{issue}; this service was started with --public-url {public}/: open that address, "
@@ -136,8 +136,8 @@ def foreign_origin(origin: str, host: str, public: PublicUrl | None) -> str:
 def upgrade_lost(path: str, origin: str | None) -> str:
     """Return the message for a websocket handshake that arrived as a plain request."""
     return (
-        f"a websocket was asked for at {_cut(path)!r} by a page of {_cut(origin or 'no origin')!r}, and the header "
-        f"Upgrade was lost on the way: the reverse proxy does not pass websockets on. For nginx: {NGINX_UPGRADE}"
+        f"a websocket was requested at {_cut(path)!r} by a page of {_cut(origin or 'no origin')!r}, but "
+        f"the header Upgrade is missing: the reverse proxy does not forward websockets. For nginx: {NGINX_UPGRADE}"
     )
 
 
@@ -183,8 +183,8 @@ def _findings(opened: PublicUrl, public: PublicUrl | None, headers: Headers, pee
     if not public.is_trusted_proxy(peer) and any(name in headers for name in FORWARDING):
         yield (
             "untrusted_proxy",
-            f"The reverse proxy at {peer} is not trusted: what it says of who asks is not believed, and all people "
-            f"behind it count as one address. If it is yours, start the service with --trusted-proxy {peer} too.",
+            f"The reverse proxy at {peer} is not trusted: its forwarding headers are ignored, and all "
+            f"its clients count as one address. If it is yours, start the service with --trusted-proxy {peer}.",
         )
 
 

@@ -423,7 +423,7 @@ def _refusal_of_length(scope: Scope, headers: Headers, most: int) -> Response | 
         return _refuse(scope, 411, "length_required", "send a Content-Length")
     length = headers.get("content-length", "0")
     if not (length.isascii() and length.isdigit()):
-        return _refuse(scope, 400, "bad_length", "the Content-Length has to be a whole number")
+        return _refuse(scope, 400, "bad_length", "the Content-Length must be a whole number")
     if len(length) > 12 or int(length) > most:
         return _refuse(scope, 413, "too_large", f"the body is larger than {most} bytes")
     return None

@@ -76,9 +76,9 @@ def require_legal(live_state: LiveState, wanted: Mode, *, loop_alive: bool) -> N
     if mode is Mode.TRIPPED:
         reason = "a fault is latched: reset it first"
     elif wanted in LEGAL[mode] and paused:
-        reason = "the order under way is paused, and its next run starts from pretension: go on, or stop softly"
+        reason = "the current order is paused, and its next run starts from pretension: continue it, or abort it softly"
     elif wanted in LEGAL[mode]:
-        reason = f"{wanted} has to wait until both tendons hold the pretension"
+        reason = f"{wanted} requires the pretension in both tendons: wait for it"
     else:
         reason = f"{mode} cannot go to {wanted}"
     names = [str(choice) for choice in legal]
@@ -338,7 +338,7 @@ class ActuatorService:
             self._supervisor.setup.commissioning_results is before
         ):  # else a commissioning step has stored a newer result meanwhile
             self._supervisor.setup = replace(self._supervisor.setup, commissioning_results=commissioning_results)
-        self.contact.discard("the control loop was started anew")
+        self.contact.discard("the control loop was restarted")
         self.publish_change()
         await self._supervisor.restart(purpose)
         self._on_ring_changed(self._supervisor.ring)
@@ -420,10 +420,10 @@ class ActuatorService:
         plant = self.live_state.plant
         if not plant.simulated:
             by_hand = ": push it by hand" if plant.kind is PlantKind.RIG else ""
-            message = f"only what is simulated is pushed by command, and what is driven is the {plant.name}{by_hand}"
+            message = f"a commanded push requires a simulated plant, and the plant is the {plant.name}{by_hand}"
             raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
         check_range("F_push", push.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
-        remedy = "order it again to push for longer"
+        remedy = "send it again to push for longer"
         check_range(
             "duration_s",
             push.duration_s,
@@ -436,13 +436,13 @@ class ActuatorService:
         # Set before the command is sent: if control is lost meanwhile, the push is released after it has started.
         self._pushed = push.F_push != 0.0
         accepted = await self._send(commands.ApplyPush(push.F_push, push.duration_s))
-        text = f"push of {push.F_push:.1f} N for {push.duration_s:.1f} s" if push.F_push else "push let go"
+        text = f"push of {push.F_push:.1f} N for {push.duration_s:.1f} s" if push.F_push else "push released"
         self._event_log.add_mark(MarkKind.NOTE, text, accepted.tick, who)
         return push
 
     def release_push(self) -> None:
         """Release a push and abort a sweep, because their operator has lost control."""
-        self.contact.sweep.abort("whoever began it does not hold control any more")
+        self.contact.sweep.abort("the operator who started it no longer holds control")
         if self._pushed:
             self._releasing = self._supervision.start_task(_RELEASE, self._release_push)
 
@@ -452,14 +452,14 @@ class ActuatorService:
             return
         with suppress(LoopExitedError):
             await self._supervisor.send(commands.ApplyPush(0.0, 0.0))
-        self._event_log.add_mark(MarkKind.NOTE, "push let go: control is lost", self.live_state.tick)
+        self._event_log.add_mark(MarkKind.NOTE, "push released: control is lost", self.live_state.tick)
 
     async def inject_fault(self, injected_fault: InjectedFault | None, who: str) -> None:
         """Inject a fault into a simulated plant; None clears all.
 
         Raises RequestRejectedError on another plant.
         """
-        text = "mended" if injected_fault is None else f"broken on purpose: {injected_fault.words}"
+        text = "injected fault cleared" if injected_fault is None else f"fault injected: {injected_fault.words}"
         await self.send_and_log(commands.Inject(injected_fault), text, who)
 
     async def send_and_log(self, command: Command, text: str, who: str) -> None:
@@ -470,7 +470,9 @@ class ActuatorService:
     def suspend_heartbeat(self, duration_s: float, who: str) -> None:
         """Suspend the heartbeat of the service, to test the reaction of the control loop."""
         self._supervisor.fall_silent(duration_s)
-        self._event_log.add_mark(MarkKind.NOTE, "the service falls silent on purpose", self.live_state.tick, who)
+        self._event_log.add_mark(
+            MarkKind.NOTE, "heartbeat of the service suspended for a test", self.live_state.tick, who
+        )
 
     async def _send(self, command: Command) -> Accepted:
         return raise_if_rejected(await self._supervisor.send(command))
@@ -526,7 +528,7 @@ async def set_obstacle(actuator: ActuatorService, order: WallOrder, who: str) ->
     """
     plant = actuator.live_state.plant
     if not plant.simulated:
-        message = f"a wall is put only in the way of what is simulated, and what is driven is the {plant.name}"
+        message = f"a wall requires a simulated plant, and the plant is the {plant.name}"
         raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
     wall = None if order.wall is None else _build_obstacle(order.wall, actuator.live_state.parameters)
     await actuator.send_and_log(Obstruct(wall), describe_wall(wall), who)

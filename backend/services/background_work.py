@@ -43,7 +43,7 @@ async def run_while_connected(work: Coroutine[Any, Any, T], is_disconnected: IsD
         while not (await asyncio.wait({task}, timeout=POLL_S))[0]:
             if await is_disconnected():
                 raise RequestRejectedError(
-                    ErrorCode.UNAVAILABLE, "whoever asked for this has left: its computation was ended"
+                    ErrorCode.UNAVAILABLE, "the client of this computation has disconnected: it was cancelled"
                 )
         return task.result()
     finally:
@@ -102,7 +102,7 @@ class WorkLimiter:
             number = f"{self._work} of yours is" if self._per_user == 1 else f"{own} {self._works} of yours are"
             raise RequestRejectedError(
                 ErrorCode.TOO_MANY,
-                f"{number} under way or waiting, at most {self._per_user}: wait for one, or leave it",
+                f"{number} running or waiting, at most {self._per_user}: wait for one, or cancel it",
                 code="busy",
                 retry_after_s=RETRY_S,
             )
@@ -110,7 +110,7 @@ class WorkLimiter:
         if len(self._active) >= self._total or (not is_operator(user) and viewers >= self._viewers):
             raise RequestRejectedError(
                 ErrorCode.TOO_MANY,
-                f"{len(self._active)} {self._works} are under way or wait: try again later",
+                f"{len(self._active)} {self._works} are running or waiting: try again later",
                 code="busy",
                 retry_after_s=RETRY_S,
             )
@@ -310,7 +310,9 @@ async def _acquire(lock: asyncio.Lock, is_disconnected: IsDisconnected) -> None:
     try:
         while not (await asyncio.wait({acquiring}, timeout=POLL_S))[0]:
             if await is_disconnected():
-                raise RequestRejectedError(ErrorCode.UNAVAILABLE, "whoever asked for this has left: it is not computed")
+                raise RequestRejectedError(
+                    ErrorCode.UNAVAILABLE, "the client of this computation has disconnected: it is not computed"
+                )
     except BaseException:
         if not acquiring.cancel():  # the lock was acquired meanwhile
             lock.release()

@@ -94,7 +94,7 @@ def _build_result(stored: StoredStepResult) -> StepResult:
 # the motors if the control loop disproves them.
 
 
-NOT_YET = "takes effect at the next start of the loop: do it again in off, or start the service anew"
+NOT_YET = "takes effect at the next start of the loop: repeat it in mode off, or restart the service"
 
 _log = logging.getLogger(__name__)
 
@@ -117,7 +117,7 @@ class CommissioningResultStore:
         plant = self._actuator.live_state.plant
         if plant.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
             return ""
-        return f"a rig is brought up; what is driven here is the {plant.name}"
+        return f"only a rig has a bring-up; the plant is the {plant.name}"
 
     async def close(self) -> None:
         """Wait until disproved directions are stored."""
@@ -156,7 +156,10 @@ class CommissioningResultStore:
             await self.store(StepId.DIRECTION, wiring, finding, "the loop")
         except Exception as error:
             _log.exception("The service could not store that the directions are wrong.")
-            self.problem = f"Do {STEP[StepId.DIRECTION].title} anew: that they are wrong could not be kept ({error})."
+            self.problem = (
+                f"Do {STEP[StepId.DIRECTION].title} again: the service could not store that "
+                f"the directions are wrong ({error})."
+            )
         finally:
             self._actuator.publish_change()
 
@@ -171,9 +174,7 @@ class CommissioningResultStore:
         """
         if wiring_fingerprint(wiring) == self._supervisor.started_with.wired:
             return ""
-        return (
-            "the wiring file has changed since the loop was started, which goes by the old one: start the service anew"
-        )
+        return "the wiring file has changed since the loop started with the old one: restart the service"
 
 
 # Commissioning service -----------------------------------------------------------------------------
@@ -319,7 +320,7 @@ class CommissioningService:
         """
         running = self._running
         if running is None or running.task is None:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "no step of the bring-up is under way")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "no step of the bring-up is in progress")
         if running.is_over:  # a cancellation now could interrupt a restart of the control loop
             title = STEP[running.step].title
             raise RequestRejectedError(
@@ -392,7 +393,7 @@ class CommissioningService:
         except Exception as error:
             _log.exception("Step %s of the commissioning failed.", running.step)
             title = STEP[running.step].title
-            self._results.problem = f"{title} of the bring-up was given up, and has to be done again: {error}"
+            self._results.problem = f"{title} of the bring-up failed and must be repeated: {error}"
             if running.step is StepId.DIRECTION:  # a result that is not stored is not valid for the running loop either
                 with suppress(LoopExitedError):
                     await self._supervisor.send(ProveDirections(proven=False))
@@ -417,7 +418,7 @@ class CommissioningService:
     def _set_occupied(self, running: _RunningStep | None) -> None:
         """Set in the live state which step occupies the rig, and which fault it provokes."""
         live_state = self._actuator.live_state
-        live_state.occupied_by = "" if running is None else f"{STEP[running.step].title} of the bring-up is under way"
+        live_state.occupied_by = "" if running is None else f"{STEP[running.step].title} of the bring-up is in progress"
         provokes_trip = running is not None and running.step is StepId.SAFETY_MODULE
         live_state.provoked_fault = Fault.SAFETY_MODULE if provokes_trip else Fault.NONE
 
@@ -425,9 +426,9 @@ class CommissioningService:
         """Return why a step cannot start now; empty if it can."""
         live_state = self._actuator.live_state
         if self._running is not None:
-            return f"{STEP[self._running.step].title} is under way"
+            return f"{STEP[self._running.step].title} is in progress"
         if live_state.task is not None:
-            return f"run {live_state.task.run} is under way"
+            return f"run {live_state.task.run} is in progress"
         if live_state.mode is not Mode.OFF:
             return f"the mode is {live_state.mode}: bring it to off first"
         return find_blocking_steps(step, statuses)

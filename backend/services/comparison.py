@@ -442,7 +442,7 @@ def _build_difference(
     outside = np.abs(difference) > band  # False for NaN
     left = np.flatnonzero(outside)
     largest = None if count == 0 else int(np.nanargmax(np.abs(difference)))
-    default_reason = "" if count else "there is no moment of which both runs have a sample"
+    default_reason = "" if count else "the samples of the two runs have no common time"
     return RunDifference(
         run=run,
         reason=found.reasons[run] or default_reason,
@@ -552,7 +552,7 @@ def _build_header(found: RunComparison, query: ComparisonRequest) -> Iterator[st
 def _describe_alignment(query: ComparisonRequest) -> str:
     match query.by:
         case AlignBy.BEGIN:
-            return "aligned by the begin of each run"
+            return "aligned by the start of each run"
         case AlignBy.STEP:
             return f"aligned by step {query.number} of {query.step}"
         case AlignBy.EVENT:

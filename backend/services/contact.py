@@ -64,9 +64,9 @@ def explain_not_at_rest(rows: NDArray[np.float64], since: int) -> str:
 
     """
     if len(rows) < REST_TICKS or not np.all(np.isfinite(rows[:, INDEX["F_ext_hat"]])):
-        return "the outside force is not known yet, the motors' zeros come with pretension"
+        return "the external force is not known yet: the motors' zeros are set in pretension"
     if set(rows[:, INDEX["mode"]].astype(int)) != {MODES.index(Mode.RUN)}:
-        return f"the joint has to be held in run for {REST_TICKS / 1000:g} s"
+        return f"the joint must be held in run for {REST_TICKS / 1000:g} s"
     if rows[0, INDEX["tick"]] < since:
         return f"something else was put into force less than {REST_TICKS / 1000:g} s ago"
     input_acting = find_acting_input(rows)
@@ -254,7 +254,7 @@ class BiasSweep:
         )
 
     async def _command_stiffness(
-        self, S_ref: float, who: str = "", why: str = "to learn the outside force"
+        self, S_ref: float, who: str = "", why: str = "to calibrate the external force"
     ) -> Accepted:
         accepted = await self._send(SetReferences(self._start_references[0], S_ref))
         self._event_log.add_mark(
@@ -286,15 +286,15 @@ class BiasSweep:
         """Return why a sweep cannot start; empty if it can. ``rows`` is the newest sample."""
         task = self._live_state.task
         if self.is_running:
-            return "that is under way already"
+            return "the calibration is in progress already"
         if task is not None:
-            return f"run {task.run}, {task.kind}, is under way: wait for its end or stop it"
+            return f"run {task.run}, {task.kind}, is in progress: wait for its end or abort it"
         if self._live_state.mode is not Mode.RUN:
-            return f"the joint has to be held in run, and the mode is {self._live_state.mode}"
+            return f"the joint must be held in run, but the mode is {self._live_state.mode}"
         if self._is_reaction_active():
-            return "the joint gives way to contacts: let it hold on first"
+            return "contact reaction is armed: disable it first"
         if not np.all(np.isfinite(rows[-1:, INDEX["F_ext_hat"]])):
-            return "the outside force is not known yet, the motors' zeros come with pretension"
+            return "the external force is not known yet: the motors' zeros are set in pretension"
         return find_acting_input(rows)
 
 
@@ -305,7 +305,7 @@ def _explain_drift(rows: NDArray[np.float64], S_ref: float) -> str:
     """
     S, drift = float(rows[:, INDEX["S"]].mean()), compute_drift(rows)
     if not abs(S - S_ref) <= _NEAR_S:
-        return f"the stiffness stands at {S:.2f} N·m/rad"
+        return f"the stiffness stays at {S:.2f} N·m/rad"
     if not drift <= DRIFT_N:
         return f"the estimate moves by {drift:.2f} N in half a second, {DRIFT_N:g} N is at rest"
     return ""
@@ -382,7 +382,7 @@ class ContactService:
             return await self._apply_sweep(order, who)
         if self.sweep.is_running:
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "the outside force is being learned over S: wait for its end or stop it"
+                ErrorCode.NOT_NOW, "the external-force bias is being calibrated over S: wait for its end or abort it"
             )
         async with self._command_lock:
             points = [] if order.forget else self._points
@@ -396,7 +396,7 @@ class ContactService:
                     minimum=CONTACT_MIN_N,
                     maximum=CONTACT_MAX_N,
                     unit="N",
-                    remedy="0 N gives way to nothing",
+                    remedy="0 N disables contact reaction",
                 )
                 _require_calibrated(points, contact_N)
             tick = await self._configure(points, contact_N)
@@ -460,7 +460,7 @@ class ContactService:
                 self.sweep.abort(f"the mode is {mode} now")
                 self._detected = self._detected if cause is Cause.CONTACT else None
             case BiasLost():
-                self.discard("the zeros were found anew")
+                self.discard("the zeros were set again")
             case LoopExited():
                 self.discard("the control loop died")
             case _:
@@ -497,12 +497,12 @@ def _require_calibrated(points: list[TouchPoint], contact_N: float) -> None:
 
 def _describe_changes(order: TouchOrder, points: list[TouchPoint]) -> list[str]:
     """Return the texts of an applied order for the event log."""
-    texts = ["what the outside force reads with nothing outside was forgotten"] if order.forget else []
+    texts = ["external-force bias discarded"] if order.forget else []
     if order.learn:
         known = ", ".join(f"{format_number(point.F)} N at {format_number(point.S)} N·m/rad" for point in points)
-        texts.append(f"outside force learned: {known}")
+        texts.append(f"external-force bias calibrated: {known}")
     if order.contact_N is not None:
         texts.append(
-            f"gives way to contacts from {order.contact_N:g} N on" if order.contact_N else "gives way to no contact"
+            f"contact reaction armed at {order.contact_N:g} N" if order.contact_N else "contact reaction disabled"
         )
     return texts

@@ -201,7 +201,7 @@ class Downloads:
     async def _start_stream(self, work: Callable[..., Iterator[bytes]], *arguments: object) -> AsyncGenerator[bytes]:
         if self._active_count >= MAX_DOWNLOADS:
             raise RequestRejectedError(
-                ErrorCode.TOO_MANY, f"{MAX_DOWNLOADS} downloads are under way: wait for one of them", retry_after_s=5
+                ErrorCode.TOO_MANY, f"{MAX_DOWNLOADS} downloads are in progress: wait for one of them", retry_after_s=5
             )
         stream = self._count_stream(stream_from_process(work, self._database, *arguments))
         await anext(stream)

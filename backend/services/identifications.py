@@ -228,7 +228,7 @@ class StoredIdentifications:
         with self._database.reading() as session:
             run = runs.get(session, run_id)
             if run.kind not in IDENTIFICATION_KINDS:
-                raise UnknownRecordError(f"run {run_id} is no identification but {run.kind}")
+                raise UnknownRecordError(f"run {run_id} is not an identification but {run.kind}")
             estimates = identifications.find(session, run_id=run_id)
             result = results.newest(session, run_id)
         view = build_identification_view(run, estimates[0] if estimates else None, self._progress(run))

@@ -340,8 +340,8 @@ class Pause:
         """Let the next run wait, or start. Raises RequestRejectedError if no run remains."""
         task = self._live_state.task
         if task is None or self.remaining_runs == 0:
-            what = "nothing is under way" if task is None else "no run of the same order follows"
-            remedy = "several tensions in turn can be paused between two of them"
+            what = "no run is in progress" if task is None else "no run of the same order follows"
+            remedy = "an identification with several tensions can be paused between two of them"
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"{what}: {remedy}")
         self.is_requested = is_requested
         self._live_state.task = task.model_copy(update={"pause_wanted": is_requested})
@@ -368,7 +368,7 @@ def describe_runs_not_started(run: int, why: Exception, count: int) -> str:
     ``run`` is its last run, ``why`` the reason.
     """
     runs, them = ("1 run was", "it") if count == 1 else (f"{count} runs were", "them")
-    return f"The order ended after run {run}: {str(why).rstrip('.')}; {runs} not begun. Order {them} anew."
+    return f"The order ended after run {run}: {str(why).rstrip('.')}; {runs} not started. Order {them} again."
 
 
 # Pending evaluations -------------------------------------------------------------------------------
@@ -636,7 +636,7 @@ class JobManager:
         """
         checked = await self._check_text(request.text, user, is_disconnected)
         if not request.play:
-            return checked.build_view({}, "it was looked over only")
+            return checked.build_view({}, "it was checked only")
         try:
             played = await self._run_dry(
                 RunRequest(checked.plan, self._get_loop_settings(), user.name), user, is_disconnected
@@ -711,7 +711,7 @@ class JobManager:
         self._actuator.require_unoccupied()
         if (task := self._actuator.live_state.task) is not None:
             remedy = "wait for its end or stop it"
-            raise RequestRejectedError(ErrorCode.NOT_NOW, f"run {task.run}, {task.kind}, is under way: {remedy}")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, f"run {task.run}, {task.kind}, is in progress: {remedy}")
         if self._actuator.tuning_service.view_trial() is not None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
 

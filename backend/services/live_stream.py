@@ -61,11 +61,13 @@ def build_mark(event: Event | LoopExited, now: int) -> Mark | None:
         case PretensionReached(tick):
             return Mark(MarkKind.MODE, "pretension reached", tick)
         case ContactDetected(tick, F_ext_hat, contact_N):
-            return Mark(MarkKind.NOTE, f"contact: {F_ext_hat:.1f} N, from {contact_N:g} N on the joint gives way", tick)
+            return Mark(
+                MarkKind.NOTE, f"contact: {F_ext_hat:.1f} N, from {contact_N:g} N on the contact reaction acts", tick
+            )
         case BiasLost(tick):
-            return Mark(MarkKind.NOTE, "zeros found anew: the outside force has to be learned again", tick)
+            return Mark(MarkKind.NOTE, "zeros set again: recalibrate the external-force bias", tick)
         case PushReleased(tick, why):
-            return Mark(MarkKind.NOTE, f"push let go: {why}", tick)
+            return Mark(MarkKind.NOTE, f"push released: {why}", tick)
         case TuningChanged(tick, 0, lam_q, lam_S):
             return Mark(MarkKind.TUNING, f"as before the program: λ_q {lam_q:g} s, λ_S {lam_S:g} s", tick)
         case TuningChanged(tick, _, lam_q, lam_S):
@@ -95,7 +97,7 @@ def build_mark(event: Event | LoopExited, now: int) -> Mark | None:
 # the number of missed samples.
 
 
-LIVE_STREAM_PART = Part("The live stream", "Charts and state stood still meanwhile; no sample is lost.")
+LIVE_STREAM_PART = Part("The live stream", "Charts and state were not updated meanwhile; no sample is lost.")
 
 RATE_HZ = 30.0
 """Frames per second."""

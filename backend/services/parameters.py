@@ -24,7 +24,7 @@ from plant import SIDES, ErrorCode, ParameterError, PlantParameters, Side, Sinew
 # Controller and predictions use it. A simulated plant keeps the values of its file.
 
 
-SETTING_NAME = "identified in force"
+SETTING_NAME = "active identified"
 
 
 class NotApplicableError(SinewError, ValueError):
@@ -111,7 +111,7 @@ def build_proposal(base: PlantParameters, active: PlantParameters, found: Identi
     }
     applied = APPLIED.read(document, source)
     if not find_changes(active, _apply_to(base, applied)):
-        raise NotApplicableError(f"{named} says what is in force already: nothing would change")
+        raise NotApplicableError(f"{named} equals the active values: nothing would change")
     return applied
 
 
@@ -274,7 +274,7 @@ class ParameterService:
         try:
             if load_parameters(self._supervisor.setup.parameters) != self._base:  # a loop reads it at its start
                 raise RequestRejectedError(
-                    ErrorCode.NOT_NOW, "the parameter file has changed: start the service anew first"
+                    ErrorCode.NOT_NOW, "the parameter file has changed: restart the service first"
                 )
             applied, before = propose(), self._actuator.live_state.operator_tuning
             parameters = self._base.with_identified(build_identified_sections(applied))
@@ -320,7 +320,9 @@ class ParameterService:
         live_state = self._actuator.live_state
         self._actuator.require_unoccupied()
         if live_state.task is not None or live_state.overridden_tuning is not None:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "a run is under way: parameters change when it is over")
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, "a run is in progress: change the parameters when it has ended"
+            )
         if self._actuator.tuning_service.view_trial() is not None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
         if live_state.mode is not Mode.OFF:
@@ -329,14 +331,12 @@ class ParameterService:
                 f"parameters are applied in off only; the mode is {live_state.mode}: switch it off first",
             )
         if live_state.tuning is not tuning:
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "the tuning was changed meanwhile: look at it, then try again"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "the tuning was changed meanwhile: check it, then try again")
 
     def _build_undo(self, version: int) -> AppliedParameters:
         newest = list_parameter_versions(self._database, self._base)[0].number
         if newest not in (0, version):
-            raise NotApplicableError(f"version {newest} is in force by now, not {version}: look at what it changed")
+            raise NotApplicableError(f"version {newest} is active by now, not {version}: check its changes")
         return build_undo(self._database, self._base)
 
     def _build_proposal(self, estimate: int) -> AppliedParameters:

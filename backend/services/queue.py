@@ -115,7 +115,7 @@ _log = logging.getLogger(__name__)
 LONGEST = 50
 """Experiments that may wait."""
 
-_PART = Part("The step to the next experiment of the queue", "Look at the queue: it goes on, or says why it is held.")
+_PART = Part("The step to the next experiment of the queue", "Check the queue: it continues, or shows why it is held.")
 
 Start = Callable[[ExperimentRequest, str], Awaitable[int]]
 Check = Callable[[ExperimentRequest], Awaitable[ExperimentRequest]]

@@ -370,7 +370,7 @@ class _RunConversion:
         if known.pop("k_ext", 0.0):
             self.left_out.append("pushes were rejected by k_ext: what was learned before the run is not recorded")
         if known.pop("bank", 0) and self._bank is None:
-            self.left_out.append(f"bank {loop.bank} is not of this station: the bank in force is used")
+            self.left_out.append(f"bank {loop.bank} is not of this station: the active bank is used")
         if self._bank is not None:
             known["bank"] = self._bank
         first = {name: round(float(self._columns[name][0]), _DECIMALS) for name in _LAM}
@@ -431,7 +431,7 @@ class _RunConversion:
         if any(segment.load_A or segment.load_B for segment in compiled.segments):
             self.left_out.append("loads of the motors' shafts: they are not recorded")
         if compiled.contact_detections:
-            self.left_out.append("what the run learned of the outside force, and giving way to a contact")
+            self.left_out.append("calibration of the external-force bias and contact reaction")
         others = {name for change in compiled.changes for name in change if name not in _LAM}
         if others:
             self.left_out.append(f"changes of {', '.join(sorted(others))} by the program: only λ is recorded")
@@ -776,7 +776,7 @@ class RunQuery:
         of_kind = [Compare(Value("kind", 0), Op.EQUAL, tuple(Value(kind, 0) for kind in self.kinds))]
         words = [Word(Value(word, 0)) for word in self.search.split()]
         if not all(word.value.text.isprintable() for word in words):
-            raise QueryError(0, "a character that cannot be printed stands in it: delete it")
+            raise QueryError(0, "it contains a character that cannot be printed: delete it")
         return All((*map(parse_query, self.where), *(of_kind if self.kinds else []), *words))
 
 

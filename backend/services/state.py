@@ -265,10 +265,14 @@ def build_downstream_links(
 
 def _build_page_link(holder: HolderView | None) -> ChainLinkView:
     if holder is None:
-        return ChainLinkView(name="page", good=True, silent_s=None, says="nobody holds control")
+        return ChainLinkView(name="page", good=True, silent_s=None, says="no user holds control")
     if not holder.page:
         return ChainLinkView(name="page", good=True, silent_s=None, says=f"a script holds control ({holder.name})")
-    says = f"{holder.name} is not heard: references are held" if holder.lost else f"{holder.name} is heard"
+    says = (
+        f"{holder.name} sends no signs of life: references are held"
+        if holder.lost
+        else f"{holder.name} sends signs of life"
+    )
     return ChainLinkView(name="page", good=not holder.lost, silent_s=holder.silent_s, says=says)
 
 

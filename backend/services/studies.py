@@ -41,7 +41,7 @@ from plant import ErrorCode, PlantParameters
 
 
 MAX_LISTED = 100
-_RUNNER_LOST = "who computed it died without a word: resume it, what is computed is kept"
+_RUNNER_LOST = "its process died without a message: resume it; computed points are kept"
 """Problem of a study whose process was killed, or whose machine was lost."""
 MAX_ROWS = 200
 """Rows of a table that the page gets; the command line shows all."""

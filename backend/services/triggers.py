@@ -26,7 +26,7 @@ class Triggers:
                 or Condition(armed["signal"], armed["kind"], armed["level"], armed["upper"]).describe()
             )
             event_log.add_entry(
-                EventKind.NOTE, f"trigger disarmed, as the service was started anew: {says}, armed by {armed['who']}"
+                EventKind.NOTE, f"trigger disarmed, because the service was restarted: {says}, armed by {armed['who']}"
             )
 
     def view(self) -> TriggerView | None:
@@ -119,7 +119,7 @@ def _build_condition(order: TriggerOrder, derived: dict[str, Derived]) -> Condit
         )
     is_window = order.condition in WINDOWS
     if is_window and (order.upper is None or order.upper <= order.level):
-        message = "the upper end of the window has to be above its lower end"
+        message = "the upper end of the window must be above its lower end"
         raise RequestRejectedError(ErrorCode.BAD_VALUE, message, code="bad_window")
     if not is_window and order.upper is not None:
         message = f"a condition {order.condition} has one level: leave the upper end out"

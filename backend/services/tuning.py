@@ -109,7 +109,7 @@ class TuningService:
         """
         before = self._trial.before
         if before is None:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "nothing is on trial: what is in force stays")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "no trial is active: the active tuning is unchanged")
         if keep:
             self._trial.clear()
             self._push_undo(before)
@@ -293,9 +293,9 @@ class TuningService:
         if not noise <= UNSEEN_F / DEVIATIONS:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                "a rejection is refused: "
-                f"the estimate itself moves by {Quantity(noise, 'N'):.4g} (standard deviation), "
-                f"and what is left to the position loop, {UNSEEN_F:g} N, has to be {DEVIATIONS:g} times that",
+                "disturbance rejection is refused: "
+                f"the estimate varies by {Quantity(noise, 'N'):.4g} (standard deviation), "
+                f"and the threshold of the rejection, {UNSEEN_F:g} N, must be at least {DEVIATIONS:g} times that",
             )
 
     async def _retry_restore(self, what: str, tuning: ActiveTuning, restore: Callable[[], Awaitable[None]]) -> None:
@@ -312,9 +312,10 @@ class TuningService:
                     _log.exception("The service could not restore %s yet.", what)
                     difference = tuning.describe_difference(self._live_state.tuning)
                     self._live_state.tuning_problem = (
-                        f"{what} ({difference}) is not back in force: {error}. "
-                        f"It is tried again every {RETRY_S:g} s. If this stays, stop softly and start the service "
-                        "again: it starts with the operator's tuning."
+                        f"{what} ({difference}) is not active again: {error}.  "
+                        f"The service retries every {RETRY_S:g} s. If this persists, abort softly and "
+                        f"restart the service "
+                        ": it starts with the operator's tuning."
                     )
                     self._on_change()
                     await asyncio.sleep(RETRY_S)

@@ -518,7 +518,7 @@ class TuningStore:
             # Without disturbance rejection, because the bias is not calibrated yet.
             tuning = make_active_tuning(parameters, replace(stored.tuning, k_ext=0.0), bank)
         except (SettingError, OutOfRangeError, TuningError, UnknownRecordError, UnreadableDocumentError) as error:
-            return _fall_back(parameters, f"the tuning of last time is refused, {error}")
+            return _fall_back(parameters, f"the last tuning is rejected: {error}")
         return tuning, _describe_restored(tuning, stored)
 
 
@@ -529,13 +529,13 @@ def _resolve_bank(session: Session, choice: TuningSettings) -> ResolvedTuning:
 def _fall_back(parameters: PlantParameters, why: str) -> tuple[ActiveTuning, str]:
     """Return the default tuning, and a text with the reason ``why``."""
     tuning, moved = default_tuning(parameters)
-    return tuning, f"defaults in force: {why}" + (f"; {moved}" if moved else "")
+    return tuning, f"defaults active: {why}" + (f"; {moved}" if moved else "")
 
 
 def _describe_restored(tuning: ActiveTuning, stored: LastTuning) -> str:
     bank = tuning.bank
     models = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
-    return f"in force again as {stored.who} left it: {models}, {tuning.choice.format()}"
+    return f"restored as last set by {stored.who}: {models}, {tuning.choice.format()}"
 
 
 # Tuning trial --------------------------------------------------------------------------------------
@@ -543,7 +543,7 @@ def _describe_restored(tuning: ActiveTuning, stored: LastTuning) -> str:
 # the mode or the holder of control changes, because then no operator observes the trial.
 
 
-_PART = Part("The clock of a tuning on trial", "The earlier tuning is put back at its time all the same.")
+_PART = Part("The timer of a tuning trial", "The earlier tuning is restored on time regardless.")
 
 
 class TuningTrial:

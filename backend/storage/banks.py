@@ -165,7 +165,7 @@ def active_entry_name(entries: Sequence[BankEntry], active: float) -> str:
     if below == last or share < 0.005:
         return stored_entry_name(entries[below])
     low, high = stored_entry_name(entries[below]), stored_entry_name(entries[below + 1])
-    return f"{low} to {high}, {100.0 * share:.0f} % of the way"
+    return f"{low} to {high}, {100.0 * share:.0f} % of the interval"
 
 
 @dataclass(frozen=True)

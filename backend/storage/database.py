@@ -66,7 +66,7 @@ def is_outdated(engine: Engine) -> bool:
         return False
     if found not in _revisions():
         raise SchemaError(
-            f"the database has schema {found}, this version knows up to {newest_revision()}: "
+            f"the database has schema {found}, this version supports up to {newest_revision()}: "
             "it was written by a newer version; install that one, or choose another data folder"
         )
     return True
@@ -270,7 +270,7 @@ def recover_database(file: Path) -> list[str]:
     unfinished = file.with_name(f"{file.name}{_RESTORING}")
     if unfinished.exists():
         _remove_with_logs(unfinished)
-        messages.append("a restore that was cut short has been taken back: the database is as it was before")
+        messages.append("an interrupted restore has been rolled back: the database is in its earlier state")
     backups = file.parent / "backups"
     leftovers = [*backups.glob(f"*{_UNFINISHED}"), *file.parent.glob(f"{file.name}.*.creating")]
     for leftover in leftovers:
@@ -331,7 +331,7 @@ def _require_ours(connection: sqlite3.Connection, copy: Path) -> None:
         raise BackupError(f"{copy} is damaged: {damages[0]}; nothing was changed")
     tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     if not {"alembic_version", "run"} <= tables:
-        raise BackupError(f"{copy} is no database of Sinew; nothing was changed")
+        raise BackupError(f"{copy} is not a database of Sinew; nothing was changed")
 
 
 def find_database_errors(engine: Engine) -> list[str]:
@@ -395,7 +395,7 @@ def identity(file: Path) -> Identity:
 def require_in_place(file: Path, opened: Identity) -> None:
     """Raise GoneError unless ``file`` and its log are still the opened ones."""
     if identity(file) != opened:
-        raise GoneError(_describe_replaced_file(file, "another file stands in its place"))
+        raise GoneError(_describe_replaced_file(file, "another file has replaced it"))
     log = _get_wal_file(file)
     if not log.exists() and _is_open_though_deleted(log):
         raise GoneError(_describe_replaced_file(log, "it was deleted"))
@@ -412,8 +412,8 @@ def is_usable(file: Path, backups: Path) -> bool:
         return True
     if _get_wal_file(file).is_file() and _get_wal_file(file).stat().st_size:
         raise DamagedError(
-            f"{file} is gone, but the log beside it ({_get_wal_file(file).name}) is still there: "
-            f"put the database back; or {describe_recovery(file, backups)}"
+            f"{file} is missing, but its log ({_get_wal_file(file).name}) still exists: bring the "
+            f"database back; or {describe_recovery(file, backups)}"
         )
     if traces := find_database_traces(file, backups):
         named = ", ".join(trace.name for trace in sorted(traces)[-NEWEST_BACKUPS:])
@@ -614,7 +614,7 @@ def open_database(
 def _require_no_restore(file: Path) -> None:
     """Raise StorageError during a restore, or after one that was killed."""
     if is_restore_incomplete(file):
-        raise StorageError("a restore is under way, or was killed while a service works on the folder: try it again")
+        raise StorageError("a restore is in progress, or was killed while a service uses the folder: try it again")
 
 
 def _require_migratable(engine: Engine, data_dir: Path, outdated: Outdated) -> None:
@@ -629,7 +629,7 @@ def _require_migratable(engine: Engine, data_dir: Path, outdated: Outdated) -> N
         )
     if outdated != "migrate":
         raise OutdatedError(
-            f"{found}: `sinew db upgrade --data {data_dir}` migrates it and keeps a copy of it as it is"
+            f"{found}: `sinew db upgrade --data {data_dir}` migrates it and keeps a copy of its present state"
         )
 
 
@@ -638,7 +638,7 @@ def _require_writable(data_dir: Path) -> None:
     try:
         make_private(data_dir)
         writable = os.access(data_dir, os.W_OK | os.X_OK, effective_ids=True)
-        refused = "" if writable else "it is read-only for this account"
+        refused = "" if writable else "this account may only read it"
     except OSError as error:
         refused = str(error.strerror or error)
     if refused:
@@ -749,7 +749,7 @@ def connect_database(url: str | URL, password: str | None = None) -> Engine:
         ) from None
     except (ArgumentError, ValueError) as error:
         raise StorageError(
-            f"SINEW_DATABASE_URL is no address of a database: {error}; "
+            f"SINEW_DATABASE_URL is not the address of a database: {error}; "
             "write it as postgresql+psycopg://user@host:port/database"
         ) from None
     if engine.dialect.name == "sqlite":

@@ -51,7 +51,9 @@ class UnfitDocumentError(SinewError, ValueError):
 
 def unfit(name: str, value: Any, needed: str) -> UnfitDocumentError:
     """Return the error of a part: its value, the expected content, and the remedy."""
-    return UnfitDocumentError(f"{name} cannot be {str(value)[:40]!r}: it is {needed}; make the file anew from the run")
+    return UnfitDocumentError(
+        f"{name} cannot be {str(value)[:40]!r}: it is {needed}; create the file again from the run"
+    )
 
 
 def require_fit(kind: str, column: Any, value: Any) -> None:
@@ -119,7 +121,7 @@ def require_lines(document: Any) -> None:
             elif isinstance(part, list):
                 parts.extend(part)
     except PlainTextError as error:
-        raise UnfitDocumentError(f"{error}; make the file anew from the run") from None
+        raise UnfitDocumentError(f"{error}; create the file again from the run") from None
 
 
 def require_entry(entry: Mapping[str, Any]) -> None:
@@ -140,7 +142,7 @@ def require_identification_document(carried: Mapping[str, Any], *, of_run: bool)
     for name in carried:
         if name not in known:
             raise unfit(
-                "a part of what is carried", name, f"one of {', '.join(known)}" if known else "none, but with runs"
+                "a part of the document", name, f"one of {', '.join(known)}" if known else "none, but with runs"
             )
     steps, numbers = carried.get(CALIBRATIONS, []), carried.get(BANKS, [])
     if not isinstance(steps, list) or not all(_is_calibration(one) for one in steps):

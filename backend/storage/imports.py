@@ -129,7 +129,7 @@ def find_same_record(session: Session, kind: str, document: Document) -> int | N
             if name not in changing
         ):
             return int(row.id)
-        raise UnfitDocumentError(f"{kind} {row.id} was made at the same moment here, and says something else")
+        raise UnfitDocumentError(f"{kind} {row.id} has the same time here, but other contents")
     return None
 
 

@@ -150,7 +150,7 @@ def own(session: Session, run_id: int) -> RunRow:
     row = session.get(RunRow, run_id, with_for_update={"key_share": True}) or require(session, RunRow, run_id, "run")
     if row.station != session_station(session):
         whose = f"is one of station {row.station}" if row.station else "is of no station"
-        raise UnknownRecordError(f"run {run_id} {whose}: what is said of it is changed there")
+        raise UnknownRecordError(f"run {run_id} {whose}: change its annotations there")
     return row
 
 

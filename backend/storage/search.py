@@ -136,7 +136,7 @@ def parse_query(text: str) -> Query:
         raise QueryError(LONGEST, f"a search has {LONGEST} characters at most: shorten it")
     for place, letter in enumerate(text):
         if not letter.isprintable() and not letter.isspace():  # NUL and surrogates, which no database accepts
-            raise QueryError(place, "a character that cannot be printed stands here: delete it")
+            raise QueryError(place, "this character cannot be printed: delete it")
     return _Parser(text).whole()
 
 
@@ -206,9 +206,7 @@ class _Parser:
         if self._terms > _MOST_TERMS:
             raise QueryError(token.place, f"a search has {_MOST_TERMS} terms at most: leave some out")
         if not token.is_word() or token.is_keyword("and") or token.is_keyword("or"):
-            raise QueryError(
-                token.place, f"{token.text} stands where a term is expected: write a word, or NAME = VALUE"
-            )
+            raise QueryError(token.place, f"{token.text} is not a term: write a word, or NAME = VALUE")
         self._at += 1
         sign = self._next()
         if token.is_keyword("run") and sign is not None and self._is_number_alone(sign):
@@ -415,7 +413,7 @@ def date(term: Compare) -> Condition:
         case Op.AT_LEAST:
             return column >= first
         case Op.CONTAINS:
-            raise QueryError(term.name.place, "a date is not looked into: use = != < <= > >=")
+            raise QueryError(term.name.place, "a date cannot be searched with ~: use = != < <= > >=")
 
 
 def _span(value: Value) -> tuple[datetime, datetime]:
@@ -433,7 +431,9 @@ def _span(value: Value) -> tuple[datetime, datetime]:
             )
         except (ValueError, OverflowError):
             continue
-    raise QueryError(value.place, f"{value.text!r} is no date: write 2026-03-31, 2026-03 or 2026-03-31T10:30, in UTC")
+    raise QueryError(
+        value.place, f"{value.text!r} is not a date: write 2026-03-31, 2026-03 or 2026-03-31T10:30, in UTC"
+    )
 
 
 def or_none(term: Compare, there: Condition, compared: Callable[[Compare], Condition]) -> Condition:
@@ -469,7 +469,7 @@ def number(column: NumberColumn, term: Compare) -> Condition:
             return column >= numbers[0]
         case Op.CONTAINS:
             raise QueryError(
-                term.name.place, f"{term.name.text} is a number, which ~ does not look into: use = != < <= > >="
+                term.name.place, f"{term.name.text} is a number, which ~ cannot search: use = != < <= > >="
             )
 
 

@@ -23,7 +23,7 @@ class TagError(RequestRejectedError):
     def __init__(self, given: str) -> None:
         super().__init__(
             ErrorCode.BAD_VALUE,
-            f"{given[:TAG_MAX]!r} is no tag: 1 to {TAG_MAX} letters, digits and . : + - _ without a space, "
+            f"{given[:TAG_MAX]!r} is not a tag: 1 to {TAG_MAX} letters, digits and . : + - _ without a space, "
             f"and not {NONE!r}",
             code="bad_tag",
         )

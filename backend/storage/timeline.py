@@ -62,14 +62,14 @@ class LogEntry:
 
     at: datetime
     kind: EventKind
-    who: str = field(metadata=describe_field("who asked for it; empty where nobody did"))
+    who: str = field(metadata=describe_field("the person who requested it; empty without one"))
     text: str
     event: int | None = field(default=None, metadata=describe_field("its number; null of a run that began or ended"))
     run: int | None = None
     tick: int | None = field(default=None, metadata=HIDDEN_FIELD)
     t: float | None = field(
         default=None,
-        metadata=describe_field("where it stands in the recording of the run, since its first sample", "s"),
+        metadata=describe_field("time in the recording of the run, since its first sample", "s"),
     )
     flight: bool = field(default=False, metadata=describe_field("a flight record of this number was kept"))
     note: str = ""

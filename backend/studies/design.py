@@ -250,7 +250,7 @@ def _require_apart(values: tuple[Value, ...], path: Path, lines: Lines) -> None:
 def _require_axis(axis: VariedSetting, path: Path, lines: Lines) -> None:
     ends = (axis.first, axis.last, axis.count)
     if bool(axis.values) == any(end is not None for end in ends) or (not axis.values and None in ends):
-        why = "say either values, or first, last and count"
+        why = "give either values, or first, last and count"
         raise ExperimentError(why, path, find_line(path, lines))
     if axis.first is not None and axis.last is not None and axis.spacing == "factor" and axis.first * axis.last <= 0:
         why = f"by equal factors one does not come from {axis.first:g} to {axis.last:g}: choose spacing even"
@@ -266,11 +266,11 @@ def _require_setting(known: dict[str, Setting], name: str, value: Value, path: P
 
 def _require_spread(base: StudyBase, spread: Spread, path: Path, lines: Lines) -> None:
     if (spread.relative is None) == (spread.absolute is None):
-        raise ExperimentError("say either relative or absolute", path, find_line(path, lines))
+        raise ExperimentError("give either relative or absolute", path, find_line(path, lines))
     nominal = _require_number(base, spread.of, None, (*path, "of"), lines)
     reach = compute_scale(spread, nominal) * (SIGMAS if spread.by == "normal" else 1.0)
     if reach == 0.0:
-        why = f"{spread.of} is 0, of which nothing relative can be drawn: say absolute"
+        why = f"{spread.of} is 0, so that relative values cannot be drawn: give absolute"
         raise ExperimentError(why, (*path, "relative"), find_line((*path, "relative"), lines))
     for end in (nominal - reach, nominal + reach):
         _require_number(base, spread.of, end, path, lines)

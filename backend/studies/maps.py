@@ -109,8 +109,9 @@ class Map:
     figure: str
     pick: str = field(
         metadata=describe_field(
-            "what a cell shows of several runs; where the worst was asked for, least, largest or mean, which is the "
-            "worst; of a share always share"
+            "the statistic of several runs in a cell; if the worst was requested, least, largest or "
+            "mean, whichever is the "
+            "worst; for a share always share"
         )
     )
     x: str
@@ -119,10 +120,10 @@ class Map:
     y_values: tuple[Value, ...] = field(metadata=HIDDEN_FIELD)
     cells: tuple[tuple[float | None, ...], ...]
     unstable: tuple[tuple[bool, ...], ...] = field(
-        metadata=describe_field("by the same places, where null stands for an unstable loop")
+        metadata=describe_field("at the same places, whether null means an unstable loop")
     )
     counts: tuple[tuple[int, ...], ...] = field(
-        metadata=describe_field("by the same places, how many runs gave a number")
+        metadata=describe_field("at the same places, the number of runs with a value")
     )
     runs: tuple[tuple[int, ...], ...] = field(metadata=describe_field("by the same places, how many runs are computed"))
     intervals: tuple[tuple[tuple[float, ...] | None, ...], ...] = field(
@@ -195,7 +196,7 @@ def build_map(
     """
     for what, name in (("x", x), ("y", y)):
         if name not in axes:
-            raise SettingError(what, name, f"it is no axis of this study; axes are {', '.join(axes) or 'none'}")
+            raise SettingError(what, name, f"it is not an axis of this study; axes are {', '.join(axes) or 'none'}")
     if x == y:
         raise SettingError("y", y, "it is x already")
     legal = (WORST, *STATISTICS)

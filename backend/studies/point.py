@@ -127,8 +127,8 @@ class OtherSoftwareError(RequestRejectedError):
     def __init__(self, software: str) -> None:
         super().__init__(
             ErrorCode.NOT_NOW,
-            f"Sinew {__version__} computes here, the study is of Sinew {software}: "
-            "use that one, or begin the study anew",
+            f"Sinew {__version__} is installed, the study is of Sinew {software}: use that version, or "
+            f"start a new study",
         )
 
 
@@ -203,10 +203,10 @@ def get_plant_number(value: Any, index: list[str]) -> float:
     Raises IndexError, TypeError, ValueError.
     """
     if index and index[0] != str(int(index[0])):
-        raise ValueError("a place has one way to be written")
+        raise ValueError("a place must be written in its canonical form")
     number = value[int(index[0])] if index else value
     if isinstance(number, bool) or not isinstance(number, int | float):
-        raise TypeError("it is no number")
+        raise TypeError("it is not a number")
     return float(number)
 
 

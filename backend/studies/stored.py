@@ -52,7 +52,7 @@ def create_study(text: str, context: StudyContext, who: str) -> NewStudy:
     study, lines = parse_study(text)
     entry = _find_definition(study, lines, context)
     if entry.experiment is None:
-        why = f"{entry.name} is no experiment that is data: write it as one"
+        why = f"{entry.name} is not an experiment document: write it as one"
         raise ExperimentError(why, ("experiment",), find_line(("experiment",), lines))
     base = StudyBase(
         parser.to_canonical_text(entry.experiment),

@@ -431,7 +431,7 @@ def _search_or_error(search: Callable[[], float]) -> float | TuningError:
 def _within_offer(name: str, lam: float, least: float, M_s: float) -> float:
     if lam < least:
         raise TuningError(
-            f"M_s = {M_s:g} would take {name} = {lam:.3f} s, and what is offered begins at {least:.3f} s: "
+            f"M_s = {M_s:g} would take {name} = {lam:.3f} s, but the range begins at {least:.3f} s: "
             "choose a smaller M_s"
         )
     return lam

@@ -202,7 +202,7 @@ def test_a_figure_that_was_not_measured_is_judged_with_its_reason() -> None:
 @pytest.mark.parametrize(
     ("bound", "told", "line"),
     [
-        ({"figure": "back_s", "below": 1.0}, "'back_s' is no figure of what is measured (steps)", 31),
+        ({"figure": "back_s", "below": 1.0}, "'back_s' is not a measured figure of this experiment (steps)", 31),
         ({"figure": "rmse_q"}, "it needs a bound, either below or above", 30),
         ({"figure": "rmse_q", "below": 1.0, "above": 0.0}, "it needs a bound, either below or above", 30),
         ({"figure": "rmse_q", "below": "u_least"}, "'u_least' is not known here; known are depth, u_max", 30),

@@ -341,14 +341,14 @@ def test_where_a_limit_acted_nothing_is_measured(limit: Limit, words: str) -> No
     told = figures(in_force, columns)
     assert (told.bandwidth_q_Hz, told.gain_off_q_dB, told.unlike_q_percent) == (None, None, None)
     assert told.bandwidth_q_predicted_Hz is not None
-    assert told.reasons["bandwidth_q_Hz"] == f"{words}: take a smaller amplitude"
+    assert told.reasons["bandwidth_q_Hz"] == f"{words}: choose a smaller amplitude"
     columns["limits"][13_000:13_020] = 0.0
     columns["limits"][5_000:5_020] = float(limit)  # in the first period, of which nothing is measured
     assert figures(in_force, columns).bandwidth_q_Hz is not None
 
 
 def test_a_trajectory_is_no_limit_and_beyond_its_voltage_there_is_no_prediction() -> None:
-    for amplitude, words in ((0.02, ""), (1.0, "the excitation asks the plan for")):
+    for amplitude, words in ((0.02, ""), (1.0, "the excitation needs a feed-forward voltage of")):
         in_force = made(
             LEAD_IN, MULTISINE_BODE.replace("0.1", str(amplitude)), tuning=TuningSettings(motion=TIME_OPTIMAL)
         )

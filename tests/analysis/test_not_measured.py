@@ -45,7 +45,7 @@ def test_holds_too_short_for_any_step_pass_nothing_but_the_tension() -> None:
 
 
 def test_a_step_that_begins_in_motion_has_no_metrics() -> None:
-    """S from 8 to 10 beginning at 8.36: 18 % of the way. It crosses 10 % before it begins."""
+    """S from 8 to 10 beginning at 8.36: 18 % of the interval. It crosses 10 % before it begins."""
     t = np.arange(0, 8, T_s)
     begins_at = 0.18
     y = 8.0 + 2.0 * (begins_at + (1 - begins_at) * double_lag(t, 0.42))

@@ -147,7 +147,7 @@ def test_each_task_that_is_killed_is_told_and_runs_again(inside: Running) -> Non
     for name, victim in victims.items():
         assert "it was cancelled" in inside.read_problem(name)
         until(lambda name=name, victim=victim: inside.tasks().get(name, victim) is not victim)  # type: ignore[misc] # defaults bind the loop's names
-        until(lambda name=name: "was started anew" in inside.read_problem(name))  # type: ignore[misc] # defaults bind the loop's names
+        until(lambda name=name: "was restarted" in inside.read_problem(name))  # type: ignore[misc] # defaults bind the loop's names
     assert inside.client.get("/api/health").json()["alive"]
 
 
@@ -181,9 +181,9 @@ def test_the_loop_stops_by_itself_when_the_heartbeat_keeps_dying(moving: Running
     until(stop_beating)
     state = moving.client.get("/api/state").json()
     assert state["fault"]["code"] == "service_lost"
-    assert "ended without being told" in moving.read_problem("The heartbeat to the loop process")
+    assert "ended without a request" in moving.read_problem("The heartbeat to the loop process")
     # or the next one stops too
-    until(lambda: "was started anew" in moving.read_problem("The heartbeat to the loop process"))
+    until(lambda: "was restarted" in moving.read_problem("The heartbeat to the loop process"))
     until(lambda: moving.client.post("/api/reset").is_success)
     assert wait_for(moving.client, "mode", "off")
 
@@ -207,7 +207,7 @@ def test_the_clock_of_a_trial_keeps_its_promise_when_it_is_killed(inside: Runnin
     inside.client.post("/api/reset").raise_for_status()
     before = inside.client.get("/api/tuning").json()["lam_q"]
     inside.client.post("/api/tuning/trial", json={"lam_q": before + 0.1, "duration_s": 5.0}).raise_for_status()
-    inside.call(inside.tasks()["The clock of a tuning on trial"].cancel)
+    inside.call(inside.tasks()["The timer of a tuning trial"].cancel)
     wait_for(inside.client, "trial", None)
     assert inside.client.get("/api/tuning").json()["lam_q"] == before
 

@@ -87,15 +87,15 @@ def test_the_wiring_test_is_played_confirmed_and_kept(rig: httpx.Client) -> None
     refused = problem(rig.post(f"{URL}/direction", json={"values": {}}))
     assert "Wiring test" in str(refused["message"])
     begin(rig, "wiring_test")
-    assert "under way" in step_of(rig, "tare")["blocked"]
+    assert "in progress" in step_of(rig, "tare")["blocked"]
     until(lambda: step_of(rig, "wiring_test")["running"]["confirm"])
     view = rig.get(URL).json()
     assert (view["drives_on"], view["drives_locked"]) == (False, True)
-    assert rig.get("/api/state").json()["unready"] == "Wiring test of the bring-up is under way"
+    assert rig.get("/api/state").json()["unready"] == "Wiring test of the bring-up is in progress"
     rig.post("/api/experiments/queue", json={"name": "tracking"}).raise_for_status()
     for order, body in STARTING:
         refused = problem(rig.post(order, json=body))
-        assert "Wiring test of the bring-up is under way" in str(refused["message"]), order
+        assert "Wiring test of the bring-up is in progress" in str(refused["message"]), order
     step, read_problems = confirmed(rig, "wiring_test")
     assert (step["state"], step["result"]["passed"]) == ("current", True), step
     assert len(read_problems) >= 6
@@ -212,7 +212,7 @@ def test_a_result_that_cannot_be_kept_is_told(rig: httpx.Client, folder: Path) -
         (given_up,) = until(lambda: read_problems(rig))
     finally:
         rename("mislaid", "bring_up")
-    assert "Zero of the bring-up was given up, and has to be done again" in given_up
+    assert "Zero of the bring-up failed and must be repeated" in given_up
     assert step_of(rig, "zero")["running"] is None
 
 

@@ -88,8 +88,8 @@ def test_calibrated_bias_is_subtracted_at_its_stiffness(database: Database) -> N
     stepped(database, load_parameters("lab"), learn)
     with database.reading() as session:
         told = [event.text for event in events.find(session)]
-    assert sum(text.startswith("outside force learned: ") for text in told) == 3
-    assert "what the outside force reads with nothing outside was forgotten" in told
+    assert sum(text.startswith("external-force bias calibrated: ") for text in told) == 3
+    assert "external-force bias discarded" in told
 
 
 def test_calibration_is_refused_while_an_input_acts_or_the_joint_moves(database: Database) -> None:
@@ -155,7 +155,7 @@ def test_contact_is_shown_until_the_next_mode_change(database: Database) -> None
         assert state.touch.felt is not None
         assert 1.5 < state.touch.felt.F_ext_hat < 2.5
         assert state.touch.felt.contact_N == 1.5
-        with pytest.raises(RequestRejectedError, match="gives way to a contact"):
+        with pytest.raises(RequestRejectedError, match="is compliant after a contact"):
             await parts.actuator.set_references(0.0, 10.0, WHO)
         await parts.actuator.set_mode(Mode.RUN, WHO)
         state = parts.state()
@@ -167,7 +167,7 @@ def test_contact_is_shown_until_the_next_mode_change(database: Database) -> None
     with database.reading() as session:
         told = [event.text for event in events.find(session)]
         states = {run.end_state for run in runs.find(session)}
-    assert any(text.startswith("contact: ") and "gives way" in text for text in told)
+    assert any(text.startswith("contact: ") and "contact reaction acts" in text for text in told)
     assert "failed" not in states
 
 
@@ -210,9 +210,9 @@ async def learned(parts: Parts) -> None:
 def test_rejection_needs_calibration_and_returns_the_joint(database: Database) -> None:
     async def operate(parts: Parts) -> None:
         tuning_service, contact = parts.actuator.tuning_service, parts.actuator.contact
-        with pytest.raises(RequestRejectedError, match="learn it first"):
+        with pytest.raises(RequestRejectedError, match="calibrate it first"):
             await tuning_service.apply(TuningRequest(k_ext=0.7), WHO)
-        with pytest.raises(RequestRejectedError, match="learn it first"):
+        with pytest.raises(RequestRejectedError, match="calibrate it first"):
             await tuning_service.start_trial(TrialRequest(k_ext=0.7, duration_s=5.0), WHO)
         assert parts.live_state.tuning.choice.k_ext == 0.0
         await learned(parts)

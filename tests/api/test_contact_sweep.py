@@ -147,10 +147,10 @@ def test_sweep_is_refused_with_a_reason_and_excludes_other_calibration(database:
         parts.live_state.task = TaskView(
             kind="tracking", run=4, elapsed_s=1.0, duration_s=9.0, phase=RunPhase.STARTING, part=None, number=1
         )
-        assert "run 4, tracking, is under way" in await why()
+        assert "run 4, tracking, is in progress" in await why()
         parts.live_state.task = None
         await parts.actuator.contact.apply(TouchOrder(learn=True, contact_N=2.0), WHO)
-        assert "gives way to contacts" in await why()
+        assert "contact reaction is armed" in await why()
         await parts.actuator.contact.apply(TouchOrder(contact_N=0.0), WHO)
         await parts.supervisor.send(commands.ApplyPush(1.0, 0.5))
         await parts.supervisor.advance(0.1)
@@ -164,7 +164,7 @@ def test_sweep_is_refused_with_a_reason_and_excludes_other_calibration(database:
         await parts.supervisor.advance(2.0)
         assert parts.state().touch.sweep is None
         await parts.actuator.contact.apply(BEGIN, WHO)
-        assert "under way already" in await why()
+        assert "in progress already" in await why()
         assert (await parts.actuator.contact.apply(TouchOrder(), WHO)).sweep == sweep_of(parts)
         for order in (TouchOrder(learn=True), TouchOrder(forget=True), TouchOrder(contact_N=2.0)):
             assert "wait for its end or stop it" in await why(order)
@@ -177,7 +177,7 @@ def test_sweep_is_refused_with_a_reason_and_excludes_other_calibration(database:
     ("S", "F", "why"),
     [
         (8.0, 0.0, ""),
-        (8.6, 0.0, "the stiffness stands at 8.60"),
+        (8.6, 0.0, "the stiffness stays at 8.60"),
         (8.0, 0.5, "the estimate moves by 0.50 N"),
         (8.0, float("nan"), "the estimate moves by "),
     ],

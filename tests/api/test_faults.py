@@ -237,7 +237,7 @@ class Bench:
         state = self.state()
         checks: dict[str, Callable[[], bool]] = {
             "tuning trial": lambda: state["trial"] is not None and state["tuning"]["lam_q"] == 1.0,
-            "manual push": lambda: not any(text.startswith("push let go") for text in self.log()),
+            "manual push": lambda: not any(text.startswith("push released") for text in self.log()),
             "calibration over S": lambda: bool(state["touch"]["sweep"] and state["touch"]["sweep"]["under_way"]),
             "run, and its temporary tuning": lambda: state["own_tuning"] is not None and state["task"] is not None,
             "queue after the run": lambda: bool(self.queue()["running"]),

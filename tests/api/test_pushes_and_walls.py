@@ -88,7 +88,7 @@ def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -
     with database.reading() as session:
         told = [event.text for event in events.find(session)]
     assert "push of 6.0 N for 10.0 s" in told
-    assert "push let go: control is lost" in told
+    assert "push released: control is lost" in told
 
 
 def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Database) -> None:
@@ -100,9 +100,9 @@ def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Data
         assert set(why_not(PlantKind.VIRTUAL_CARD).values()) == set(why_not(PlantKind.SIMULATOR).values()) == {""}
         for kind in (PlantKind.RIG, PlantKind.REPLAY):
             told = why_not(kind)
-            assert "pushes the joint by command" in told["compliance"]
+            assert "cannot push the joint" in told["compliance"]
             assert "load its motors' shafts" in told["robustness"]
-            assert "no wall can be put in this joint's way" in told["impact"]
+            assert "does not support walls" in told["impact"]
             beyond = {"compliance", "robustness", "disturbance_battery", "impact"}
             assert {name for name, why in told.items() if why} == beyond
 
@@ -217,7 +217,7 @@ def test_it_is_bounded_and_refused_where_nothing_is_simulated(database_wall: Dat
             offered = parts.state().limits
             assert (offered.k_wall_min, offered.k_wall_max, offered.c_wall_max) == (0.0, 0.0, 0.0)
             for order in (UP, WallOrder(wall=None)):
-                with pytest.raises(RequestRejectedError, match=f"what is simulated, and what is driven is the {kind}"):
+                with pytest.raises(RequestRejectedError, match=f"a simulated plant, and the plant is the {kind}"):
                     await set_obstacle(parts.actuator, order, "Ana")
 
     stepped(database_wall, load_parameters("ideal"), session)
@@ -239,7 +239,7 @@ def test_over_http_and_from_the_command_line(service: Service, running: httpx.Cl
     }
     below = sinew("wall", "up", "-0.4", "--below", folder=service.data)
     assert "wall below -22.9183°" in below.stdout
-    assert "is no number" in sinew("wall", "up", "far", folder=service.data).stderr
+    assert "is not a number" in sinew("wall", "up", "far", folder=service.data).stderr
     down = sinew("wall", "down", folder=service.data)
     assert "no wall" in down.stdout
     assert wait_for(running, "wall", None)["wall"] is None

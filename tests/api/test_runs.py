@@ -422,7 +422,7 @@ def test_a_change_counts_at_once_and_a_removed_one_is_no_signal(operator: httpx.
     ("name", "expression", "said"),
     [
         ("made", "F_C * 2", "the nearest is F_"),
-        ("made", "q +", "is no expression"),
+        ("made", "q +", "is not an expression"),
         ("q", "2 * S", "cannot name a formula"),
         ("f_Mean", "q", "differs from 'F_mean' by case only"),
     ],

@@ -128,5 +128,5 @@ def test_a_restart_of_the_service_disarms_it_and_says_so(tmp_path_factory: pytes
             entries = client.get("/api/log", params={"words": "trigger"}).json()["entries"]
             return [entry["text"] for entry in entries]
 
-        wanted = "trigger disarmed, as the service was started anew: F_A above 45 N, armed by operator"
+        wanted = "trigger disarmed, because the service was restarted: F_A above 45 N, armed by operator"
         assert until(lambda: told() if wanted in told() else None)[0] == wanted

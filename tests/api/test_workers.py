@@ -89,7 +89,7 @@ def test_reports_and_exports_survive_their_process(service: Service, off: httpx.
     )
     for path in ("report.html", "report.pdf", "data.csv"):
         assert off.get(f"/api/runs/{run}/{path}").status_code == 200
-    assert "was started anew" in told or "is being started anew" in told
+    assert "was restarted" in told or "is being restarted" in told
     assert off.post("/api/experiments/dry-run", json=SHORT).is_success
 
 
@@ -112,12 +112,12 @@ def test_a_run_that_could_not_be_evaluated_says_so_and_is_evaluated_again(
         finished(off, f"/api/experiments/{without}")
     view = off.get(f"/api/runs/{without}").json()
     assert (view["end_state"], view["evaluation"]) == ("completed", "missing")
-    assert "died over it twice" in view["evaluation_problem"]
+    assert "died twice" in view["evaluation_problem"]
     assert any(f"Run {without} is complete, but" in text for text in off.get("/api/state").json()["problems"])
     assert "not evaluated" in off.get(f"/api/experiments/{without}").json()["message"]
     listed = sinew("runs", "list", data=data)
     assert "not evaluated" in listed.stdout
-    assert off.post("/api/experiments", json={"name": "levitation"}).status_code == 422  # nothing is under way
+    assert off.post("/api/experiments", json={"name": "levitation"}).status_code == 422  # no run is in progress
 
     again = off.post(f"/api/runs/{without}/evaluation").raise_for_status().json()
     assert (again["evaluation"], again["evaluation_problem"]) == ("done", "")
@@ -125,7 +125,7 @@ def test_a_run_that_could_not_be_evaluated_says_so_and_is_evaluated_again(
     assert any(metric["value"] is not None for metric in off.get(f"/api/experiments/{without}").json()["metrics"])
     assert sinew("runs", "evaluate", str(without), data=data).returncode == 0
     assert begin(off) == without + 1
-    assert all("started anew" in text for text in off.get("/api/state").json()["problems"])
+    assert all("restarted" in text for text in off.get("/api/state").json()["problems"])
     wait_for(off, "task", None)
 
 

@@ -283,7 +283,7 @@ def test_a_table_says_what_was_read_too(
         main()
     assert not ended.value.code
     printed = " ".join(capsys.readouterr().out.split())
-    for said in ("bench.csv", "1400 of 1500, 101 to 1500", "t, unit s", "0.001 s", "z: not asked for"):
+    for said in ("bench.csv", "1400 of 1500, 101 to 1500", "t, unit s", "0.001 s", "z: not selected"):
         assert said in printed
 
 

@@ -64,7 +64,7 @@ def test_paused_behind_what_runs_and_stopped(service: Service, client: httpx.Cli
     paused = queue(service, "pause")
     assert (paused["running"], paused["run"], len(paused["items"])) == (False, begun["run"], 1)
     words = sinew("queue", "show", folder=service.data).stdout
-    assert f"run {begun['run']} is under way: sequence" in words
+    assert f"run {begun['run']} is in progress: sequence" in words
     assert "the queue waits for a start" in words
     queue(service, "stop")
     until(lambda: shown(client)["run"] is None)

@@ -61,7 +61,7 @@ def test_a_report_holds_until_somebody_touches_it(command: Command, tmp_path: Pa
     (out / "data.csv").write_text(samples.replace("\n0.5,", "\n0.5001,", 1), encoding="utf-8")
     later = command("report", "verify", str(report), folder=tmp_path / "elsewhere")
     assert (later.returncode, "samples of t from 0 s to 1 s" in later.stderr) == (1, True)
-    assert "the file of the samples: the report says samples as they were exported" in later.stderr
+    assert "the file of the samples: the report has samples as they were exported" in later.stderr
     (out / "data.csv").unlink()
     by_the_run = command("report", "verify", str(report), "--json", folder=here)
     assert json.loads(by_the_run.stdout) == {
@@ -212,7 +212,7 @@ def test_several_experiments_play_in_turn_with_files_for_each(command: Command, 
     assert sinew("report", "verify", str(pdf), folder=tmp_path / "elsewhere").returncode == 0
     pdf.write_bytes((tmp_path / "out" / "run-2" / "report.pdf").read_bytes())
     other = command("report", "verify", str(pdf), folder=tmp_path / "elsewhere")
-    assert (other.returncode, "the PDF: the report says other pages" in other.stderr) == (1, True)
+    assert (other.returncode, "the PDF: the report has other pages" in other.stderr) == (1, True)
     alone = command("report", "series", "1", "--to", str(series), folder=tmp_path / "here")
     assert (alone.returncode, "number of runs: 1 is outside 2 to 100" in alone.stderr) == (1, True)
     refused = command("experiment", "mine@2", folder=tmp_path / "here")

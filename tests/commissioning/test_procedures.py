@@ -381,7 +381,7 @@ def test_the_other_checks_are_armed_while_the_loop_goes_on_to_command() -> None:
 REFUSED: dict[str, tuple[dict[str, dict[str, Any]], str]] = {
     "wrong sign": (
         {"load_cell_A": {"slope": -9.4}},
-        r"load cell A has -9\.[34]\d* N/V, and the wiring says 10 N/V, .*change the sign of load_cell_A\.slope",
+        r"load cell A has -9\.[34]\d* N/V, the wiring file gives 10 N/V, .*change the sign of load_cell_A\.slope",
     ),
     "saturated": (
         {"load_cell_B": {"slope": 1.5}},

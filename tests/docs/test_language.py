@@ -1,5 +1,6 @@
 """Documents have short lines, and none of the phrases that plain engineering English replaces."""
 
+import ast
 import re
 from pathlib import Path
 
@@ -102,3 +103,65 @@ end
         (7, ""),
         (11, "end"),
     ]
+
+
+# Texts of the service and the plant ----------------------------------------------------------------
+# Refusals, log entries, reports and descriptions are string literals; docstrings are checked by readers only.
+
+
+RETIRED_IN_TEXTS = {
+    r"\bin turn\b": "one after the other",
+    r"\bunder way\b": "in progress",
+    r"\blooks? (?:at|for|whether|into|over)\b": "check, search",
+    r"\b(?:goes|went) on\b": "continues, continued",
+    r"\bon (?:its|the) way\b": "in motion",
+    r"\blets? go\b": "releases",
+    r"\bsays?\b(?! more)": "states, gives",
+    r"\btells?\b": "reports, shows",
+    r"\bas it (?:is|was) (?:read|written)\b": "visible",
+    r"\bhas to be\b": "must be",
+    r"\b(?<!there )is no (?!longer\b)": "is not a",
+    r"\b(?<!there )are no (?!longer\b)": "are not",
+}
+"""Further phrases for the texts of the service, which are shorter than the prose of documents."""
+
+TEXT_EXCEPTIONS: dict[tuple[str, str], str] = {
+    ("backend/auth/handover.py", r"\bhanded over\b"): "the verb of the term handover",
+    ("backend/banks/tuning_settings.py", r"\bin force\b"): "the key of a stored document",
+    ("backend/experiments/forecast.py", r"\bon (?:its|the) way\b"): "the code of a stage, which the page translates",
+    ("backend/scene/proxy.py", r"\btells?\b"): "JavaScript",
+}
+"""Module and phrase that its texts may contain, with the reason."""
+
+
+def texts(module: Path) -> list[tuple[int, str]]:
+    """Texts of a module with their lines: literals with a space that are not docstrings."""
+    tree = ast.parse(module.read_text(encoding="utf-8"))
+    passed = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            passed |= {id(part) for part in node.values}
+            text = "".join(str(part.value) if isinstance(part, ast.Constant) else "{}" for part in node.values)
+            found.append((node.lineno, text))
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in passed:
+            found.append((node.lineno, node.value))
+    return [(line, text) for line, text in found if " " in text]
+
+
+@pytest.mark.parametrize("package", ["backend", "plant"])
+def test_texts_of_the_service_use_no_rejected_phrase(package: str) -> None:
+    found = [
+        f"{name}:{line}: {text[:80]!r}; write {instead}"
+        for module in sorted((ROOT / package).rglob("*.py"))
+        for name in [str(module.relative_to(ROOT))]
+        for line, text in texts(module)
+        for phrase, instead in (RETIRED | RETIRED_IN_TEXTS).items()
+        if (name, phrase) not in TEXT_EXCEPTIONS and re.search(phrase, text, re.IGNORECASE)
+    ]
+    assert found == []
+
+
+@pytest.mark.parametrize(("name", "phrase"), TEXT_EXCEPTIONS)
+def test_exceptions_are_needed(name: str, phrase: str) -> None:
+    assert any(re.search(phrase, text, re.IGNORECASE) for _, text in texts(ROOT / name))

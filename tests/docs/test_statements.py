@@ -88,7 +88,7 @@ def test_what_can_be_controlled_is_said_in_the_first_lines() -> None:
 
 
 def test_readme_has_the_figures_of_the_code() -> None:
-    assert f"until the tendons hold {motion_primitives.PRETENSION_N:g} N" in README
+    assert f"until the tendon forces are {motion_primitives.PRETENSION_N:g} N" in README
     excitation_s = ActuatorIdentificationPlan().program().duration_s
     assert 25.0 < excitation_s < 35.0
     assert "for half a minute" in README

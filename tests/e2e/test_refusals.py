@@ -35,7 +35,7 @@ def test_a_file_and_the_time_of_a_trial_are_refused_where_they_were_given(
     box = page.get_by_role("textbox", name=OPERATE["trialDuration"])
     box.fill("0.2")
     page.get_by_role("button", name="Try for").click()
-    expect_told_at(box, "how long it stays in force: 0.2 s is less than 1 s; choose 1 s at least")
+    expect_told_at(box, "duration of the trial: 0.2 s is less than 1 s; choose 1 s at least")
     expect(box).to_have_attribute("aria-invalid", "true")
     page.context.close()
 

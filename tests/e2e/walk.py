@@ -1,6 +1,6 @@
 """Everything on a page that can be used, found anew on each look and used as it is meant to be: a walk over a page.
 
-A control is known by where it stands: its role, its name, and which of that name it is. What is used may change the
+A control is known by angle of the wall: its role, its name, and which of that name it is. What is used may change the
 page; the walk goes on with what it has not used yet, until nothing is left.
 """
 
@@ -35,7 +35,7 @@ _SHORT_MS = 3000
 
 @dataclass(frozen=True)
 class Found:
-    """A control where it stands; ``told`` is what is said of it beside its name."""
+    """A control angle of the wall; ``told`` is what is said of it beside its name."""
 
     key: str
     kind: str

@@ -151,7 +151,7 @@ def test_equal_experiments_have_equal_texts() -> None:
         ("duration_s: 2.0", "duration_s: " + "1+" * 100 + "1", 10, "duration_s"),
         ("duration_s: 2.0", "2: 2.0", 10, "the key 2 is not a text"),
         ("do: hold", "do: [", 11, "it is neither YAML nor JSON"),
-        ("do: hold", "do: fly", 9, "'fly' is no motion; there are hold, step, ramp"),
+        ("do: hold", "do: fly", 9, "'fly' is not a motion; known are hold, step, ramp"),
         ("name: small", "name: small\nname: other", 4, "name: it is given twice"),
         ("format: 1", "format: 2", 2, "2 is not known: this Sinew reads format 1"),
         ("format: 1", "format: one", 2, "'one' is not known"),
@@ -406,7 +406,7 @@ def test_the_parts_of_the_value_are_played(how: str, q_ref: float, duration_s: f
         (chosen(DOWN), "it needs parts for each of up, down"),
         (chosen(), "it needs parts for each of up, down"),
         (chosen(UP, DOWN, "sideways: []"), "it needs parts for each of up, down"),
-        (chosen(UP, DOWN, by="where"), "'where' is no setting with choices"),
+        (chosen(UP, DOWN, by="where"), "'where' is not a setting with choices"),
         (chosen(UP, UP), "it is given twice"),
     ],
 )

@@ -205,7 +205,7 @@ def test_a_report_and_a_record_of_before_are_read_and_hold(database: Database) -
     beside = AccompanyingFiles(metrics=metrics, stored=columns, stored_as="run 1")
     found = verify_report(page.replace(find_element(page), to_element(account)), columns, beside)
     assert (found.holds, found.differences) == (None, ())
-    assert ["the page as it is read" in one for one in found.left_out] == [True]
+    assert ["the visible page" in one for one in found.left_out] == [True]
     with database.reading() as session:
         record = build_record_document(session, RUN, 1)
     assert parse_required_record(RUN, {**record, "settings": earlier}) == record

@@ -144,7 +144,7 @@ def last(document: Any) -> Any:
         (edited("records.json", lambda d: first(d, "run")["parameters"].clear()), "run 1 was changed"),
         (edited("records.json", lambda d: d["records"][0]["carried"].update(x=1)), "run 1 was changed"),
         (edited("manifest.json", lambda d: d.update(format=2)), "manifest.json is not of format 1"),
-        (edited("manifest.json", lambda d: d.update(run=1)), "manifest.json says that it is of run 1"),
+        (edited("manifest.json", lambda d: d.update(run=1)), "manifest.json is of run 1"),
         (edited("manifest.json", lambda d: d["records"].update({"bank 1": "0"})), "bank 1 is another one"),
         (edited("manifest.json", lambda d: d["members"].pop("reports/2.html")), "does not name it"),
         (lambda m: m.update({"recordings/2.parquet": m["recordings/1.parquet"]}), "recordings/2.parquet was changed"),
@@ -216,7 +216,7 @@ def forged(change: Callable[[Any], None], *, alone: bool = False) -> Callable[[d
         (lambda d: last(d)["settings"]["loop"].update(bank=55), "settings.loop.bank of a run cannot be '55': .* 1"),
         (lambda d: d["records"][0]["carried"].update(calibrations={"x": 1}), "carried.calibrations cannot be"),
         (lambda d: d["records"][0]["carried"].update(banks=["1"]), "carried.banks cannot be"),
-        (lambda d: d["records"][1]["carried"].update(x=1), "a part of what is carried cannot be 'x'"),
+        (lambda d: d["records"][1]["carried"].update(x=1), "a part of the document cannot be 'x'"),
     ],
 )
 def test_hashes_that_hold_are_not_enough(

@@ -107,18 +107,18 @@ def test_what_a_csv_says_of_itself_has_to_hold(
     whole, before = file.read_text(encoding="utf-8"), held(there)
     for said, other, why in (
         ('"format":1', '"format":2', "not of format 1"),
-        ('"samples":2300', '"samples":2299', "holds 2300 samples, and says that it has 2299"),
-        ('"period_s":0.001', '"period_s":0.0015', "no multiples"),
+        ('"samples":2300', '"samples":2299', "holds 2300 samples, and has a stated size of 2299"),
+        ('"period_s":0.001', '"period_s":0.0015', "not multiples"),
         ('"of":"run 2"', '"of":"trip 2"', "no run"),
         ('"end_state":"completed"', '"end_state":"running"', "not over"),
         ('"end_state":"completed"', '"end_state":7', "end_state of a run cannot be '7'"),
         ('"kind":"actuator_identification",', "", "a run has the parts"),
         ('"who":"Ana"', f'"who":"{"x" * 201}"', "who of a run cannot be"),
-        ('"run":{', '"run":[],"was":{', "what it says of itself"),
+        ('"run":{', '"run":[],"was":{', "its metadata"),
         ("# sinew-export: {", "# sinew-export: [", "cannot be read"),
         ('"value":0.075', '"value":0.076', "was changed"),
         ("\n0.001,", "\n0.003,", "do not rise"),
-        ("\n0.001,", "\nnan,", "no multiples"),
+        ("\n0.001,", "\nnan,", "not multiples"),
         ("t,q,q_ref", "t,q_ref,q", "heading"),
     ):
         assert said in whole
@@ -143,7 +143,7 @@ def test_a_run_that_says_something_else_here_is_refused(here: Database, run_impo
     file = exported(here, run_imported, "csv", tmp_path)
     whole = file.read_text(encoding="utf-8")
     file.write_text(sealed(whole.replace('"who":"Ana"', '"who":"Bob"', 1)), encoding="utf-8")
-    with pytest.raises(ImportRefusedError, match="run 2 was made at the same moment here, and says something else"):
+    with pytest.raises(ImportRefusedError, match="run 2 has the same time here, but other contents"):
         import_export(here, file, "Ben")
 
 

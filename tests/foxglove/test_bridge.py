@@ -133,7 +133,7 @@ def test_a_service_of_another_version_is_refused() -> None:
     try:
         told = build_layout()
         publisher.publish(told.model_dump_json())
-        with pytest.raises(OtherVersionError, match="use one version of both"):
+        with pytest.raises(OtherVersionError, match="use the same version of both"):
             publisher.publish(told.model_copy(update={"fields": told.fields[1:]}).model_dump_json())
         with pytest.raises(OtherVersionError):
             publisher.publish(told.model_copy(update={"period_s": 0.002}).model_dump_json())

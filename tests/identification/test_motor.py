@@ -58,7 +58,7 @@ def test_gain_lag_friction_and_dead_time_come_back_from_voltage_and_angle(
     assert (found.u_c > 0.0) is (u_c > 0.0)
     assert (found.t_d > 0.0) is (delay_s > 0.0)
     assert found.verdict.grade is Grade.USABLE
-    assert ("dry friction takes" in found.verdict.sentence) is (u_c > 0.0)
+    assert ("Coulomb friction takes" in found.verdict.sentence) is (u_c > 0.0)
     assert (f"dead time of {1e3 * found.t_d:.3g} ms" in found.verdict.sentence) is (delay_s > 0.0)
 
 
@@ -117,7 +117,8 @@ def test_one_voltage_does_not_tell_gain_from_friction(seed: int, u_c: float) -> 
     found = identify_motor_record(Record(PERIOD_S, u, y), COUNT_RAD)
     assert found.verdict.grade is Grade.UNUSABLE
     assert (
-        "does not tell the friction from gain and lag: drive the motor with several voltages" in found.verdict.sentence
+        "friction cannot be separated from gain and time constant in this record: drive the motor with several voltages"
+        in found.verdict.sentence
     )
     assert np.isnan(found.spread_percent)
 

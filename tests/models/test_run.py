@@ -166,9 +166,9 @@ def test_an_early_session_had_its_tuning_beside_the_mode(database: Database) -> 
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({**PROGRAM, "version": 2}, "run 3: what it was set to is of version 2"),
-        ({**PROGRAM, "loop": {**LOOP, "b": "half"}}, "run 3: what it was set to cannot be read, field loop.b"),
-        ([], "run 3: what it was set to cannot be read"),
+        ({**PROGRAM, "version": 2}, "run 3: its settings is of version 2"),
+        ({**PROGRAM, "loop": {**LOOP, "b": "half"}}, "run 3: its settings cannot be read, field loop.b"),
+        ([], "run 3: its settings cannot be read"),
     ],
 )
 def test_what_cannot_be_read_is_told_by_run_and_field_and_the_lists_open(

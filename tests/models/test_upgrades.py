@@ -211,10 +211,10 @@ def test_every_part_of_a_tuning_is_kept(database: Database) -> None:
 @pytest.mark.parametrize(
     ("document", "said"),
     [
-        ({**BEFORE, "version": 2}, "left by Ana: the tuning in force is of version 2"),
-        ({**BEFORE, "b": "half"}, "the tuning in force cannot be read, field b"),
-        ({**BEFORE, "bank": None}, "the tuning in force cannot be read, field bank"),
-        (OTHER.to_document(), "the tuning in force cannot be read, field parameters: it is missing"),
+        ({**BEFORE, "version": 2}, "left by Ana: the active tuning is of version 2"),
+        ({**BEFORE, "b": "half"}, "the active tuning cannot be read, field b"),
+        ({**BEFORE, "bank": None}, "the active tuning cannot be read, field bank"),
+        (OTHER.to_document(), "the active tuning cannot be read, field parameters: it is missing"),
     ],
 )
 def test_a_kept_tuning_that_cannot_be_read_gives_way_to_the_defaults(
@@ -222,7 +222,7 @@ def test_a_kept_tuning_that_cannot_be_read_gives_way_to_the_defaults(
 ) -> None:
     left(database, document)
     tuning, told = TuningStore(database).restore(LAB)
-    assert told.startswith("defaults in force: ")
+    assert told.startswith("defaults active: ")
     assert said in told
     assert tuning.choice != OTHER
 

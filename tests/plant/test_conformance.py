@@ -154,7 +154,7 @@ class Less:
     [
         (Less, "is_a_plant", "it has no paces_loop, "),
         (Hurried, "is_a_plant", "unattended_max_s = 0.001"),
-        (Mute, "describes_itself", "says nothing"),
+        (Mute, "describes_itself", "is empty"),
         (Restless, "opens_at_rest", "moved by"),
         (Degrees, "reads_in_si", "is it in rad?"),
         (Driving, "rests_at_zero_volts", "at zero volts"),

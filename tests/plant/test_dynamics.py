@@ -526,7 +526,7 @@ def test_the_steps_are_stable_at_the_bounds_and_say_where_they_come_from() -> No
         (WALL._replace(c_wall=8.0), "damping of the wall: 8 s/m is outside"),
         (
             WALL._replace(q_wall=-0.1),
-            "the joint stands at 0\u202frad, in a wall at -0.1\u202frad: bring it below that first",
+            "the joint is at 0\u202frad, in a wall at -0.1\u202frad: bring it below that first",
         ),
         (WALL._replace(q_wall=0.1, side=-1.0), "in a wall at 0.1\u202frad: bring it above that first"),
     ],

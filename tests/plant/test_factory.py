@@ -65,7 +65,7 @@ def package(folder: Path, name: str, entry: str, code: str, plant: str = "odd") 
     [
         ("import no_such_driver", "cannot be imported: ModuleNotFoundError: No module named 'no_such_driver'"),
         ("", r"cannot be imported: AttributeError: .*make"),
-        ("make = 3", "odd_plant:make has to be callable, it is an int"),
+        ("make = 3", "odd_plant:make must be callable, it is an int"),
         ("def make(parameters): ...", "cannot be made: TypeError: .*positional argument"),
         (
             "def make(parameters, seed): raise OSError('no card\\nin slot 2')",
@@ -73,7 +73,7 @@ def package(folder: Path, name: str, entry: str, code: str, plant: str = "odd") 
         ),
         (
             "def make(parameters, seed): ...",
-            r"made None, which is no Plant: it has no .*open\(\), read\(\)",
+            r"made None, which is not a Plant: it has no .*open\(\), read\(\)",
         ),
         ("def make(parameters, seed): return 3", "made an int, which is no Plant"),
     ],

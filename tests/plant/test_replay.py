@@ -198,13 +198,13 @@ def each(change: Callable[[np.ndarray], np.ndarray], *names: str) -> Callable[[C
     [
         (without("theta_B"), r"no column theta_B \[rad\]; the file has t, q,"),
         (without("u_A"), r"no column u_A \[V\]"),
-        (at("F_A", 40, np.nan), r"F_A is no number at t = 0\.040 s, and no fault stands there"),
-        (at("u_B", 41, np.nan), r"u_B is no number at t = 0\.041 s"),
+        (at("F_A", 40, np.nan), r"F_A is not a number at t = 0\.040 s, and no fault is recorded there"),
+        (at("u_B", 41, np.nan), r"u_B is not a number at t = 0\.041 s"),
         (at("t", 3, np.nan), "sample 4 has no time t"),
         (at("u_A", 7, 10.1), r"u_A is 10\.1 at t = 0\.007 s, beyond 10 V"),
         (at("u_B", 8, -10.1), r"u_B is -?10\.1 at t = 0\.008 s, beyond 10 V"),
-        (each(np.degrees, "q"), r"q is 5\.7\d* at t = 0\.000 s, beyond 3\.142\srad: the column has to be in rad"),
-        (each(lambda values: 10.0 * values, "t"), "its period is 10 ms, it has to be 1 ms"),
+        (each(np.degrees, "q"), r"q is 5\.7\d* at t = 0\.000 s, beyond 3\.142\srad: the column must be in rad"),
+        (each(lambda values: 10.0 * values, "t"), "its period is 10 ms, it must be 1 ms"),
         (
             each(lambda values: np.delete(values, slice(60, 72))),
             r"after t = 0\.059 s the next sample comes 13 ms later",
@@ -241,7 +241,7 @@ def test_a_unit_that_the_file_names_has_to_be_the_right_one(columns: Columns, tm
     table = pa.parquet.read_table(pa.BufferReader(to_parquet(columns)))
     fields = [field.with_metadata({"unit": "deg"}) if field.name == "q" else field for field in table.schema]
     pa.parquet.write_table(pa.table(table.columns, schema=pa.schema(fields)), tmp_path / "run.parquet")
-    with pytest.raises(PlantError, match="the column q is in deg, it has to be in rad"):
+    with pytest.raises(PlantError, match="the column q is in deg, it must be in rad"):
         load_replay(tmp_path / "run.parquet")
 
 

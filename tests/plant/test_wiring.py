@@ -72,11 +72,11 @@ WRONG = {
         "load_cell_A.table",
         "its newtons go up and down",
     ),
-    "no direction": (
+    "not a direction": (
         replaced("direction = { value = 1,", "direction = { value = 2,"),
         "direction = { value = 2,",
         "encoder_q.direction",
-        "no direction",
+        "not a direction",
     ),
     "slow watchdog": (
         replaced("watchdog_s = { value = 0.05", "watchdog_s = { value = 0.5"),

@@ -208,7 +208,7 @@ def test_it_is_not_begun_before_it_is_safe(tuning: SetTuning) -> None:
     bench.rig.prove_directions(proven=False)
     assert "directions are not proven" in refused()
     bench.rig.prove_directions(proven=True)
-    assert "way to the end switch" in refused(0.01)
+    assert "travel to the end switch" in refused(0.01)
     asyncio.run(bench.loop.send(SwitchDrives(on=False)))
     assert "drives are switched off" in refused()
     asyncio.run(bench.loop.send(SwitchDrives(on=True)))

@@ -123,7 +123,7 @@ def test_until_a_mode_is_chosen_again_references_are_refused_and_then_it_feels_a
     bench.advance(2.0)
     refused = bench.send(SetReferences(0.0, 12.0))
     assert isinstance(refused, Refused)
-    assert "gives way" in refused.reason
+    assert "is compliant" in refused.reason
     assert bench.column("q_ref", last=1)[0] == pytest.approx(0.3, abs=0.05)
     u = bench.column("u_A", last=1)[0]
     assert isinstance(bench.send(SetMode(Mode.RUN, 7)), Accepted)
@@ -388,7 +388,7 @@ def test_an_operators_reaction_ends_a_program_for_good_and_is_told_of_before() -
     assert isinstance(refused, Refused)
     assert "contacts from 1.2 N on" in refused.reason
     assert told(bench, RunEnded) == []
-    assert isinstance(bench.send(RunProgram(NEVER, 8)), Accepted)  # it gives way to nothing by itself
+    assert isinstance(bench.send(RunProgram(NEVER, 8)), Accepted)  # it has no contact reaction by itself
     bench.send(SetMode(Mode.PRETENSION))
     bench.advance(5.0)
     bench.send(ConfigureContactDetection(((12.0, bias),), 0.0))
@@ -438,9 +438,9 @@ def test_a_stop_while_it_gives_way_is_a_stop_and_nothing_of_it_is_left() -> None
         (replace(HITS, contact_detections=(ContactDetection(FROM_N),)), "touch 2 of the program's 1"),
         (
             replace(HITS, contact_detections=(ContactDetection(),) * (MAX_CONTACT_DETECTIONS + 1)),
-            "number of changes of what is given way to",
+            "number of changes of the contact reaction",
         ),
-        (replace(HITS, law=Law.SINGLE_LOOP), "gives way to nothing"),
+        (replace(HITS, law=Law.SINGLE_LOOP), "has no contact reaction"),
     ],
 )
 def test_what_makes_no_sense_is_refused_before_anything_moves(program: Program, words: str) -> None:
@@ -522,7 +522,7 @@ def test_it_takes_what_was_learned() -> None:
     bench, tuning = held("lab", 1.0)
     refused = bench.send(replace(tuning, k_ext=0.7))
     assert isinstance(refused, Refused)
-    assert "learn it first" in refused.reason
+    assert "calibrate it first" in refused.reason
     program = Program(Law.CASCADE, (Segment(0.5, 0.0, 10.0, tuning=1),), tunings=(replace(tuning, k_ext=0.7),))
     assert isinstance(bench.send(RunProgram(program, 3)), Refused)
     assert isinstance(bench.send(ConfigureContactDetection(((10.0, 0.0),))), Accepted)

@@ -198,7 +198,7 @@ def test_it_says_what_the_language_of_experiments_says(q: float, S: float, expre
         ("theta_a", "the nearest is theta_A"),
         ("t * 2", "there is no signal 't'"),
         ("1 + 2", "speaks of no signal"),
-        ("q +", "is no expression"),
+        ("q +", "is not an expression"),
         ("q.real", "is not taken"),
         ("__import__('os')", "is not taken"),
         ("'text' if q else 1", "is not taken"),

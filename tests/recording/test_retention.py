@@ -46,7 +46,7 @@ def test_under_the_limit_nothing_may_go(database: Database) -> None:
     run = recorded(database)
     found = summarise_retention(database, RetentionRule(BYTES, 30))
     assert (found.total_bytes, found.may_go, found.describe) == (BYTES, (), "")
-    with pytest.raises(NotRemovableError, match=f"may not go: {run}; may go now: none"):
+    with pytest.raises(NotRemovableError, match=f"may not be deleted: {run}; these may be deleted: none"):
         delete_recordings(database, RetentionRule(BYTES, 30), [run], "Ana")
 
 
@@ -87,7 +87,7 @@ def test_what_a_model_or_result_came_from_never_goes(database: Database, use: Ca
     with database.session() as session:
         use(session, used)
     assert ids(database, RetentionRule(1, 0)) == [unused]
-    with pytest.raises(NotRemovableError, match=f"may not go: {used}; may go now: {unused}"):
+    with pytest.raises(NotRemovableError, match=f"may not be deleted: {used}; these may be deleted: {unused}"):
         delete_recordings(database, RetentionRule(1, 0), [used, unused], "Ana")
     with database.reading() as session:
         assert recordings.extent(session, unused).count == CHUNKS * 1000, "refused as a whole"

@@ -352,7 +352,7 @@ def test_trips_and_triggers_take_no_room_from_each_other(database: Database, wri
     found = stored(database)
     assert [one.trigger is None for one in found] == [False, False, True, True]
     with database.reading() as session:
-        gave_way = [event.text for event in events.find(session) if "gave way" in event.text]
+        gave_way = [event.text for event in events.find(session) if "were deleted" in event.text]
     assert sum("captures of triggers" in text for text in gave_way) == 3
     assert sum("flight records" in text for text in gave_way) == 1
 

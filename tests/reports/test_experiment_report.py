@@ -160,7 +160,7 @@ def test_what_was_not_measured_is_said_with_its_reason_in_every_table(tracking_s
     figures = {row[0]: (row[1], row[3]) for row in metrics.rows}
     assert figures["Rise time of q"][0] == "not measured"
     assert "% of the step" in figures["Rise time of q"][1]
-    missing = next(table for table in tables if table.caption.startswith("What could not be measured"))
+    missing = next(table for table in tables if table.caption.startswith("Quantities that could not be measured"))
     assert any(row[1] == "q" and "the previous motion had not ended" in row[3] for row in missing.rows)
     assert not any(cell == "–" for table in (criteria, metrics, missing) for row in table.rows for cell in row)
 
@@ -349,8 +349,8 @@ def test_a_law_for_comparison_lists_only_what_it_uses_and_says_what_it_knows(law
     facts = {fact.label: fact.text for fact in report.facts}
     assert facts["Tuning"] == "λ_q = 0.5 s, λ_S = 0.42 s"
     known = "true plant" if law == "feedback-linearization" else "identified geometry, spring and motors"
-    assert known in facts["The law knows"]
-    assert ("friction" in facts["The law knows"]) == (law == "feedback-linearization")
+    assert known in facts["Model in the law"]
+    assert ("friction" in facts["Model in the law"]) == (law == "feedback-linearization")
     assert "U_plan = 8.5 V" not in facts["Controller"]
     made = next(section for section in report.sections if section.heading == "How it was made")
     assert not any("Gains were computed" in getattr(block, "text", "") for block in made.blocks)
@@ -361,7 +361,7 @@ def test_the_cascade_lists_all_of_its_tuning() -> None:
     assert {"λ_q", "λ_S", "λ_motor", "b", "bank", "interpolate", "motion", "U_plan", "k_ext"} <= settings_in(report)
     facts = {fact.label: fact.text for fact in report.facts}
     assert "U_plan = 8.5 V" in facts["Controller"]
-    assert "not their friction" in facts["The law knows"]
+    assert "not their friction" in facts["Model in the law"]
 
 
 @pytest.mark.parametrize("tuning_of", [make_single_loop_tuning, make_feedback_linearization_tuning])

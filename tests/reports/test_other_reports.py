@@ -153,7 +153,7 @@ def test_a_session_is_shown_and_not_judged() -> None:
     session = RunData(replace(tracked.run, kind="session", settings=settings), None, columns, None)
     report = build_report(session)
     assert (report.title, report.outcome) == ("Session", "neutral")
-    assert "nothing is judged" in report.verdict
+    assert "contains no verdict" in report.verdict
     assert names_of_figures(report) == ["panels", "tension"]
     assert to_pdf(report).startswith(b"%PDF-")
 

@@ -141,7 +141,7 @@ LINK = 'xmlns:xlink="http://www.w3.org/1999/xlink"'
         (svg("<text>&nothing;</text>"), "it is not well-formed XML: undefined entity, line 1"),
         ("", "it is not well-formed XML: no element found, line 1"),
         ("{}", "it is not well-formed XML: not well-formed (invalid token), line 1"),
-        ("<html/>", "it begins with <html> where <svg> has to stand"),
+        ("<html/>", "it begins with <html> instead of <svg>"),
         ('<svg width="1mm"/>', "its <svg> has no xmlns"),
         (svg(root='width="180" height="90mm"'), 'its <svg> has width="180"'),
         (svg(root='width="1mm" height="90mm"'), f"its width of 1 mm is outside 10 to {LONGEST_MM:g} mm"),
@@ -154,7 +154,7 @@ def test_what_is_no_sheet_is_refused_with_what_is_wrong_and_what_to_do(hostile: 
         read_sheet(hostile)
     message = str(refused.value)
     assert said in message
-    assert message.startswith("this is no sheet of charts: ")
+    assert message.startswith("this is not a sheet of charts: ")
     assert message.endswith("Send the SVG as the charts save it, or convert it with a drawing program")
     assert len(message) < 400
 

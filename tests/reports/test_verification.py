@@ -216,7 +216,7 @@ def test_a_drawing_less_is_found_and_so_is_a_missing_last_newline(report: Made) 
 def test_nothing_else_stands_in_the_account(report: Made, old: str, new: str) -> None:
     assert report.page.count(old) >= 1
     assert names(verify_report(report.page.replace(old, new, 1), report.source.columns)) == [
-        "the account as it is written"
+        "the report manifest as written"
     ]
 
 
@@ -308,7 +308,7 @@ def test_what_is_no_report_or_has_no_samples_cannot_be_told(report: Made, tmp_pa
         with pytest.raises(EvidenceError):
             read_manifest(page)
     (tmp_path / "data.csv").write_text("t,q\n0,1\n")
-    with pytest.raises(SamplesFileError, match="no export of a run"):
+    with pytest.raises(SamplesFileError, match="not an export of a run"):
         read_samples_file(tmp_path / "data.csv")
     few = {name: np.zeros(3) for name in ("t", "S")}
     (tmp_path / "data.csv").write_bytes(to_csv(few))
@@ -324,7 +324,7 @@ def test_of_a_report_of_another_version_the_words_are_not_compared(report: Made)
     assert names(found) == ["hash of the account"]
     assert "it was written by Sinew 0.0.9" in found.left_out[0]
     assert "every number" not in found.compared
-    assert "not the page as it is read" in found.compared
+    assert "not the visible page" in found.compared
 
 
 @pytest.mark.parametrize("said", [None, "0123456789abcdef"])

@@ -245,7 +245,7 @@ def test_a_viser_that_listens_in_another_way_is_refused(monkeypatch: pytest.Monk
 
     monkeypatch.setattr(WebsockServer, "start", begin_by_itself)
     before = sockets()
-    with pytest.raises(RuntimeError, match=f"viser {viser.__version__} listens by itself"):
+    with pytest.raises(RuntimeError, match=f"viser {viser.__version__} opens its own port"):
         PortlessServer()
     assert sockets() == before
 

@@ -114,12 +114,12 @@ BODIES = {
 }
 
 REFUSED: list[tuple[str, Any, list[str | int] | None, str]] = [
-    ("trial", {"duration_s": 0.2}, ["duration_s"], "how long it stays in force: 0.2 s is less than 1 s; choose 1 s at"),
+    ("trial", {"duration_s": 0.2}, ["duration_s"], "duration of the trial: 0.2 s is less than 1 s; choose 1 s at"),
     (
         "trial",
         {"duration_s": "0.2"},
         ["duration_s"],
-        "how long it stays in force: 0.2 s is less than 1 s; choose 1 s at",
+        "duration of the trial: 0.2 s is less than 1 s; choose 1 s at",
     ),
     ("build", {"name": "n", "identifications": ["9" * 5000]}, ["identifications", 0], "run 1: the number is too long"),
     (
@@ -128,15 +128,15 @@ REFUSED: list[tuple[str, Any, list[str | int] | None, str]] = [
         ["camera"],
         "name of the camera that the 3D view is seen from: it has characters that are not taken here",
     ),
-    ("trial", {"duration_s": "x"}, ["duration_s"], "how long it stays in force: “x” is no number; give one in s"),
+    ("trial", {"duration_s": "x"}, ["duration_s"], "duration of the trial: “x” is not a number; give one in s"),
     ("trial", {"duration_s": 5, "interpolate": "maybe"}, ["interpolate"], "gain scheduling instead of switching: “may"),
-    ("push", {"F_push": 1, "duration_s": None}, ["duration_s"], "time after which the loop lets go by itself: a numb"),
+    ("push", {"F_push": 1, "duration_s": None}, ["duration_s"], "time after which the loop releases the joint: a numb"),
     ("references", {"q_ref": 1}, ["S_ref"], "joint stiffness reference: it is missing"),
     (
         "references",
         {"q_ref": "1 turn", "S_ref": 9},
         ["q_ref"],
-        "joint position reference: “1 turn” is no number; give o",
+        "joint position reference: “1 turn” is not a number; give o",
     ),
     ("bank", [1], None, "what was sent: it needs named values"),
     ("bank", {"entries": [ENTRY]}, ["name"], "name of the bank: it is missing"),
@@ -170,8 +170,13 @@ REFUSED: list[tuple[str, Any, list[str | int] | None, str]] = [
         ["table"],
         "table of the file: 400001 characters are too many; 400000 at most",
     ),
-    ("identification", {"tensions_N": [10, "a"]}, ["tensions_N", 1], "tension 2: “a” is no number; give one in N"),
-    ("identification", {"tensions_N": []}, ["tensions_N"], "tensions of several runs in turn: 0 are too few; 1 at le"),
+    ("identification", {"tensions_N": [10, "a"]}, ["tensions_N", 1], "tension 2: “a” is not a number; give one in N"),
+    (
+        "identification",
+        {"tensions_N": []},
+        ["tensions_N"],
+        "tensions of several consecutive runs: 0 are too few; 1 at le",
+    ),
     (
         "identification",
         {"estimator": "foo"},

@@ -237,7 +237,7 @@ def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkey
         assert not mode.done()
         release.set()
         assert await run > 0
-        with pytest.raises(RequestRejectedError, match="run 1 is under way"):
+        with pytest.raises(RequestRejectedError, match="run 1 is in progress"):
             await step
         await asyncio.gather(mode, return_exceptions=True)
         await parts.ordered_runs.close()

@@ -89,7 +89,7 @@ def test_runs_in_turn_take_as_long_and_go_as_far_as_announced(tmp_path: Path) ->
             bank = banks.add(session, "bench", entries, OPERATOR.name)
         banks_of = StoredBanks(database, Here(lambda _cause: None), lambda: parts.live_state.tuning)
         made, imported = banks_of.load_bank(bank.id).entries
-        # θ_B = 0: both springs share what motor A winds, so that the joint stands at x/r_j, x = 23.49 mm at 10 N.
+        # θ_B = 0: both springs share what motor A winds, so that the joint is at x/r_j, x = 23.49 mm at 10 N.
         assert made.q_nominal == pytest.approx(0.02349 / 0.075, abs=2e-3)
         assert imported.q_nominal is None
 
@@ -266,7 +266,7 @@ def test_the_next_tension_waits_for_a_pause_to_be_over_and_no_run_is_under_way_m
     async def ordered(parts: Parts) -> None:
         await pretension(parts)
         pause = parts.ordered_runs.pause
-        with pytest.raises(RequestRejectedError, match="nothing is under way"):
+        with pytest.raises(RequestRejectedError, match="nothing is in progress"):
             pause.request(True)
 
         def at_each(task: TaskView) -> None:
@@ -325,8 +325,8 @@ def test_an_order_that_is_aborted_in_its_pause_ends_there_with_what_it_has(tmp_p
         await asyncio.gather(*stopping)
         assert {task.run for task in seen.tasks} == {seen.run}
         assert parts.ordered_runs.problems == [
-            f"The order ended after run {seen.run}: it was stopped softly in its pause; 1 run was not begun."
-            " Order it anew."
+            f"The order ended after run {seen.run}: it was stopped softly in its pause; 1 run was not started."
+            " Order it again."
         ]
         evaluated = [task for task in seen.tasks if task.phase is RunPhase.EVALUATION]
         assert {(task.following, task.pause_wanted) for task in evaluated} == {(0, False)}
@@ -443,13 +443,13 @@ def test_pause_is_refused_without_a_remaining_run() -> None:
     with pytest.raises(RequestRejectedError, match="no run of the same order follows"):
         pause.request(True)
     live_state.task = None
-    with pytest.raises(RequestRejectedError, match="nothing is under way"):
+    with pytest.raises(RequestRejectedError, match="nothing is in progress"):
         pause.request(True)
 
 
 def test_runs_not_started_are_counted() -> None:
     assert describe_runs_not_started(7, LoopExitedError("it died."), 2) == (
-        "The order ended after run 7: it died; 2 runs were not begun. Order them anew."
+        "The order ended after run 7: it died; 2 runs were not started. Order them again."
     )
 
 
@@ -511,7 +511,7 @@ def test_end_between_two_runs_leaves_the_first_complete_and_stops_nothing(
     (said, *_of_results), mode = ended_behind_the_first(tmp_path, monkeypatch, dies=dies)
     assert mode is Mode.PRETENSION
     why = "the loop process was killed" if dies else OutOfRangeError("q", 1.2, -1.0, 1.0, "rad")
-    assert said == f"The order ended after run 1: {why}; 2 runs were not begun. Order them anew."
+    assert said == f"The order ended after run 1: {why}; 2 runs were not started. Order them again."
 
 
 # What the state says of a run that goes: an experiment that is data by its title, the paper's by their kind.

@@ -160,13 +160,13 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
             assert [one.number for one in applied.build_view().versions] == [0]
             assert (live_state.parameters, restarted) == (IDEAL, [])
 
-        homing = "Homing of the bring-up is under way"
+        homing = "Homing of the bring-up is in progress"
         with monkeypatch.context() as during:
             during.setattr(live_state, "occupied_by", homing)
             await refused(homing)
         with monkeypatch.context() as during:
             during.setattr(live_state, "overridden_tuning", live_state.tuning)
-            await refused("a run is under way: parameters change when it is over")
+            await refused("a run is in progress: change the parameters when it has ended")
         before = live_state.tuning
         await parts.actuator.tuning_service.start_trial(TrialRequest(lam_q=0.9, duration_s=60.0), "Ana")
         await refused("a tuning is on trial: keep it or revert it first")
@@ -197,11 +197,11 @@ def test_of_two_who_apply_or_undo_at_once_the_second_is_told(database: Database,
         applied = applied_with(parts, [])
         both = await asyncio.gather(*(applied.apply(found.id, who) for who in ("Ana", "Ben")), return_exceptions=True)
         (refusal,) = (one for one in both if isinstance(one, RequestRejectedError))
-        assert "says what is in force already: nothing would change" in str(refusal)
+        assert "equals the active values: nothing would change" in str(refusal)
         assert [one.number for one in applied.build_view().versions] == [1, 0]
         both = await asyncio.gather(*(applied.undo(1, who) for who in ("Ana", "Ben")), return_exceptions=True)
         (refusal,) = (one for one in both if isinstance(one, RequestRejectedError))
-        assert "version 2 is in force by now, not 1: look at what it changed" in str(refusal)
+        assert "version 2 is active by now, not 1: check its changes" in str(refusal)
         assert parts.live_state.parameters == IDEAL
         assert len(restarted) == 2
 
@@ -254,7 +254,7 @@ def test_a_parameter_file_that_has_changed_is_told_now_and_at_the_next_start(
         await applied.apply(found.id, "Ana")
         file.write_text(said.replace("value = 2.86", "value = 2.87"), encoding="utf-8")
         assert load_parameters(file) != mine
-        with pytest.raises(RequestRejectedError, match="the parameter file has changed: start the service anew first"):
+        with pytest.raises(RequestRejectedError, match="the parameter file has changed: restart the service first"):
             await applied.undo(1, "Ana")
         assert len(restarted) == 1
 

@@ -100,7 +100,7 @@ def test_last_known_registers_of_a_rig_are_shown_without_a_loop() -> None:
     watchdog, module = build_downstream_links(rig, card.state(), guard, True, Fault.NONE)
     assert (watchdog.good, module.good) == (True, True)
     asyncio.run(asyncio.wait_for(guard.run(None), PATIENCE_S))
-    assert "cannot be seen from here" in guard.problem
+    assert "which the service cannot observe" in guard.problem
     links = build_downstream_links(rig, card.state(), guard, False, Fault.NONE)
     since = "not seen since the loop ended; last known: "
     assert [(link.good, link.says) for link in links] == [

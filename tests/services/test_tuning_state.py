@@ -71,7 +71,7 @@ def test_stored_tuning_is_restored(database: Database, ideal: PlantParameters, c
     assert restored.choice == chosen.choice
     assert restored.build_command() == chosen.build_command()
     assert said == (
-        "in force again as A. Operator left it: bank kept, version 1, "
+        "restored as last set by A. Operator: bank kept, version 1, "
         "λ_q 0.8 s, λ_S 0.6 s, λ_motor 0.09 s, b 0.5, interpolating between entries, "
         "lambda motion"
     )
@@ -121,7 +121,7 @@ def test_default_after_other_parameters_is_moved_into_range(
     assert restored.choice == replace(TuningSettings(), lam_q=restored.choice.lam_q, u_plan=restored.choice.u_plan)
     assert restored.choice.u_plan > 0.0
     assert said == (
-        "defaults in force: the tuning of last time was for other parameters; the method's default is not offered for "
+        "defaults active: the tuning of last time was for other parameters; the method's default is not offered for "
         f"these models, the nearest that is: λ_q 0.5 → {restored.choice.lam_q:g} s"
     )
 
@@ -270,9 +270,9 @@ def test_failed_restore_is_reported_until_it_succeeds(database: Database, bank_l
         parts.supervisor.refuses = "a gain is not a finite number"
         told = await until(True, parts)
         assert told == [
-            "The operator's tuning (λ_q 0.7 → 0.55 s) is not back in force: a gain is not a finite number. It is tried "
-            "again every 0.5 s. If this stays, stop softly and start the service again: it starts with the operator's "
-            "tuning."
+            "The operator's tuning (λ_q 0.7 → 0.55 s) is not active again: a gain is not a finite "
+            "number. The service retries every 0.5 s. If this persists, abort softly and restart the "
+            "service : it starts with the operator's tuning."
         ]
         assert parts.live_state.tuning.choice.lam_q == 0.7  # and that is what is shown as in force
         parts.supervisor.refuses = ""
@@ -283,7 +283,7 @@ def test_failed_restore_is_reported_until_it_succeeds(database: Database, bank_l
         await parts.actuator.tuning_service.start_trial(TrialRequest(lam_q=0.8, duration_s=1.0), WHO)
         parts.supervisor.refuses = "a gain is not a finite number"
         told = await until(True, parts)
-        assert told[0].startswith("The tuning before the trial (λ_q 0.8 → 0.55 s) is not back in force: a gain")
+        assert told[0].startswith("The tuning before the trial (λ_q 0.8 → 0.55 s) is not active again: a gain")
         parts.supervisor.refuses = ""
         await until(False, parts)
         assert parts.live_state.tuning.choice == own(bank_lent)

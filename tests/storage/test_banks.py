@@ -51,7 +51,7 @@ def test_an_entry_goes_by_its_tension_and_without_one_by_its_stiffness() -> None
     ("active", "said"),
     [
         (0.0, "10 N"),
-        (0.25, "10 N to 20.5 N, 25 % of the way"),
+        (0.25, "10 N to 20.5 N, 25 % of the interval"),
         (1.0, "20.5 N"),
         (2.0, "12.43 N·m/rad"),
         (7.0, "12.43 N·m/rad"),  # of a bank that has just been changed for one with fewer

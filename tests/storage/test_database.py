@@ -349,7 +349,7 @@ COMPOSED: dict[str, Iterable[str]] = {
         saved_tuning_key(2**31 - 1),
         f"search/{'x' * SEARCH_NAME_MAX}",
         f"viewer-preferences/{LONGEST_PERSON}",
-        f"hands at the {'x' * NAME_MAX}",
+        f"people at the {'x' * NAME_MAX}",
     ],
     "study.name": ["x" * 40],  # as its text bounds it
     "study.title": ["x" * 100],

@@ -144,7 +144,7 @@ def test_what_keeps_house_leaves_other_stations_alone(stations: tuple[Database, 
     rule = RetentionRule(max_bytes=1, keep_days=0)
     assert [one.run_id for one in retention.summarise_retention(a, rule).may_go] == numbers[:1]
     assert retention.summarise_retention(a, rule).total_bytes == 100
-    with pytest.raises(NotRemovableError, match=f"runs named that may not go: {numbers[1]}"):
+    with pytest.raises(NotRemovableError, match=f"runs that may not be deleted: {numbers[1]}"):
         retention.delete_recordings(a, rule, [numbers[1]], "Ana")
     retention.delete_recordings(a, rule, [numbers[0]], "Ana")
     with a.session() as session:

@@ -213,7 +213,7 @@ def test_a_study_that_is_killed_goes_on_where_it_was(database: Database, tmp_pat
     process.wait()
     killed = Studies(database).load_view(study)
     assert killed.state == "stopped"
-    assert "died without a word" in killed.problem
+    assert "died without a message" in killed.problem
     until(lambda: not any(Path(f"/proc/{worker}").exists() for worker in workers))  # all workers have ended
     (tmp_path / "go").touch()
     assert run_study(database, study, with_work(studying.patient, tmp_path))

@@ -257,7 +257,7 @@ def get_log(
     angles: RequestedAngleUnit,
     kind: Annotated[list[EventKind] | None, Query(max_length=50, description="of these kinds only")] = None,
     words: Annotated[
-        str, Query(max_length=400, description="each of these words, in text as it is read, person, note or tag")
+        str, Query(max_length=400, description="all of these words, in the displayed text, person, note or tag")
     ] = "",
     since: Annotated[Instant | None, Query(description="from this time on")] = None,
     before: Annotated[Instant | None, Query(description="before this time")] = None,

@@ -302,7 +302,7 @@ it("does not take the typing away to what a forecast blames", async () => {
   expect(screen.getAllByText(SENTENCE)).toHaveLength(1);
 });
 
-it("says how long a trial may not be where it is no number", async () => {
+it("says how long a trial may not be where it is not a number", async () => {
   refusal = { path: "" };
   open(<TuningChanges tuning={TUNING as unknown as Tuning} staged={STAGED} locked={null} />);
   await type(OPERATE.trialDuration, "ten")();

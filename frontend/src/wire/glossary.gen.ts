@@ -889,28 +889,28 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "push.F_push",
     "term": "push",
-    "meaning": "force, tangential at the joint pulley, positive towards +q; 0 lets go",
+    "meaning": "force, tangential at the joint pulley, positive towards +q; 0 releases",
     "unit": "N"
   },
   "setting:push.duration_s": {
     "kind": "setting",
     "name": "push.duration_s",
     "term": "time",
-    "meaning": "time after which the loop lets go by itself",
+    "meaning": "time after which the loop releases the joint",
     "unit": "s"
   },
   "setting:wall.q_wall": {
     "kind": "setting",
     "name": "wall.q_wall",
     "term": "angle of the wall",
-    "meaning": "where it stands",
+    "meaning": "angle of the wall",
     "unit": "rad"
   },
   "setting:wall.side": {
     "kind": "setting",
     "name": "wall.side",
     "term": "side",
-    "meaning": "on which side of that angle it stands"
+    "meaning": "the side of that angle that the wall blocks"
   },
   "setting:wall.k_wall": {
     "kind": "setting",
@@ -930,14 +930,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "touch.contact_N",
     "term": "contact N",
-    "meaning": "force from which on the joint gives way to a contact, 0 for never",
+    "meaning": "threshold of the contact reaction, 0 if it is disabled",
     "unit": "N"
   },
   "setting:touch.learn": {
     "kind": "setting",
     "name": "touch.learn",
     "term": "learn",
-    "meaning": "take what is estimated now for nothing outside, at this stiffness"
+    "meaning": "take the present estimate as the bias at this stiffness"
   },
   "setting:touch.forget": {
     "kind": "setting",
@@ -949,7 +949,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "touch.sweep",
     "term": "sweep",
-    "meaning": "learn over all of the stiffness, point by point, with nobody at the joint; alone"
+    "meaning": "calibrate over the whole stiffness range, point by point, with no person at the joint; no other field with it"
   },
   "setting:trigger.signal": {
     "kind": "setting",
@@ -1063,13 +1063,13 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "tuning.k_ext",
     "term": "gain of the disturbance rejection",
-    "meaning": "share of the outside force fed forward, 0: none"
+    "meaning": "share of the external force that is fed forward, 0 for none"
   },
   "setting:tuning.duration_s": {
     "kind": "setting",
     "name": "tuning.duration_s",
     "term": "time",
-    "meaning": "how long it stays in force",
+    "meaning": "duration of the trial",
     "unit": "s",
     "more": [
       [
@@ -1095,7 +1095,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "identification.tensions_N",
     "term": "tensions N",
-    "meaning": "tensions of several runs in turn",
+    "meaning": "tensions of several consecutive runs",
     "unit": "N"
   },
   "setting:identification.amplitude_rad": {
@@ -1950,13 +1950,13 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "criterion",
     "name": "fail",
     "term": "fail",
-    "meaning": "The figure lies on the wrong side of its bound; what was seen is enough to say so."
+    "meaning": "The figure violates its bound; the measured data suffice for this verdict."
   },
   "criterion:not_measured": {
     "kind": "criterion",
     "name": "not_measured",
     "term": "not measured",
-    "meaning": "There is no figure, or not all of it was seen; the reason stands beside it. It is neither passed nor failed.",
+    "meaning": "The figure was not measured, or only in part, for the given reason. It is neither passed nor failed.",
     "more": [
       [
         "Rule",
@@ -1973,7 +1973,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Rule",
-        "fit ≥ 80 % on unseen data, K and T known to ±3 %, gain within 5 % of geometry, no dry friction found"
+        "fit ≥ 80 % on unseen data, K and T known to ±3 %, gain within 5 % of geometry, no Coulomb friction found"
       ]
     ]
   },
@@ -1981,7 +1981,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "grade",
     "name": "usable with caution",
     "term": "usable with caution",
-    "meaning": "The model may be used; the reasons beside it say what is doubtful.",
+    "meaning": "The model may be used; the listed reasons name what is uncertain.",
     "source": "docs/explanation/identification.md",
     "more": [
       [
@@ -1994,7 +1994,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "grade",
     "name": "not usable",
     "term": "not usable",
-    "meaning": "No gains should be computed from this model; the reasons beside it say why.",
+    "meaning": "No gains should be computed from this model, for the listed reasons.",
     "source": "docs/explanation/identification.md",
     "more": [
       [
@@ -2007,14 +2007,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "end",
     "name": "running",
     "term": "running",
-    "meaning": "The run is under way: samples are still recorded.",
+    "meaning": "The run is in progress: samples are still recorded.",
     "source": "docs/how-to/notebook.md"
   },
   "end:completed": {
     "kind": "end",
     "name": "completed",
     "term": "completed",
-    "meaning": "The run came to the end of its program, or a session was ended in the usual way.",
+    "meaning": "The program of the run was completed, or the session was ended normally.",
     "source": "docs/how-to/notebook.md"
   },
   "end:stopped": {
@@ -2042,7 +2042,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "end",
     "name": "service_died",
     "term": "service died",
-    "meaning": "The service died or hung, and the loop stopped by itself.",
+    "meaning": "The service died or hung, and the loop stopped automatically.",
     "source": "docs/how-to/notebook.md"
   },
   "mode:off": {
@@ -2093,11 +2093,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "tripped",
     "meaning": "A fault is latched at zero volts; reset leads to off once its cause is gone."
   },
-  "cause:asked for": {
+  "cause:requested": {
     "kind": "cause",
-    "name": "asked for",
-    "term": "asked for",
-    "meaning": "A person or a script asked for this mode."
+    "name": "requested",
+    "term": "requested",
+    "meaning": "A person or a script requested this mode."
   },
   "cause:program": {
     "kind": "cause",
@@ -2115,7 +2115,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "cause",
     "name": "contact",
     "term": "contact",
-    "meaning": "A contact was felt, and the joint gives way until a mode is chosen."
+    "meaning": "A contact was detected; the joint is compliant until a mode is chosen."
   },
   "cause:standing": {
     "kind": "cause",
@@ -2157,7 +2157,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "cause",
     "name": "homing: the end switch did not close",
     "term": "homing: the end switch did not close",
-    "meaning": "The joint came to the end of its way without the end switch; no zero was set."
+    "meaning": "The joint reached the end of its travel without meeting the end switch; no zero was set."
   },
   "cause:homing: the end switch stayed closed": {
     "kind": "cause",
@@ -2165,10 +2165,10 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "homing: the end switch stayed closed",
     "meaning": "The end switch did not open as the joint left it; no zero was set."
   },
-  "cause:homing: the joint went the wrong way": {
+  "cause:homing: the joint moved in the wrong direction": {
     "kind": "cause",
-    "name": "homing: the joint went the wrong way",
-    "term": "homing: the joint went the wrong way",
+    "name": "homing: the joint moved in the wrong direction",
+    "term": "homing: the joint moved in the wrong direction",
     "meaning": "The joint moved away from the end switch; no zero was set."
   },
   "cause:homing: the joint did not follow the motors": {
@@ -2193,7 +2193,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "cause",
     "name": "homing: a tendon was slack",
     "term": "homing: a tendon was slack",
-    "meaning": "A tendon went slack on the way; no zero was set."
+    "meaning": "A tendon went slack during homing; no zero was set."
   },
   "cause:homing: it took too long": {
     "kind": "cause",
@@ -2205,28 +2205,28 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "chain",
     "name": "page",
     "term": "Page in control",
-    "meaning": "The page that holds control is heard. Lost for 2 s its references are held; 2 s later the loop stops softly.",
+    "meaning": "The page that holds control sends signs of life. After 2 s without one the loop holds its references; 2 s later the loop stops softly.",
     "source": "docs/reference/faults.md"
   },
   "chain:service": {
     "kind": "chain",
     "name": "service",
     "term": "Service",
-    "meaning": "The loop hears the service's beat; without it for 0.34 s the loop stops softly by itself.",
+    "meaning": "The loop receives the heartbeat of the service; after 0.34 s without it the loop stops softly.",
     "source": "docs/reference/faults.md"
   },
   "chain:loop": {
     "kind": "chain",
     "name": "loop",
     "term": "Loop process",
-    "meaning": "Samples arrive from the 1 kHz loop; without one for 1 s the loop is not well.",
+    "meaning": "Samples arrive from the 1 kHz loop; after 1 s without one the loop counts as failed.",
     "source": "docs/reference/faults.md"
   },
   "chain:watchdog": {
     "kind": "chain",
     "name": "watchdog",
     "term": "Watchdog, drive-enable",
-    "meaning": "The card cuts the drives when the loop does not write in time; it has to show that it does before each start.",
+    "meaning": "The card disables the drives if the loop does not write in time; a test proves this before each start.",
     "source": "docs/reference/faults.md"
   },
   "chain:safety_module": {
@@ -2274,19 +2274,19 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setup",
     "name": "done",
     "term": "done",
-    "meaning": "There is one, and it was made from what is in force now."
+    "meaning": "It exists and was made from the active settings."
   },
   "setup:outdated": {
     "kind": "setup",
     "name": "outdated",
     "term": "outdated",
-    "meaning": "There is one, made with other parameters or before what it builds on was made anew."
+    "meaning": "It exists, but was made with other parameters, or an earlier step was repeated since."
   },
   "setup:unusable": {
     "kind": "setup",
     "name": "unusable",
     "term": "unusable",
-    "meaning": "There is one, and its verdict says not to use it."
+    "meaning": "It exists, but its verdict rejects its use."
   },
   "fault:stop_pressed": {
     "kind": "fault",
@@ -2334,7 +2334,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Remedy",
-        "Look for a blocked joint or a tendon off its reel; reset, then use smaller or slower references."
+        "Check for a blocked joint or a tendon off its reel; reset, then use smaller or slower references."
       ]
     ]
   },
@@ -2509,7 +2509,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Remedy",
-        "Close other programs on this machine and look at the loop timing; then reset."
+        "Close other programs on this machine and check the loop timing; then reset."
       ]
     ]
   },
@@ -2709,7 +2709,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Remedy",
-        "Look for a blocked joint, then at the load cell's amplifier, supply and calibration; reset once the reading is back."
+        "Check for a blocked joint, then check the load cell's amplifier, supply and calibration; reset once the reading is back."
       ]
     ]
   },
@@ -2734,7 +2734,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Remedy",
-        "Look for swapped wires of motors or encoders, and for a wrong sign in the wiring file; go through the direction test before you close the loop again."
+        "Check for swapped wires of motors or encoders, and for a wrong sign in the wiring file; repeat the direction test before you close the loop again."
       ]
     ]
   },
@@ -2742,7 +2742,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "fault",
     "name": "internal_error",
     "term": "internal error",
-    "meaning": "The control loop made a mistake of its own.",
+    "meaning": "The control loop failed because of an error in its own code.",
     "source": "docs/reference/faults.md",
     "more": [
       [

@@ -388,10 +388,10 @@ export const LAMBDAS = {
   "lam_motor": 0.0854
 } as const;
 
-/** So many samples at most are read one by one at hand; of more it takes longer. */
+/** Largest number of samples that are read one by one quickly; more take longer. */
 export const AT_HAND_SAMPLES = 1000000;
 
-/** Outside force that a rejection leaves alone [N]: so many deviations of the estimate. */
+/** External force below which rejection does not act [N]: a number of standard deviations of the estimate. */
 export const UNSEEN_F = 0.3;
 export const DEVIATIONS = 6.0;
 

@@ -35,7 +35,7 @@ UNLIKE = "`lab` with a cubic and a tabulated spring, zeros found from load cells
 def computations() -> Iterator[Computation]:
     """Return those of the page, one for each plant."""
     for plant, name in (("lab", "`lab`"), ("lab-stick", "`lab-stick`"), ("unlike springs", UNLIKE)):
-        yield Computation(f"outside force, {plant}", (OUTSIDE,), partial(row, name))
+        yield Computation(f"external force, {plant}", (OUTSIDE,), partial(row, name))
 
 
 def row(name: str) -> Found:
