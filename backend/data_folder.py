@@ -71,7 +71,7 @@ class LockedFolder:
         what = "the data folder" if path == self.path else "the lock in the data folder"
         return (
             f"{what} {path} was deleted, moved or replaced while the service uses it ({why}): new "
-            f"recordings are lost. Restore it, or restart the service"
+            "recordings are lost. Restore it, or restart the service"
         )
 
 

@@ -37,7 +37,7 @@ class DeviceServer:
         if _ADDRESS.fullmatch(self.address) is None:
             raise PlantError(
                 f"{self.address!r} is not the address of a device server: give HOST:PORT, for example "
-                f"192.168.1.20:31763"
+                "192.168.1.20:31763"
             )
         channel = grpc.insecure_channel(self.address)
         try:
@@ -46,6 +46,6 @@ class DeviceServer:
             channel.close()
             raise PlantError(
                 f"nothing answers at {self.address} within {CONNECTED_S:g} s: start NI's gRPC device "
-                f"server there, and check address and firewall"
+                "server there, and check address and firewall"
             ) from None
         return channel

@@ -687,7 +687,7 @@ def tabulated_spring(x: Array, F: Array, x_solid: float, k_solid: float) -> Spri
     wrong = np.flatnonzero((np.diff(x) <= 0.0) | (np.diff(F) <= 0.0))
     if wrong.size:
         raise ValueError(
-            f"elongation [m] and force [N] of the spring table must both rise from row to row, but do not after "
+            "elongation [m] and force [N] of the spring table must both rise from row to row, but do not after "
             f"row {wrong[0] + 1}: ({x[wrong[0]]:g} m, {F[wrong[0]]:g} N)"
         )
     if abs(F[0]) > 1e-9:

@@ -276,7 +276,7 @@ def require_stiction(label: str, motor: MotorParameters, *, is_given: bool) -> N
         if others and not is_given:
             raise ParameterError(
                 f"{label}.sigma_0 is missing, and {' and '.join(others)} need it: give it, 0 for "
-                f"smoothed Coulomb friction"
+                "smoothed Coulomb friction"
             )
         return
     for name in ("stiction_ratio", "omega_s"):

@@ -182,8 +182,8 @@ class Rig:
                 failure = f"expired, but drive-enable ({line}) stayed on" if self._daq.is_expired else "did not expire"
                 raise PlantError(
                     f"the card's watchdog {failure} within {within_s:g} s when it was tested at zero "
-                    f"volts: the drives cannot be disabled; check drive_enable and its wires, and do not "
-                    f"continue until this test passes"
+                    "volts: the drives cannot be disabled; check drive_enable and its wires, and do not "
+                    "continue until this test passes"
                 )
             time.sleep(_SETTLING_S)
         self._watchdog_proven = True

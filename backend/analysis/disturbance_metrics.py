@@ -354,8 +354,8 @@ class Hit(NamedTuple):
 
     ``S_ref`` [N·m/rad] and approach ``speed`` [rad/s] at the first contact; largest force [N], impulse [N·s] and time
     in contact [s]. ``contact_N`` [N] is the threshold of the contact reaction, nan without one. Times [s], nan if it
-    did not happen: ``detection_s`` from the contact until the estimate exceeds the threshold, ``reaction_s`` from there
-    until the joint complies, ``to_peak_s`` from there until the force has its maximum.
+    did not happen: ``detection_s`` from the contact until the estimate exceeds the threshold, ``reaction_s`` and
+    ``to_peak_s`` from there until the joint complies and until the force has its maximum.
     """
 
     window: slice

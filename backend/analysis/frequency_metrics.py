@@ -255,7 +255,7 @@ def predict_response(
         if asked > budget:
             raise PredictionUnavailableError(
                 f"the excitation needs a feed-forward voltage of {asked:.1f} V of its {budget:g} V: "
-                f"choose a smaller amplitude"
+                "choose a smaller amplitude"
             )
     return PredictedResponse(excitation.signal, S, tuning, context)
 

@@ -230,7 +230,7 @@ class RunningService:
         except ValidationError:
             fail(
                 f"the service at {self.address} is not Sinew: status {status}, {text[:80]!a}; find out "
-                f"which program listens there, and start `sinew serve` again"
+                "which program listens there, and start `sinew serve` again"
             )
         fail(message)
 

@@ -101,7 +101,7 @@ async def check_directions(context: ProcedureContext) -> StepFinding:
     await context.switch_drives_off()
     await context.request_action(
         f"Turn both motors by hand until both load cells read about {START_N:g} N, keep clear of the rig, "
-        f"and confirm: the drives will be enabled",
+        "and confirm: the drives will be enabled",
         ManualInput(theta_A=theta_A, theta_B=theta_B),
     )
     await context.release_rig()
@@ -109,7 +109,7 @@ async def check_directions(context: ProcedureContext) -> StepFinding:
     if not (low <= F_A <= high and low <= F_B <= high):
         raise StepFailedError(
             f"the tendon forces are {F_A:.1f} N and {F_B:.1f} N, {low:g} to {high:g} N are required: "
-            f"wind the tendons by hand"
+            "wind the tendons by hand"
         )
     await context.switch_drives_on()
     responses = [await _try_motor(context, "A"), await _try_motor(context, "B")]
@@ -169,7 +169,7 @@ def find_direction_problems(response: MotorResponse) -> list[str]:
     if not (abs(response.F) >= TENSION_MIN_N and abs(response.q) >= JOINT_MIN_RAD):
         return [
             f"motor {motor}: joint ({Angle(response.q):.4f}) and tensions ({response.F:.2f} N) "
-            f"contradict each other: check encoder_q and the load cells with the wiring test"
+            "contradict each other: check encoder_q and the load cells with the wiring test"
         ]
     wound = response.F > 0.0
     moved = "A" if (response.q > 0.0) is wound else "B"
@@ -372,7 +372,7 @@ async def calibrate_load_cells(context: ProcedureContext) -> StepFinding:
             raise StepFailedError(
                 f"load cell {tendon} is off its line by {deviation_N:.2f} N, at most "
                 f"{LINE_DEVIATION_MAX_N:g} N are permitted: check the weights, or calibrate it by a "
-                f"table in the wiring file"
+                "table in the wiring file"
             )
         _require_low_noise(tendon, abs(slope) * max(float(column.std()) for column in volts))
         calibrations.append(
@@ -399,7 +399,7 @@ def _require_low_noise(tendon: str, noise_N: float) -> None:
     if not noise_N <= NOISE_MAX_N:
         raise StepFailedError(
             f"load cell {tendon} is unsteady by {noise_N:.2f} N, at most {NOISE_MAX_N:g} N are "
-            f"permitted: let it come to rest, check shield and ground"
+            "permitted: let it come to rest, check shield and ground"
         )
 
 
@@ -448,7 +448,7 @@ async def apply_pretension(context: ProcedureContext) -> StepFinding:
     )
     if not is_near_pretension(F):
         raise StepFailedError(
-            f"the tendon forces are {F_A:.1f} N and {F_B:.1f} N, not {PRETENSION_N:g} N: calibrate them"
+            f"the tendon forces are {F_A:.1f} N and {F_B:.1f} N, not {PRETENSION_N:g} N: calibrate the load cells"
         )
     return StepFinding(True, f"both tendons rose together to {PRETENSION_N:g} N", figures)
 
@@ -518,9 +518,9 @@ def find_uncut_drive(volts: Signal, turned: Signal) -> str:
         if not angle <= -TURNED_BACK_MIN_RAD:
             return (
                 f"motor {motor} did not turn back while it was given {u:.2f} V for {DRIVE_TIME_S:g} s "
-                f"more (it turned by "
+                "more (it turned by "
                 f"{Angle(angle):.4f}, {Angle(-TURNED_BACK_MIN_RAD):g} are required): check how the "
-                f"module disables the drives"
+                "module disables the drives"
             )
     return ""
 
@@ -564,7 +564,7 @@ async def _wind_up(context: ProcedureContext) -> tuple[float, float]:
             raise StepFailedError(
                 f"stopped: up to {highest:.1f} N, one tendon ahead by up to {apart:.1f} N; at most {TENSION_MAX_N:g} N "
                 f"and {TENSION_DIFFERENCE_MAX_N:g} N belong to a pretension of {PRETENSION_N:g} N: "
-                f"repeat the previous steps"
+                "repeat the previous steps"
             )
         if context.mode is not Mode.PRETENSION:
             raise StepFailedError("the control loop stopped while the tension rose: see the status line")

@@ -535,8 +535,8 @@ def import_record(
     if found is None and columns.holes:
         raise DataFileError(
             f"{columns.holes} lines between rows are empty or commented out: they may be missing "
-            f"samples, which cannot be detected without a time column. Delete those lines, or name the "
-            f"time column with --time COLUMN",
+            "samples, which cannot be detected without a time column. Delete those lines, or name the "
+            "time column with --time COLUMN",
             FileFault.ROWS,
             option="--time",
         )
@@ -620,7 +620,7 @@ def _part(found: TimeColumn | None, at: Signal, selection: Selection) -> slice:
     if part.stop - part.start != rows.size:
         apart = int(rows[np.argmax(np.diff(rows) > 1)]) + 1
         raise DataFileError(
-            f"the times of --range are those of rows that do not follow each other, as the time runs back after row"
+            "the times of --range are those of rows that do not follow each other, as the time runs back after row"
             f" {apart}: choose rows by --skip and --take",
             FileFault.ROWS,
             option="--take",

@@ -599,7 +599,7 @@ def _findings(
             f"the record determines the {name} only to ±{share:.2g} % of the {reference}"
             if np.isfinite(share)
             else f"the {name} cannot be separated from gain and time constant in this record: drive the "
-            f"motor with several voltages",
+            "motor with several voltages",
         )
     if not is_friction_significant:
         yield Grade.CAUTION, "the residuals are not white: the motor does something that this model leaves out"

@@ -349,7 +349,7 @@ def _make_ambiguity_error(
     values = " or ".join(f"{number(cell, mark):.10g} with a decimal {mark}" for mark in DecimalMark)
     raise DataFileError(
         f"column '{names[at]}' holds '{cell}' in line {lines[row]}, which is {values}: choose with "
-        f"--decimal point or --decimal comma",
+        "--decimal point or --decimal comma",
         FileFault.AMBIGUOUS_DECIMALS,
         column=names[at],
         line=lines[row],

@@ -371,7 +371,7 @@ def judge(evidence: ValidationData) -> Verdict:
     if evidence.spread_with_friction > evidence.spread:
         known += (
             f", ±{evidence.spread_with_friction:.2g} % if there is Coulomb friction below the "
-            f"detection limit of this record"
+            "detection limit of this record"
         )
     praise = [f"fit of {format_percent(evidence.fit)} % on unseen data", known]
     if evidence.gain_error_percent is not None:
@@ -413,14 +413,14 @@ def _signals(evidence: ValidationData) -> Iterator[Finding]:
         yield (
             Grade.CAUTION,
             f"the input is at its limit for {evidence.input_at_limit_percent:.1f} % of the time, where "
-            f"the controller does not determine it: give --setpoint instead of --controller",
+            "the controller does not determine it: give --setpoint instead of --controller",
         )
     if evidence.biased_by_loop:
         yield (
             grade_value(evidence.misfit, 0.0, MAX_STD_PERCENT),
             "the record is of a closed loop: the input reacts to the noise of the output, which is not white, so K and"
-            f" T may be off by as much as it is of the motion, {evidence.misfit:.2g} %, regardless of "
-            f"their standard errors: give --setpoint or --controller",
+            f" T may be biased by as much as the share of this noise in the motion, {evidence.misfit:.2g} %, "
+            "whatever their standard errors are: give --setpoint or --controller",
         )
     rest = evidence.at_limit
     if rest is not None and evidence.unexplained and not evidence.negligible:

@@ -146,7 +146,7 @@ class Contact:
         if self._threshold_N != math.inf and any(detection.contact_N for detection in detections):
             raise CommandRejectedError(
                 f"contact reaction is armed at {self._threshold_N:g} N and would end this program at its "
-                f"first contact. Disable it first; the program enables its own contact reaction"
+                "first contact. Disable it first; the program enables its own contact reaction"
             )
 
     def begin(self, program: Program) -> None:

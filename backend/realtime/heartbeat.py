@@ -74,9 +74,9 @@ class WatchdogMonitor:
             if state.mirror:  # a mirror keeps the last known state
                 if not self.problem:
                     self._set_problem(
-                        f"the loop has died: the watchdog of the rig's card disables the drives "
+                        "the loop has died: the watchdog of the rig's card disables the drives "
                         f"{state.watchdog_s:g} s after the last write, which the service cannot observe; "
-                        f"check the rig, then reset"
+                        "check the rig, then reset"
                     )
                 return False
             self._card.expire()

@@ -478,7 +478,7 @@ def _tracking_figures(
                 tracking_step_panels(columns, steps, lam, "steps"),
                 "All steps on one scale, (A) of joint position and (B) of stiffness, over the response "
                 "that λ defines for a first-order process (dashed), and (C, D) the remaining error in "
-                "per cent of the step, with the settling band of ±2 %. {_what_shapes_a_step(law)}",
+                f"per cent of the step, with the settling band of ±2 %. {_what_shapes_a_step(law)}",
             )
         )
     return ReportSection("Figures", tuple(blocks))
@@ -573,7 +573,7 @@ def _reasons(steps: Sequence[StepFigures]) -> tuple[Table, ...]:
     return (
         (
             Table(
-                "Quantities that could not be measured; a value above that is listed here is a lower bound.",
+                "Quantities that could not be measured in full; a value given above for one of them is a lower bound.",
                 columns,
                 tuple(rows),
             ),

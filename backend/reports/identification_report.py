@@ -289,7 +289,7 @@ def _comparison(found: Identification, tension_N: float) -> Table:
     rows = tuple(_make_comparison_row(key, channel, *paper[key]) for key, channel in channels.items())
     title = (
         f"First-order models compared with the paper's table 1 at {exact(nearest)} N. By ARX: the "
-        f"paper's method, first order "
+        "paper's method, first order "
         f"with a low-pass, on the same record, for comparison only. {_missing_arx(channels)}"
     )
     return Table(title.strip(), columns, rows)

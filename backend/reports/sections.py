@@ -462,10 +462,9 @@ def hits_table(hits: Sequence[Hit], angles: AngleUnit) -> Table:
         for hit in hits
     )
     return Table(
-        "All hits. The approach speed is measured over the 50 ms before the contact. Detected: from the "
-        "contact until the estimated force exceeds the threshold; reaction: from detection until the "
-        "contact reaction begins (0: in the same sample); peak: from the contact until the wall's force "
-        "is at its largest.",
+        "All hits. The approach speed is measured over the 50 ms before the contact. Detection: time from the contact "
+        "until the estimated force exceeds the threshold. Reaction and peak: times from the detection until the "
+        "contact reaction begins (0: in the same sample) and until the wall's force is at its largest.",
         columns,
         rows,
     )

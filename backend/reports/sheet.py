@@ -224,7 +224,7 @@ def _refusal(why: str) -> RequestRejectedError:
     return RequestRejectedError(
         ErrorCode.BAD_VALUE,
         f"this is not a sheet of charts: {why}. Send the SVG as the charts save it, or convert it with a "
-        f"drawing program",
+        "drawing program",
         code="not_a_sheet",
     )
 

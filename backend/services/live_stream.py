@@ -61,9 +61,7 @@ def build_mark(event: Event | LoopExited, now: int) -> Mark | None:
         case PretensionReached(tick):
             return Mark(MarkKind.MODE, "pretension reached", tick)
         case ContactDetected(tick, F_ext_hat, contact_N):
-            return Mark(
-                MarkKind.NOTE, f"contact: {F_ext_hat:.1f} N, from {contact_N:g} N on the contact reaction acts", tick
-            )
+            return Mark(MarkKind.NOTE, f"contact: {F_ext_hat:.1f} N, contact reaction from {contact_N:g} N", tick)
         case BiasLost(tick):
             return Mark(MarkKind.NOTE, "zeros set again: recalibrate the external-force bias", tick)
         case PushReleased(tick, why):

@@ -312,10 +312,9 @@ class TuningService:
                     _log.exception("The service could not restore %s yet.", what)
                     difference = tuning.describe_difference(self._live_state.tuning)
                     self._live_state.tuning_problem = (
-                        f"{what} ({difference}) is not active again: {error}.  "
-                        f"The service retries every {RETRY_S:g} s. If this persists, abort softly and "
-                        f"restart the service "
-                        ": it starts with the operator's tuning."
+                        f"{what} ({difference}) is not active again: {error}. The service retries every "
+                        f"{RETRY_S:g} s. If this persists, abort softly and restart the service: it starts with the "
+                        "operator's tuning."
                     )
                     self._on_change()
                     await asyncio.sleep(RETRY_S)

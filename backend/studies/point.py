@@ -128,7 +128,7 @@ class OtherSoftwareError(RequestRejectedError):
         super().__init__(
             ErrorCode.NOT_NOW,
             f"Sinew {__version__} is installed, the study is of Sinew {software}: use that version, or "
-            f"start a new study",
+            "start a new study",
         )
 
 

@@ -167,7 +167,7 @@ def test_contact_is_shown_until_the_next_mode_change(database: Database) -> None
     with database.reading() as session:
         told = [event.text for event in events.find(session)]
         states = {run.end_state for run in runs.find(session)}
-    assert any(text.startswith("contact: ") and "contact reaction acts" in text for text in told)
+    assert any(text.startswith("contact: ") and "contact reaction" in text for text in told)
     assert "failed" not in states
 
 
