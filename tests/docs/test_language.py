@@ -165,3 +165,19 @@ def test_texts_of_the_service_use_no_rejected_phrase(package: str) -> None:
 @pytest.mark.parametrize(("name", "phrase"), TEXT_EXCEPTIONS)
 def test_exceptions_are_needed(name: str, phrase: str) -> None:
     assert any(re.search(phrase, text, re.IGNORECASE) for _, text in texts(ROOT / name))
+
+
+TEMPLATE = re.compile(r"(?:GET|POST|PUT|PATCH|DELETE) /api/|.*\$.*\$|√|\s*<(?:head|script)>", re.DOTALL)
+"""Texts in which names in braces are right: routes, mathematical notation, JavaScript."""
+
+
+@pytest.mark.parametrize("package", ["backend", "plant"])
+def test_no_text_shows_an_expression_in_place_of_its_value(package: str) -> None:
+    """A text split over several literals loses its values where one of them lacks its f."""
+    found = [
+        f"{module.relative_to(ROOT)}:{line}: {text[:80]!r}"
+        for module in sorted((ROOT / package).rglob("*.py"))
+        for line, text in texts(module)
+        if re.search(r"\{[A-Za-z_]\w*[}(:.\[]", text) and not TEMPLATE.match(text)
+    ]
+    assert found == []
