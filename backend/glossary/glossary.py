@@ -45,6 +45,7 @@ from plant import (
 class TermKind(StrEnum):
     """Kind of a term, the first part of its key."""
 
+    CONCEPT = "concept"
     SIGNAL = "signal"
     QUANTITY = "quantity"
     PARAMETER = "parameter"
@@ -278,6 +279,23 @@ _PARTS = ("Cause", "Reaction", "Within", "Remedy")
 
 class GlossaryError(SinewError, ValueError):
     """A document lacks what the glossary needs, or a term is defined twice."""
+
+
+def parse_concepts(page: str | None = None) -> list[GlossaryTerm]:
+    """Return the terms of docs/glossary.md, with the words that each of them replaces.
+
+    Raises GlossaryError for a row without a term or a meaning.
+    """
+    text = _read_document("glossary.md") if page is None else page
+    concepts = []
+    for heading in re.findall(r"^## (.+)$", text, re.MULTILINE):
+        for row in _parse_table(text, heading):
+            term, meaning, replaced = (*map(_strip_markup, row), "", "", "")[:3]
+            if not term or not meaning:
+                raise GlossaryError(f"docs/glossary.md, {heading}: a row has no term or no meaning")
+            more = (("Not used", replaced),) if replaced else ()
+            concepts.append(GlossaryTerm(TermKind.CONCEPT, term, term, meaning, source="docs/glossary.md", more=more))
+    return concepts
 
 
 def parse_notation(page: str | None = None) -> list[GlossaryTerm]:
@@ -588,6 +606,7 @@ def _find_unit(extra: object) -> str:
 def build_glossary() -> dict[str, GlossaryTerm]:
     """Return all terms by key. Raises GlossaryError."""
     listed = [
+        *parse_concepts(),
         *parse_notation(),
         *build_field_terms(),
         *build_metric_terms(),

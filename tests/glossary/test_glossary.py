@@ -29,6 +29,7 @@ from backend.glossary.glossary import (
     TermKind,
     build_field_terms,
     build_glossary,
+    parse_concepts,
     parse_faults,
     parse_limits,
     parse_notation,
@@ -60,6 +61,19 @@ def of(kind: TermKind) -> dict[str, GlossaryTerm]:
 def test_every_signal_of_the_sample_has_its_meaning_and_unit() -> None:
     explained = {name: (entry.term, entry.unit, entry.meaning) for name, entry in of(TermKind.SIGNAL).items()}
     assert explained == {one.name: (one.symbol, "" if one.unit == "1" else one.unit, one.meaning) for one in FIELDS}
+
+
+def test_every_row_of_the_terms_is_explained_with_the_words_that_it_replaces() -> None:
+    page = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
+    rows = [line for line in page.splitlines() if line.startswith("| ") and not line.startswith("| Term |")]
+    concepts = of(TermKind.CONCEPT)
+    assert len(concepts) == len(rows) > 50
+    for row in rows:
+        term, meaning, replaced = (cell.strip().replace("`", "") for cell in row.strip("|").split("|"))
+        assert concepts[term].meaning == meaning
+        assert dict(concepts[term].more).get("Not used", "") == replaced
+    with pytest.raises(GlossaryError, match="a row has no term or no meaning"):
+        parse_concepts("\n## Actuator\n| Term | Meaning | Not |\n|---|---|---|\n| tendon |  | rope |\n")
 
 
 @pytest.mark.parametrize(

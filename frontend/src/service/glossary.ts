@@ -55,6 +55,7 @@ export function figureEntry({
 
 /** What entries are of, as the glossary's headings, in its order. */
 export const KIND_TITLES: Readonly<Record<Entry["kind"], string>> = {
+  concept: TEXTS.concepts,
   signal: TEXTS.signals,
   quantity: TEXTS.quantities,
   parameter: TEXTS.parameters,

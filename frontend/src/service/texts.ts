@@ -81,6 +81,7 @@ export const TEXTS = {
   stopped: "Stopped",
   tripped: "Tripped: {fault}",
   // headings of the glossary
+  concepts: "Terms",
   signals: "Signals",
   quantities: "Control and identification",
   parameters: "Plant parameters",
