@@ -151,7 +151,7 @@ function Shell() {
           <Shortcuts opened={shortcuts} onClose={close} />
           <Explanation />
         </ErrorBoundary>
-        <ErrorBoundary of="Set-up">
+        <ErrorBoundary of="Setup">
           <SetupDrawer opened={settingUp} onClose={setup.close} />
         </ErrorBoundary>
       </div>

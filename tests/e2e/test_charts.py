@@ -112,10 +112,10 @@ def test_the_spectrum_of_a_selection(watching: Operator) -> None:
     page.get_by_role("button", name="Spectrum", exact=True).click()
     dialog = page.get_by_role("dialog", name="Spectrum", exact=True)
     expect(dialog.get_by_role("img", name="Spectrum of Joint position")).to_be_visible()
-    expect(dialog.get_by_role("status", name="Spectrum facts")).to_contain_text("(°)²/Hz")
+    expect(dialog.get_by_role("status", name="Spectrum details")).to_contain_text("(°)²/Hz")
     dialog.get_by_role("combobox", name="Chart").select_option("Tendon force")
     dialog.get_by_text("Amplitude", exact=True).click()
-    expect(dialog.get_by_role("status", name="Spectrum facts")).to_contain_text("N over Hz")
+    expect(dialog.get_by_role("status", name="Spectrum details")).to_contain_text("N over Hz")
     page.keyboard.press("Escape")
     expect(dialog).to_be_hidden()
 

@@ -71,7 +71,7 @@ def test_everybody_can_read_it(same_operator: Operator) -> None:
 
 def test_the_set_up_tells_how(same_operator: Operator) -> None:
     operator, page = same_operator, same_operator.page
-    page.get_by_role("button", name="Set-up", exact=True).click()
+    page.get_by_role("button", name="Setup", exact=True).click()
     steps = page.get_by_role("list", name=SHARED["setupSteps"], exact=True)
     told = page.request.get(f"{operator.service.url}/api/checklist").json()["steps"]
     expect(steps.get_by_role("listitem")).to_have_count(len(told))

@@ -179,7 +179,7 @@ def test_runs_are_found_tagged_and_saved_as_a_search(operator: Operator) -> None
 
 def test_the_set_up_list_tells_what_is_done_and_leads_on(operator: Operator) -> None:
     page = operator.page
-    page.get_by_role("button", name="Set-up", exact=True).click()
+    page.get_by_role("button", name="Setup", exact=True).click()
     steps = page.get_by_role("list", name=SHARED["setupSteps"], exact=True)
     expect(
         steps.get_by_role("listitem", name=f"{SHARED['pretension']}: {SHARED['stepDone']}", exact=True)

@@ -64,7 +64,7 @@ def test_a_recording_has_a_player_and_its_end_is_no_alarm(operator: Operator) ->
     expect(status).to_contain_text("playing at 0.25×")
     operator.press("STOP")
     expect(status).to_contain_text("paused")
-    expect(page.get_by_role("status", name="Stop result")).to_contain_text("Recording paused")
+    expect(page.get_by_role("status", name="Stop result")).to_contain_text("Playback paused")
     operator.expect_mode("off")
     player.get_by_role("button", name="off → run").click()
     expect(position).to_have_text(f"0:00.5 of 0:0{DURATION_S:.1f}")

@@ -69,7 +69,7 @@ def test_figures_of_ten_minutes_are_those_of_every_sample(page: Page) -> None:
 
 def _statistics(page: Page, columns: dict[str, NDArray[np.float64]]) -> None:
     page.get_by_role("button", name="Statistics", exact=True).click()
-    facts = page.get_by_role("status", name="Statistics facts")
+    facts = page.get_by_role("status", name="Statistics details")
     expect(facts).to_have_text("From every sample between 0:00.000 and 9:59.999: 600\u202f000 samples.")
     for name, column, factor, decimals in (("q", columns["q"], DEG, 2), ("S", columns["S"], 1.0, 2)):
         there = factor * column[np.isfinite(column)]
@@ -116,7 +116,7 @@ def _spectrum(page: Page) -> None:
     expect(dialog).to_be_hidden()
     page.unroute(held)
     page.get_by_role("button", name="Spectrum", exact=True).click()
-    facts = dialog.get_by_role("status", name="Spectrum facts")
+    facts = dialog.get_by_role("status", name="Spectrum details")
     expect(facts).to_contain_text("600\u202f000 samples")
     windows = CHARTS["windows"].partition(" ")[2].format(length="32\u202f768", step="0.0305")
     expect(facts).to_contain_text(windows)

@@ -53,7 +53,7 @@ it("is off until somebody switches it on, and asks the browser by that click onl
   expect(item("Notifications").getAttribute("aria-checked")).toBe("false");
   expect(item("Sound").getAttribute("aria-checked")).toBe("false");
   expect(asked).not.toHaveBeenCalled();
-  expect(screen.queryByRole("status", { name: "Notifications here" })).toBeNull();
+  expect(screen.queryByRole("status", { name: "Notifications on this page" })).toBeNull();
   await press("Notifications");
   expect(asked).toHaveBeenCalledTimes(1);
   await waitFor(() => expect(kept.map(({ notify, sound }) => [notify, sound])).toEqual([[true, false]]));
@@ -67,7 +67,9 @@ it("says what to do where the person or the browser refuses, and stays off", asy
   useBrowser("default", "denied");
   await opened();
   await press("Notifications");
-  expect(screen.getByRole("status", { name: "Notifications here" }).textContent).toContain(SERVICE.denied);
+  expect(screen.getByRole("status", { name: "Notifications on this page" }).textContent).toContain(
+    SERVICE.denied,
+  );
   expect(item("Notifications").getAttribute("aria-checked")).toBe("false");
   expect(kept).toEqual([]);
 });
@@ -76,7 +78,7 @@ it("is not on in a browser that has not been asked, though it was switched on in
   useBrowser("default", "granted");
   await opened({ notify: true });
   expect(item("Notifications").getAttribute("aria-checked")).toBe("false");
-  expect(screen.getByRole("status", { name: "Notifications here" }).textContent).toContain(
+  expect(screen.getByRole("status", { name: "Notifications on this page" }).textContent).toContain(
     SERVICE.notAllowedYet,
   );
 });
@@ -85,7 +87,9 @@ it("says what to do where the browser's question was not answered", async () => 
   useBrowser("default", "default");
   await opened();
   await press("Notifications");
-  expect(screen.getByRole("status", { name: "Notifications here" }).textContent).toBe(SERVICE.notAllowedYet);
+  expect(screen.getByRole("status", { name: "Notifications on this page" }).textContent).toBe(
+    SERVICE.notAllowedYet,
+  );
   expect(kept).toEqual([]);
 });
 
@@ -93,7 +97,9 @@ it("says where a browser has none at all", async () => {
   useBrowser("granted");
   vi.stubGlobal("isSecureContext", false);
   await opened();
-  expect(screen.getByRole("status", { name: "Notifications here" }).textContent).toBe(SERVICE.insecure);
+  expect(screen.getByRole("status", { name: "Notifications on this page" }).textContent).toBe(
+    SERVICE.insecure,
+  );
 });
 
 it("has a sound of its own, which is heard when it is switched on", async () => {

@@ -334,7 +334,7 @@ describe("status", () => {
       const proof = { ...PROOF, paused_recording: true };
       for (const stop of [{ kind: "idle" }, { kind: "confirmed", proof }] as const) {
         const told = stopSentence(stop, { mode: "off", stop_proof: proof });
-        expect(told).toContain("Recording paused");
+        expect(told).toContain("Playback paused");
         expect(told).not.toMatch(/volts|ms/);
       }
     });

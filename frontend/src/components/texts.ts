@@ -36,8 +36,8 @@ export const TEXTS = {
   controlLost: "Control lost",
   keepObserving: "Keep observing",
   controlOf: "Control: {name}",
-  controlTitle: "Control: {name}. Open for connected people and sign-out.",
-  controlTitleLost: "Control: {name}, no heartbeat. Open for connected people and sign-out.",
+  controlTitle: "Control: {name}. Open to see who is connected or to sign out.",
+  controlTitleLost: "Control: {name}, no heartbeat. Open to see who is connected or to sign out.",
   answerItem: "Answer {name}…",
   handOverItem: "Hand over…",
   giveUpControl: "Give up control",
@@ -98,8 +98,8 @@ export const TEXTS = {
   off: "off",
   sound: "Sound",
   notificationsHint:
-    "While no tab of this page is visible: at the end of an experiment or identification, and when the joint trips.",
-  notificationsHere: "Notifications here",
+    "Sent while no tab of this page is visible: when an experiment or identification ends, and when the control loop trips.",
+  notificationsHere: "Notifications on this page",
   simulator: "SIM",
   rig: "RIG",
   virtualCard: "VIRTUAL CARD",
@@ -142,7 +142,7 @@ export const TEXTS = {
   runs: "Runs",
   log: "Log",
   systemPage: "System",
-  setup: "Set-up",
+  setup: "Setup",
   help: "Help",
   docs: "Docs",
   glossary: "Glossary",
@@ -164,7 +164,7 @@ export const TEXTS = {
   sceneLost: "3D view disconnected from the service. It shows the last known position and reconnects.",
   sceneDropped: "The browser has stopped drawing the 3D view. The position shown is out of date.",
   sceneImpossible:
-    "This browser cannot draw in 3D (no WebGL 2). Press Show flat, or allow graphics in the browser's settings.",
+    "This browser cannot draw in 3D (no WebGL 2). Press Show flat, or enable WebGL 2 in the browser's settings.",
   tryAgain: "Try again",
   camera: "Camera",
   cameraFront: "Front",
@@ -175,7 +175,7 @@ export const TEXTS = {
   // keyboard shortcuts
   keyStop: "STOP: zero volts at once, on every page and in text fields",
   keyPage: "Go to {page}",
-  keySetup: "Set-up: completed, missing and outdated steps",
+  keySetup: "Setup: completed, missing and outdated steps",
   keyLive: "Operate: follow the newest sample (Live)",
   keyHold: "Operate: pause or resume the charts",
   keyCursors: "Operate: measuring cursors",
@@ -236,8 +236,8 @@ export const TEXTS = {
   status: "Status",
   taskProgress: "Run progress",
   taskTime: "{elapsed} of {total}",
-  // set-up
-  setupSteps: "Steps of the set-up",
+  // setup
+  setupSteps: "Setup steps",
   setupStep: "{step}: {state}",
   setupHow: "Instructions",
   setupHowTo: "{step}: instructions",
@@ -266,13 +266,13 @@ export const TEXTS = {
   reportAction: "Open the report",
   // tour
   tourStop:
-    "STOP cuts the motors within two control steps, on every page. Ctrl/Cmd+Shift+E does the same, also in text fields.",
+    "STOP sets the motor voltages to zero within two control steps, on every page. Ctrl/Cmd+Shift+E does the same, also in text fields.",
   tourMode:
     "Start with Pretension: both tendons are tensioned to 10 N. Run then closes the loops and records.",
   tourCharts:
-    "Ctrl+scroll (or click the chart first, then scroll) to zoom in time; hold V to zoom values; drag to pan; double-click to reset; Live returns to the present. The arrows next to a title show that panel alone; Esc shows all.",
+    "Ctrl+scroll (or click the chart first, then scroll) to zoom in time; hold V to zoom values; drag to pan; double-click to reset; Live returns to the newest sample. The arrows next to a title show that panel alone; Esc shows all.",
   tourMap:
-    "Click the map to set a target for position and stiffness; Send target commands both. The service refuses what the joint cannot reach, with a reason.",
+    "Click the map to set a target for position and stiffness; Send target commands both. The service refuses targets that the joint cannot reach and states the reason.",
   tourTuning:
     "In lambda motion, λ sets the speed of each loop. In time-optimal motion, a voltage limit sets the speed and λ the robustness. The preview updates while you drag; staged values can be tried for a limited time.",
   tourSetup:

@@ -6,7 +6,7 @@ export const TEXTS = {
   lossTakenOver:
     "{name} has taken control from this page. Commands of this page have no effect until you take control.",
   hasControl: "{name} has control. Take control to send commands.",
-  scriptHasControl: "{name} has control (script). Take control to send commands.",
+  scriptHasControl: "{name} (script) has control. Take control to send commands.",
   // requests for control
   asked: "You asked {name} for control.",
   offered: "{name} offers you control: “{reason}”",
@@ -52,11 +52,11 @@ export const TEXTS = {
   otherReferenceUnknown: "The other reference is not known yet.",
   // address of the page
   notSinew:
-    "The server at {base}/api/ is not Sinew (status {status}). The reverse proxy in front has to forward all paths below {base}/ to the service.",
+    "The server at {base}/api/ is not Sinew (status {status}). A reverse proxy must forward all paths below {base}/ to the service.",
   largeCookies:
-    "If large cookies of other applications cause this (nginx: large_client_header_buffers 4 32k;), raise the limit or delete the cookies of this site.",
+    "If large cookies of other applications cause this, raise the limit (nginx: large_client_header_buffers 4 32k;) or delete the cookies of this site.",
   noStream:
-    'Requests are answered, but the live connection fails. A reverse proxy in front may not forward websockets. For nginx: proxy_http_version 1.1; proxy_set_header Upgrade $http_upgrade; proxy_set_header Connection "upgrade"; See the log of the service for details.',
+    'Requests are answered, but the live stream fails. A reverse proxy may be blocking WebSockets. For nginx, set: proxy_http_version 1.1; proxy_set_header Upgrade $http_upgrade; proxy_set_header Connection "upgrade"; The log of the service contains details.',
   // recordings
   emptyAnswer: "The service returned an empty answer. Try again.",
   above: "above (level)",
@@ -71,12 +71,12 @@ export const TEXTS = {
   capturing: "Recording: {condition}; {left} s left",
   captured: "{count} of {total} captured",
   // notifications
-  notAllowedYet: "Notifications of this page are not allowed yet. Switch them on here and allow them.",
+  notAllowedYet: "Notifications from this page are not allowed yet. Switch them on here and allow them.",
   denied:
-    "This browser blocks notifications of this page. Allow them in its site settings, next to the address, then switch them on here again.",
+    "This browser blocks notifications from this page. Allow them in its site settings, next to the address, then switch them on here again.",
   insecure:
-    "Browsers show notifications only for pages over HTTPS, or on the machine of the service. Open the page there, or serve it over HTTPS.",
-  missing: "This browser has no notifications. Use another browser, or the sound.",
+    "Browsers show notifications only for pages over HTTPS, or on the computer that runs the service. Open the page there, or serve it over HTTPS.",
+  missing: "This browser does not support notifications. Use another browser, or the sound.",
   runOver: "{kind}, run {run}: {state}",
   stopped: "Stopped",
   tripped: "Tripped: {fault}",
@@ -97,7 +97,7 @@ export const TEXTS = {
   limits: "Limits",
   chain: "Safety chain",
   steps: "Bring-up steps",
-  setup: "Set-up steps",
+  setup: "Setup steps",
   timing: "Control loop timing",
   accepted: "Accepted",
   default: "Default",

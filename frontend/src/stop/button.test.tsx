@@ -109,7 +109,7 @@ it("says of itself what it does to a recording, where one is played", () => {
   const link = { alive: true, silent_s: 0, starts: 1, restarting: "", restarting_s: 0 };
   const where = { title: "run 12", t: 1, tick: 5, duration_s: 2, playing: true, ended: false };
   observeState({ ...told, link, player: { ...where, speed: 1, speed_min: 0.25, speed_max: 4 } });
-  expect(button().title).toMatch(/^Pauses the recording/);
+  expect(button().title).toMatch(/^Pauses playback/);
   observeState({ ...told, link, player: null });
   expect(button().title).toMatch(/zero volts at once, latched/);
 });

@@ -48,7 +48,7 @@ export const TEXTS = {
   start: "Start",
   repeat: "Repeat",
   startStep: "{action} {step}",
-  notANumber: "A value is not a number.",
+  notANumber: "Enter a number in each field.",
   stepRunning: "{step} in progress",
   progress: "Progress",
   whatToDo: "What to do now",

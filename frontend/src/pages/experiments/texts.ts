@@ -96,8 +96,8 @@ export const TEXTS = {
   status: "Status",
   runLink: "Run {run}",
 
-  // own experiments
-  ownExperiments: "Own experiments",
+  // custom experiments
+  ownExperiments: "Custom experiments",
   shownAs: "View",
   asSequence: "Sequence",
   asText: "Text",
@@ -123,7 +123,7 @@ export const TEXTS = {
   saveAdds: "{problem} Saving adds version {next}; version {version} is kept.",
 
   // sequence
-  sampleTitle: "Own sequence",
+  sampleTitle: "My sequence",
   samplePhase: "Sequence",
   sampleCriterion: "Smallest tendon tension",
   name: "Name",
@@ -219,7 +219,7 @@ export const TEXTS = {
   describeRemoveWall: "Remove the wall",
   describeTuning: "From the next motion: {changes}",
   describeSameTuning: "Tuning unchanged",
-  describeCalibrate: "Hold {time} and calibrate the external-force bias",
+  describeCalibrate: "Hold for {time} and calibrate the external-force bias",
   describeUntilContact: "Run the parts until contact above {force}",
   describeRepeat: "Repeat {times}×; index {index} starts at 0",
   describeChoose: "Run the parts selected by {setting}",

@@ -37,7 +37,7 @@ export const TEXTS = {
   save: "Save",
   cancel: "Cancel",
   edit: "Edit note and tags: {event}",
-  everything: "everything",
-  alarms: "alarms: trips, faults, lost samples",
+  everything: "Everything",
+  alarms: "Alarms: trips, faults, lost samples",
   refusals: "Refusals",
 } as const;

@@ -43,7 +43,7 @@ export const TEXTS = {
   mapOld: "Joint position {age} old",
   mapHint: "Click to set a target for q_ref and S_ref.",
   mapEntries: "◆ Bank operating points.",
-  mapEntriesOfS: "◇ Bank operating points of known S only.",
+  mapEntriesOfS: "◇ Bank operating points for which only S is known.",
   mapTarget: "Map target",
   mapTargetNotSent: "{q_ref}, {S_ref} N·m/rad, not sent yet",
   sendTarget: "Send target",
@@ -133,7 +133,7 @@ export const TEXTS = {
   returnTime: "return time under a push",
   timeTo90: "time to 90 % of a step",
   notInSimulatedTime: "Not within the simulated time",
-  activeInGrey: "Active tuning, grey: {motion}.",
+  activeInGrey: "Active tuning (grey): {motion}.",
   noReturn: "no return under a push",
   returnAfter: "return after {time} s",
   no90: "90 % not reached within the simulated time",
@@ -167,7 +167,7 @@ export const TEXTS = {
   rejectionOn: "Gain {gain}",
   pushForecast: "Push forecast",
   pushDeflection: "{force} N push: deflection",
-  pushBack: ", back within {band} after",
+  pushBack: ", back to within {band} after",
   pushBand: "the band",
   never: "never",
   apparentStiffness: "; apparent stiffness",
@@ -204,7 +204,7 @@ export const TEXTS = {
   revertNow: "Revert now",
   savedBy: "Saved by {person}",
   nothingSaved: "No saved tuning; {reason}",
-  defaults: "Method defaults (no saved tuning)",
+  defaults: "Defaults (no saved tuning)",
 
   // touch
   touch: "Touch",
@@ -222,7 +222,7 @@ export const TEXTS = {
   biasInUse: "Disturbance rejection uses the bias. Turn it off first.",
   thresholdRange: "Threshold {range} N.",
   contact: "Contact: {force} N. The joint is compliant; select a mode to continue.",
-  reactionEnabled: "Contact reaction enabled from {force} N.",
+  reactionEnabled: "Contact reaction enabled, threshold {force} N.",
   sweepRunning: "Calibrating over S, point {point} of {points}: {S} N·m/rad. Do not touch the joint.",
   sweepEnded: "Calibration over S ended at point {point} of {points}: {S} N·m/rad. Reason: {reason}.",
   notCalibrated:
@@ -244,7 +244,7 @@ export const TEXTS = {
   release: "Release",
   pushing: "Pushing with {force} N.",
   pushHint: "{range} N at the pulley, positive towards +q; at most {time} s",
-  pushNeedsMode: "Pushing requires Run or Compliance mode.",
+  pushNeedsMode: "Pushing requires mode Run or Compliance.",
 
   // wall
   wall: "Wall",
@@ -264,7 +264,7 @@ export const TEXTS = {
 
   // player
   player: "Player",
-  viewOnlyPlayer: "Only operators control playback",
+  viewOnlyPlayer: "Only operators can control playback",
   nothingMoves: "No hardware moves",
   play: "Play",
   pause: "Pause",

@@ -111,7 +111,7 @@ export const TEXTS = {
   // note, downloads, settings, tags
   noteAndDownloads: "Note and downloads",
   noteDraft: "note",
-  noteRestored: "The saved note will be restored.",
+  noteRestored: "This restores the saved note.",
   saveNote: "Save note",
   settings: "Settings",
   noSettings: "No settings were stored with this run.",
@@ -125,7 +125,7 @@ export const TEXTS = {
 
   // problems of an address
   invalidRuns: "Invalid run numbers in the address: {parts}",
-  tooManyRuns: "At most {most} runs can be compared; the address names {named}. Omitted runs: {runs}",
+  tooManyRuns: "At most {most} runs can be compared; the address lists {named}. Omitted runs: {runs}",
   invalidSettings: "Invalid comparison settings in the address: {parts}",
 
   // selection and alignment of compared runs

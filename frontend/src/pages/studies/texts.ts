@@ -17,7 +17,7 @@ export const TEXTS = {
 
   // new study
   newStudy: "New study",
-  format: "YAML or JSON, docs/how-to/studies.md",
+  format: "YAML or JSON; see docs/how-to/studies.md",
   createStudy: "New study",
   startFromExample: "Start from an example",
   openFile: "Open file",
@@ -34,7 +34,7 @@ export const TEXTS = {
   runCount: "run",
 
   // form of a study
-  newTitle: "Own study",
+  newTitle: "My study",
   form: "Study form",
   name: "Name",
   experiment: "Experiment",
@@ -66,7 +66,7 @@ export const TEXTS = {
   geometric: "Geometric",
   removeAxis: "Remove axis {number}",
   addAxis: "Add axis",
-  spreads: "Plant variation (parameters drawn for each plant)",
+  spreads: "Plant spread (parameters drawn for each plant)",
   spread: "Spread {number}",
   ofSpread: "of spread {number}",
   distribution: "Distribution",

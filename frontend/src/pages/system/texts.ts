@@ -25,11 +25,11 @@ export const TEXTS = {
   signedInAs: "Signed in as",
   person: "{name} ({role})",
   operator: "In control",
-  nobody: "No one",
+  nobody: "Nobody",
   roundTrip: "Round-trip time",
-  disconnects: "Consecutive disconnects",
+  disconnects: "Consecutive connection failures",
   missedSamples: "Samples missed by this page",
-  interface: "Interface",
+  interface: "HTTP interface",
   faultInjection: "Fault injection",
   developerPage: "Developer page",
   // safety chain
@@ -60,7 +60,7 @@ export const TEXTS = {
   choose: "Choose samples to delete",
   removal: "Delete samples",
   removalHint:
-    "Deletes the samples of the selected runs permanently. The runs stay, with their settings and notes. A backup made before still contains the samples.",
+    "Deletes the samples of the selected runs permanently. The runs stay, with their settings and notes. Earlier backups still contain the samples.",
   columnDelete: "Delete",
   columnRun: "Run",
   columnStarted: "Started",
@@ -103,7 +103,7 @@ export const TEXTS = {
   after: "After [s]",
   captureCount: "Captures",
   arm: "Arm",
-  numbersMissing: "Each box needs a number.",
+  numbersMissing: "Enter a number in each field.",
   armHint: "Saves the samples before and after the first one that meets the condition. Nothing moves.",
   // flight records
   flights: "Flight records",
