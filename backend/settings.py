@@ -39,7 +39,7 @@ def _split_list(given: object) -> object:
 def _check_host_names(given: tuple[str, ...]) -> tuple[str, ...]:
     for name in given:
         if not _HOST_NAME.fullmatch(name) or name.isdigit():
-            raise ValueError(f"{name!r} is not a host name: give names such as rig.lab, without http:// or a port")
+            raise ValueError(f"{name!r} is not a host name: use names such as rig.lab, without http:// or a port")
     return given
 
 
@@ -157,17 +157,17 @@ class Settings(BaseSettings):
         rig = self.plant == PlantKind.RIG
         for given, name in ((self.virtual_card, "virtual_card"), (self.card_address, "card_address")):
             if given and not rig:
-                raise ValueError(f"{name} is about a rig: choose plant rig with it")
+                raise ValueError(f"{name} applies only to a rig: set plant to rig as well")
         if self.virtual_card and self.card_address:
-            raise ValueError("a virtual card has no address: give virtual_card or card_address")
+            raise ValueError("a virtual card has no address: set either virtual_card or card_address")
         if (self.plant == PlantKind.REPLAY) != (self.recording is not None):
-            raise ValueError("a replay plays a recording: give plant replay and recording together")
+            raise ValueError("plant replay and recording require each other: set both")
         return self
 
     @model_validator(mode="after")
     def _check_proxies(self) -> "Settings":
         if self.trusted_proxies and self.public_url is None:
-            raise ValueError("trusted_proxies are those of a public URL: give public_url too, or leave them out")
+            raise ValueError("trusted_proxies requires a public URL: set public_url too, or omit trusted_proxies")
         return self
 
     @property
@@ -204,7 +204,7 @@ class Settings(BaseSettings):
         except (OSError, UnicodeDecodeError) as error:
             raise UnusableSettingError(f"{name}: the file cannot be read: {error}") from None
         if not password:
-            raise UnusableSettingError(f"{name}: the file is empty: put the password into it")
+            raise UnusableSettingError(f"{name}: the file is empty: write the password to it")
         return password
 
 

@@ -191,13 +191,13 @@ class SupervisedTask:
         error = None if task.cancelled() else task.exception()
         if self._ending or (error is None and not task.cancelled()):
             if error is not None:
-                _log.error("%s failed while it ended.", self._part.name, exc_info=error)
+                _log.error("%s failed while it was ending.", self._part.name, exc_info=error)
             self._finished.set()
             return
         try:
             delay_s = self._on_failure(self._part, _describe_cause(error, "it was cancelled"), error)
         except Exception:
-            _log.exception("The supervision could not record that %s failed.", self._part.name)
+            _log.exception("The supervisor could not record that %s failed.", self._part.name)
             delay_s = MAX_RESTART_DELAY_S
         self._restart_timer = self._loop.call_later(delay_s, self._start)
         if self._on_death is not None:
@@ -238,7 +238,7 @@ class SupervisedThread:
             return
         if self._restart_at is None:
             self._restart_at = now + self._on_failure(
-                self._part, _describe_cause(self._error, "it ended without a word"), self._error
+                self._part, _describe_cause(self._error, "it ended without an error message"), self._error
             )
         elif now >= self._restart_at:
             self._error = self._restart_at = None

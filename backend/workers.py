@@ -66,7 +66,9 @@ def forbid_forks() -> None:
 
 def _reject_fork(event: str, _arguments: object) -> None:
     if event in ("os.fork", "os.forkpty"):
-        raise ForkForbiddenError("the service does not fork: its lock, database and sockets would live on in the copy")
+        raise ForkForbiddenError(
+            "the service does not fork: the child process would keep its lock, database and sockets open"
+        )
 
 
 # Libraries -----------------------------------------------------------------------------------------
@@ -146,8 +148,8 @@ class WorkLimitError(SinewError):
 
     def __init__(self, quantity: str, bound: float | None, unit: str, remedy: str) -> None:
         self.quantity, self.bound, self.unit, self.remedy = quantity, bound, unit, remedy
-        allowed = "than there is" if bound is None else f"than the {bound:g} {unit} that are allowed"
-        super().__init__(f"{quantity}: this takes more {allowed}, and was ended: {remedy}")
+        allowed = "than the machine has" if bound is None else f"than the {bound:g} {unit} that it may use"
+        super().__init__(f"{quantity}: the computation needs more {allowed}, and was stopped: {remedy}")
 
     @property
     def fields(self) -> dict[str, Any]:
@@ -201,7 +203,7 @@ class WorkerProcess:
                     self._end(pool)
                     raise
         raise WorkerDiedError(
-            "the process for this computation died twice: check whether the machine is short of memory"
+            "the worker process for this computation died twice: check whether the machine is short of memory"
         )
 
     async def _run_limited(
@@ -485,15 +487,15 @@ def _send_chunks(connection: Connection, work: Callable[..., Iterable[bytes]], a
 # whose cost depends on a person's input has limits of time and memory.
 
 
-_RETRY_NOTE = "What it worked on is done once more."
+_RETRY_NOTE = "The service repeats the interrupted computation once."
 
-DRY_RUN_LIMITS = WorkLimits(600.0, 4_000_000_000, "play a shorter experiment, or play it with `sinew experiment`")
+DRY_RUN_LIMITS = WorkLimits(600.0, 4_000_000_000, "run a shorter experiment, or run it with `sinew experiment`")
 """Limits of a dry run; ten minutes of motion take about one minute."""
 
 TEXT_LIMITS = WorkLimits(30.0, 1_000_000_000, "shorten the text, or split it", NUMERIC_LIBRARIES)
 """Limits of the check of a text; an accepted one takes about a second."""
 
-SHEET_LIMITS = WorkLimits(60.0, 1_000_000_000, "draw fewer curves, or shorter texts", ("typst",))
+SHEET_LIMITS = WorkLimits(60.0, 1_000_000_000, "show fewer curves, or shorten the texts", ("typst",))
 """Limits of the PDF of a chart sheet; the largest takes about a second."""
 
 REPORT_LIMITS = WorkLimits(1800.0, None, "report fewer runs, or shorter ones")
@@ -518,13 +520,13 @@ class WorkerProcesses:
         def create_worker(
             works: str, niceness: int = BACKGROUND_NICENESS, limits: WorkLimits | None = None
         ) -> WorkerProcess:
-            part = Part(f"The process for {works}", _RETRY_NOTE)
+            part = Part(f"The worker process for {works}", _RETRY_NOTE)
             return WorkerProcess(partial(supervision.record_failure, part), niceness, limits)
 
         self.computing = create_worker("results and banks", niceness=0)
         self.evaluations = create_worker("evaluations of stored runs", limits=EVALUATION_LIMITS)
         self.reports = create_worker("reports and exports", limits=REPORT_LIMITS)
-        self.sheets = create_worker("sheets of charts", limits=SHEET_LIMITS)
+        self.sheets = create_worker("chart sheets", limits=SHEET_LIMITS)
         self.dry_runs = create_worker("dry runs", limits=DRY_RUN_LIMITS)
         self.texts = create_worker("texts of operators", niceness=0, limits=TEXT_LIMITS)
         self.viewers_texts = create_worker("texts of viewers", limits=TEXT_LIMITS)

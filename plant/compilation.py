@@ -75,7 +75,7 @@ def _cache_folder() -> Path | None:
     """
     name = f"compiled-{_digest_of_sources()}"
     preferred, fallback = list(_list_preferred_folders()), list(_list_fallback_folders())
-    names = ", ".join(map(str, preferred)) or "a cache folder of an account without a home"
+    names = ", ".join(map(str, preferred)) or "The cache folder of an account without a home folder"
     for parent in (*preferred, *fallback):
         folder = parent / name
         if _prepare_folder(folder):
@@ -160,7 +160,7 @@ def _digest_of_sources() -> str:
 CACHE = _cache_folder()
 numba.config.CACHE_DIR = str(CACHE or "")
 if numba.config.DISABLE_JIT:
-    raise InterpretedError("NUMBA_DISABLE_JIT is set, but the control laws run as machine code only: unset it")
+    raise InterpretedError("NUMBA_DISABLE_JIT is set, but the control laws run only as compiled code: unset it")
 
 
 # A dictionary, because numba's own types lack "_nrt": the runtime that allocates arrays and counts references.
@@ -436,7 +436,7 @@ def _describe_type(kind: Any, at: int, leaves: list[tuple[int, str]]) -> tuple[_
         return _describe_array(kind, at, leaves)
     if isinstance(kind, types.BaseTuple):
         return _describe_tuple(kind, at, leaves)
-    raise TypeError(f"a cell has no place for {kind}")
+    raise TypeError(f"a cell cannot store a value of type {kind}")
 
 
 def _describe_array(kind: Any, at: int, leaves: list[tuple[int, str]]) -> tuple[_Flat, _Build]:
@@ -445,7 +445,7 @@ def _describe_array(kind: Any, at: int, leaves: list[tuple[int, str]]) -> tuple[
 
     def flatten(value: Any, found: list[object], arrays: _Arrays, offset: int) -> None:
         if typeof(value) != kind:
-            raise struct.error(f"an array of {typeof(value)} where {kind} has a place")
+            raise struct.error(f"an array of {typeof(value)} where {kind} is expected")
         arrays[offset + at] = value
         found += [0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides]
 
@@ -463,7 +463,7 @@ def _describe_tuple(kind: Any, at: int, leaves: list[tuple[int, str]]) -> tuple[
 
     def flatten(value: Any, found: list[object], arrays: _Arrays, offset: int) -> None:
         if len(value) != len(parts):
-            raise struct.error(f"{value} is not like what the cell was made for")
+            raise struct.error(f"{value} does not have the structure that the cell was created for")
         for (part, _), inner in zip(parts, value, strict=True):
             part(inner, found, arrays, offset)
 

@@ -141,28 +141,30 @@ def freeze_garbage() -> Iterator[None]:
 def require_driving_voltage(subject: Subject) -> float:
     """Return the permitted voltage [V]. Raises NotTriedError if there is none."""
     if not subject.answers:
-        raise NotTriedError("written voltages have no effect, as it states")
+        raise NotTriedError("written voltages have no effect on this plant")
     if subject.voltage <= 0.0:
-        raise NotTriedError("it would move: allow it a small voltage")
+        raise NotTriedError("the plant would move: permit a small voltage")
     return subject.voltage
 
 
 def check_reading(plant: Plant, m: Measurement, parameters: PlantParameters) -> None:
     """Raise RequirementError for a reading that is impossible with these parameters."""
-    require(isinstance(m, Measurement), f"read gave a {type(m).__name__}, it must be a Measurement")
+    require(isinstance(m, Measurement), f"read returned a {type(m).__name__}, but must return a Measurement")
     wrong = [name for name, value in zip(m._fields, m, strict=True) if not isinstance(value, float)]
     require(not wrong, f"no floats: {', '.join(wrong)}")
     reported = {name: value for name, value in zip(m._fields, m, strict=True) if name not in ("S_true", "F_wall")}
     missing = [name for name, value in reported.items() if not math.isfinite(value)]
-    require(not missing, f"no finite number: {', '.join(missing)}")
+    require(not missing, f"not finite: {', '.join(missing)}")
     q_max, F_max = parameters.geometry.q_max, parameters.safety.F_max
     require(abs(m.q) <= 1.1 * q_max, f"q = {m.q:g}, beyond {Angle(q_max):.3g}: is it in rad?")
     for name, F in (("F_A", m.F_A), ("F_B", m.F_B)):
         require(-0.1 * F_max <= F <= F_max, f"{name} = {F:g}, outside 0 to {F_max:g} N: is it in N, and tared?")
     for name, theta in (("theta_A", m.theta_A), ("theta_B", m.theta_B)):
         require(abs(theta) <= 100.0, f"{name} = {theta:g}, beyond {Angle(100.0)}: is it in rad at the gearbox outlet?")
-    require(m.safety_trip in (0.0, 1.0), f"safety_trip = {m.safety_trip:g}, it must be 0 or 1")
-    require(len(plant.raw) == len(RawReading._fields), "raw must be a RawReading, of nan without a card")
+    require(m.safety_trip in (0.0, 1.0), f"safety_trip = {m.safety_trip:g}, but must be 0 or 1")
+    require(
+        len(plant.raw) == len(RawReading._fields), "raw must be a RawReading, with nan values if the plant has no card"
+    )
 
 
 def drive(plant: Plant, command: MotorCommand, ticks: int) -> Measurement:
@@ -202,14 +204,17 @@ DRIVE_TICKS = 300
 MOVED_RAD = 1e-3
 
 
-@requirement("It has all parts of the Plant protocol, each of the type that the protocol gives.")
+@requirement("It has all parts of the Plant protocol, each with the type that the protocol declares.")
 def _is_a_plant(subject: Subject) -> str:
     plant = subject.make()
     require(not find_missing_parts(plant), f"it has no {find_missing_parts(plant)}")
     for name in ("paces_loop", "stepped", "pushes", "loads_shafts"):
         require(isinstance(getattr(plant, name), bool), f"{name} must be True or False")
     limit_s = plant.unattended_max_s
-    require(isinstance(limit_s, float) and T_s < limit_s < math.inf, f"unattended_max_s = {limit_s}: give seconds")
+    require(
+        isinstance(limit_s, float) and T_s < limit_s < math.inf,
+        f"unattended_max_s = {limit_s}: give a finite time in seconds, longer than a period",
+    )
     require(isinstance(plant.unready, str), "unready must be a sentence, empty if the plant may be controlled")
     require(not (plant.stepped and plant.paces_loop), "stepped and paces_loop: only one of them may be True")
     return f"may run unattended for {1e3 * limit_s:g} ms"
@@ -233,7 +238,9 @@ def _opens_at_rest(subject: Subject) -> None:
             require_at_rest(first, plant.read())
 
 
-@requirement("It can be read before the first write, in rad and N, with finite numbers that its parameters allow.")
+@requirement(
+    "It can be read before the first write, in rad and N, with finite numbers within the bounds of its parameters."
+)
 def _reads_in_si(subject: Subject) -> str:
     with open_subject(subject) as plant:
         m = plant.read()
@@ -242,7 +249,7 @@ def _reads_in_si(subject: Subject) -> str:
     return f"q = {Angle(m.q):.4g}, F_A = {Quantity(m.F_A, 'N'):.3g}, F_B = {Quantity(m.F_B, 'N'):.3g}"
 
 
-@requirement("At zero volts joint and motors stay where they are, and every reading of a second is in order.")
+@requirement("At zero volts joint and motors stay at rest, and every reading within one second is plausible.")
 def _rests_at_zero_volts(subject: Subject) -> None:
     with open_subject(subject) as plant:
         first = plant.read()
@@ -254,7 +261,10 @@ def _rests_at_zero_volts(subject: Subject) -> None:
                 require_at_rest(first, m)
 
 
-@requirement("A positive voltage winds its own motor up: its angle grows, and the other motor's does not.")
+@requirement(
+    "A positive voltage turns its own motor in the winding direction: the angle of this motor "
+    "rises, and that of the other motor does not."
+)
 def _a_voltage_acts(subject: Subject) -> str:
     volts = require_driving_voltage(subject)
     moved = []
@@ -265,30 +275,38 @@ def _a_voltage_acts(subject: Subject) -> str:
         turned = last.theta_A - first.theta_A, last.theta_B - first.theta_B
         own, other = turned[side], turned[1 - side]
         letter = "AB"[side]
-        require(own > MOVED_RAD, f"{volts:g} V on motor {letter} turned it by {Angle(own):.2g}: sign, or too little?")
-        require(abs(other) < own, f"{volts:g} V on motor {letter} turned the other one by {Angle(other):.2g}: swapped?")
+        require(
+            own > MOVED_RAD,
+            f"{volts:g} V on motor {letter} turned it by {Angle(own):.2g}: is the sign wrong, or the voltage too low?",
+        )
+        require(
+            abs(other) < own,
+            f"{volts:g} V on motor {letter} turned the other one by {Angle(other):.2g}: are the motors swapped?",
+        )
         moved.append(f"{letter} by {Angle(own):.3g}")
     return f"{volts:g} V turned {', '.join(moved)}"
 
 
-@requirement("A written voltage acts from the next period on: without a write, a stepped plant reads the same again.")
+@requirement(
+    "A written voltage acts from the next period on: without a write, a stepped plant returns the same reading again."
+)
 def _a_write_counts_from_the_next_reading(subject: Subject) -> None:
     volts = require_driving_voltage(subject)
     with open_subject(subject) as plant:
         if not plant.stepped:
-            raise NotTriedError("it moves with the clock, not with the writes")
+            raise NotTriedError("the plant is not stepped: it moves with the clock, not with the writes")
         m = drive(plant, MotorCommand(volts, volts), DRIVE_TICKS)
         again = plant.read()
         require(again[:3] == m[:3], f"it moved between two readings without a write: {m[:3]} to {again[:3]}")
 
 
-@requirement("Voltages beyond the outputs' range are refused with a PlantError or held at the range.")
+@requirement("Voltages beyond the outputs' range are refused with a PlantError or limited to the range.")
 def _keeps_to_its_voltages(subject: Subject) -> str:
     require_driving_voltage(subject)
     u_max = subject.parameters.motor.u_max
     with open_subject(subject) as plant:
         if not plant.stepped:
-            raise NotTriedError("a plant that really moves is not driven at full voltage")
+            raise NotTriedError("a plant that moves in real time is not driven at full voltage")
         at_bound = drive(plant, MotorCommand(u_max, u_max), 20)
     with open_subject(subject) as plant:
         try:
@@ -297,7 +315,7 @@ def _keeps_to_its_voltages(subject: Subject) -> str:
             return f"refused: {error}"
     for excess in (beyond.theta_A - at_bound.theta_A, beyond.theta_B - at_bound.theta_B):
         require(excess < MOVED_RAD, f"at {100.0 * u_max:g} V it moved {Angle(excess):.2g} further than at {u_max:g} V")
-    return f"held at {u_max:g} V"
+    return f"limited to {u_max:g} V"
 
 
 @requirement(
@@ -318,11 +336,12 @@ def _no_number_is_no_voltage(subject: Subject) -> str:
                 if subject.answers:
                     require_at_rest(first, m)
                 plant.write(ZERO_VOLTS)
-    return outcomes[0] if outcomes else "taken for zero volts"
+    return outcomes[0] if outcomes else "replaced by zero volts"
 
 
 @requirement(
-    "It refuses unsupported operations (zero, push, load, break) with a PlantError; pushes and loads_shafts are true."
+    "It refuses unsupported operations (zero, push, load, inject) with a PlantError; pushes and "
+    "loads_shafts agree with what it supports."
 )
 def _refuses_in_a_sentence(subject: Subject) -> str:
     refused = []
@@ -338,7 +357,7 @@ def _refuses_in_a_sentence(subject: Subject) -> str:
             try:
                 attempt()
             except PlantError as error:
-                require(str(error).strip() != "", f"{name} is refused without a word")
+                require(str(error).strip() != "", f"{name} is refused without a message")
                 refused.append(name)
         for name, attribute, is_able in (
             ("push", "pushes", plant.pushes),
@@ -346,10 +365,10 @@ def _refuses_in_a_sentence(subject: Subject) -> str:
         ):
             require((name in refused) != is_able, f"{attribute} is {is_able}: {name} contradicts it")
         check_reading(plant, plant.read(), subject.parameters)
-    return f"refuses {', '.join(refused)}" if refused else "can do all of them"
+    return f"refuses {', '.join(refused)}" if refused else "supports all of them"
 
 
-@requirement("Without a trip there is something to read after an acknowledgement, and no reason to refuse it.")
+@requirement("Without a trip, it accepts an acknowledgement and can be read afterwards.")
 def _can_be_acknowledged(subject: Subject) -> None:
     with open_subject(subject) as plant:
         if plant.read().safety_trip:
@@ -359,7 +378,9 @@ def _can_be_acknowledged(subject: Subject) -> None:
         check_reading(plant, plant.read(), subject.parameters)
 
 
-@requirement("It may be closed twice and releases its resources: it and another one can be opened afterwards.")
+@requirement(
+    "It may be closed twice and releases its resources: the same plant and a new one can be opened afterwards."
+)
 def _closes_twice_and_opens_again(subject: Subject) -> None:
     plant = subject.make()
     plant.open()
@@ -380,7 +401,8 @@ def _closes_unopened(subject: Subject) -> None:
 
 
 @requirement(
-    "A plant that paces the loop gives no reading before it is due; any other reads and writes well within 1 ms."
+    "A plant that paces the loop returns no reading before it is due; any other plant completes a read "
+    "and a write within 1 ms."
 )
 def _keeps_the_time(subject: Subject) -> str:
     with open_subject(subject) as plant:
@@ -393,13 +415,13 @@ def _keeps_the_time(subject: Subject) -> str:
             took_s.append(time.perf_counter() - begun_s)
     whole_s, usual_s, due_s = sum(took_s), median(took_s), len(took_s) * T_s
     if paces:
-        require(whole_s > 0.9 * due_s, f"{len(took_s)} readings came within {whole_s:.3f} s, before they were due")
+        require(whole_s > 0.9 * due_s, f"{len(took_s)} readings arrived within {whole_s:.3f} s, before they were due")
         return f"{len(took_s)} ticks took {whole_s:.3f} s"
     require(usual_s < T_s, f"a reading and a write take {1e3 * usual_s:.2f} ms, longer than a period")
     return f"a reading and a write take {1e6 * usual_s:.0f} µs (median)"
 
 
-@requirement("Over 10 000 ticks at zero volts it needs no more memory from tick to tick.")
+@requirement("Its memory use does not grow over 10 000 ticks at zero volts.")
 def _keeps_nothing_of_a_tick(subject: Subject) -> str:
     whole = subject.ticks(WARM_UP_TICKS + LONG_TICKS)
     warm_up = min(WARM_UP_TICKS, whole // 4)
@@ -412,19 +434,19 @@ def _keeps_nothing_of_a_tick(subject: Subject) -> str:
             plant.read()
             plant.write(ZERO_VOLTS)
         grown = sys.getallocatedblocks() - before
-    require(grown < GROWTH_BLOCKS, f"{grown} blocks of memory more after {whole - warm_up} ticks")
+    require(grown < GROWTH_BLOCKS, f"{grown} more memory blocks after {whole - warm_up} ticks")
     return f"{whole - warm_up} ticks"
 
 
-@requirement("A stepped plant made with the same seed does the same again, to the last bit.")
+@requirement("A stepped plant created again with the same seed repeats its readings bit for bit.")
 def _repeats(subject: Subject) -> None:
     runs = []
     for _ in range(2):
         with open_subject(subject) as plant:
             if not plant.stepped:
-                raise NotTriedError("it moves with the clock, not with the writes")
+                raise NotTriedError("the plant is not stepped: it moves with the clock, not with the writes")
             runs.append([drive(plant, MotorCommand(subject.voltage, 0.0), 1)[:5] for _ in range(subject.ticks(100))])
-    require(runs[0] == runs[1], "the second time it read otherwise")
+    require(runs[0] == runs[1], "the second execution returned different readings")
 
 
 CHECKS: tuple[Check, ...] = (
@@ -460,5 +482,5 @@ def run_contract(subject: Subject, checks: tuple[Check, ...] = CHECKS) -> Iterat
         except PlantError as error:
             outcome, seen = CheckOutcome.BROKEN, f"it failed: {error}"
         except Exception as error:
-            outcome, seen = CheckOutcome.BROKEN, f"{type(error).__name__} in place of a PlantError: {error}"
+            outcome, seen = CheckOutcome.BROKEN, f"{type(error).__name__} instead of a PlantError: {error}"
         yield CheckFinding(check.name, check.sentence, outcome, seen)

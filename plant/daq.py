@@ -192,7 +192,7 @@ class Daq:
                 self.has_expired, self.drives_on = True, False
                 limit_s = self._wiring.card.watchdog_s
                 raise WatchdogExpiredError(
-                    f"the card's watchdog heard nothing for {limit_s:g} s and cut the drives"
+                    f"the card's watchdog received no write for {limit_s:g} s and disabled the drives"
                 ) from error
             _raise_plant_error(error)
         except _FAILED as error:
@@ -297,7 +297,8 @@ def _disable_checks(stream: _Stream) -> _Stream:
 def _raise_plant_error(error: Exception) -> NoReturn:
     if isinstance(error, (DaqNotFoundError, DaqNotSupportedError)):
         raise PlantError(
-            "NI's driver is not on this machine: install NI-DAQmx from ni.com, or name a device server's --card-address"
+            "NI's driver is not installed on this machine: install NI-DAQmx from ni.com, or give the "
+            "address of a device server with --card-address"
         ) from error
     text = " ".join(str(error).split())
     raise PlantError(f"NI-DAQmx: {text}") from error

@@ -45,7 +45,7 @@ class DeviceServer:
         except grpc.FutureTimeoutError:
             channel.close()
             raise PlantError(
-                f"nothing answers at {self.address} within {CONNECTED_S:g} s: start NI's gRPC device "
+                f"no server answers at {self.address} within {CONNECTED_S:g} s: start NI's gRPC device "
                 "server there, and check address and firewall"
             ) from None
         return channel

@@ -313,7 +313,8 @@ def spring_elongation(spring: Spring, F: float) -> float:
     """
     if not 0.0 < F <= spring.F_solid:
         raise ValueError(
-            f"tension {F:g} N is outside 0-{spring.F_solid:.1f} N, where the spring is neither slack nor solid"
+            f"tension {F:g} N is outside 0-{spring.F_solid:.1f} N, where the spring is neither slack nor "
+            f"fully compressed"
         )
     return find_root(lambda x: spring_polynomial(spring, x) - F, spring.x_slack, spring.x_solid)
 
@@ -452,19 +453,26 @@ def require_possible_wall(obstacle: Obstacle, joint: Joint, F_max: float, q_max:
     The integration has steps of ``step_s`` [s].
     """
     if obstacle.side not in (-1.0, 1.0):
-        raise PlantError(f"side of the wall: {obstacle.side:g} is neither 1 (above q_wall) nor -1 (below it)")
+        raise PlantError(f"side of the obstacle: {obstacle.side:g} is neither 1 (above q_wall) nor -1 (below it)")
     k_max, c_max = largest_wall_stiffness(joint, step_s), largest_wall_damping(joint, F_max, step_s)
     for words, value, low, high, unit, remedy in (
-        ("angle of the wall", obstacle.q_wall, -q_max, q_max, "rad", "the safety module stops the joint there"),
+        ("angle of the obstacle", obstacle.q_wall, -q_max, q_max, "rad", "the safety module trips beyond these angles"),
         (
-            "stiffness of the wall",
+            "stiffness of the obstacle",
             obstacle.k_wall,
             K_LEAST,
             k_max,
             "N/m",
-            "the simulator's steps resolve no stiffer one",
+            "the integration steps of the simulator do not resolve a stiffer obstacle",
         ),
-        ("damping of the wall", obstacle.c_wall, 0.0, c_max, "s/m", "the simulator's steps resolve no stronger one"),
+        (
+            "damping of the obstacle",
+            obstacle.c_wall,
+            0.0,
+            c_max,
+            "s/m",
+            "the integration steps of the simulator do not resolve a stronger damping",
+        ),
     ):
         if not (math.isfinite(value) and low <= value <= high):
             raise PlantError(f"{words}: {Quantity(value, unit):g} is outside {Quantity(low, unit, high)}; {remedy}")
@@ -478,8 +486,8 @@ def require_free(obstacle: Obstacle, q: float) -> None:
     if not obstacle.side * (q - obstacle.q_wall) <= 0.0:
         where = "above" if obstacle.side < 0.0 else "below"
         raise PlantError(
-            f"the joint is at {Angle(q):.4g}, in a wall at {Angle(obstacle.q_wall):.4g}: bring it "
-            f"{where} that first, or place the wall elsewhere"
+            f"the joint is at {Angle(q):.4g}, inside the obstacle at {Angle(obstacle.q_wall):.4g}: move it "
+            f"{where} that angle first, or place the obstacle elsewhere"
         )
 
 

@@ -53,24 +53,26 @@ def load_maker(name: str) -> Maker:
     entries = known_plants.get(name, [])
     if not entries or name in {str(kind) for kind in PlantKind}:
         others = (
-            f"and of installed packages {', '.join(known_plants)}"
+            f"and from installed packages {', '.join(known_plants)}"
             if known_plants
-            else "no installed package brings another"
+            else "no installed package provides another"
         )
-        raise PlantError(f"there is no plant {name}: there are simulator, rig and replay, {others}")
+        raise PlantError(f"there is no plant {name}: known are simulator, rig and replay, {others}")
     if len(entries) > 1:
         packages = ", ".join(_package(entry) for entry in entries)
-        raise PlantError(f"more than one package brings a plant {name}: {packages}; uninstall all but one")
+        raise PlantError(f"more than one package provides a plant {name}: {packages}; uninstall all but one")
     try:
         maker: Any = entries[0].load()
     except Exception as error:
         raise _make_entry_error(entries[0], "cannot be imported", error) from error
     if len(name) > NAME_MAX:
         short = f"{name[:20]}..."
-        raise PlantError(f"the plant {short} has a name of {len(name)} characters, {NAME_MAX} are the most: shorten it")
+        raise PlantError(
+            f"the plant {short} has a name of {len(name)} characters, {NAME_MAX} are the maximum: shorten it"
+        )
     if not callable(maker):
         raise PlantError(
-            f"{_describe_entry(entries[0])}: {entries[0].value} must be callable, it is {_describe_type(maker)}"
+            f"{_describe_entry(entries[0])}: {entries[0].value} must be callable, but is {_describe_type(maker)}"
         )
     return cast(Maker, maker)
 
@@ -84,7 +86,7 @@ def make_package_plant(name: str, parameters: PlantParameters, seed: int) -> Pla
     except PlantError:
         raise
     except Exception as error:
-        raise _make_entry_error(entry, "cannot be made", error) from error
+        raise _make_entry_error(entry, "cannot be created", error) from error
     missing = find_missing_parts(plant)
     if missing:
         raise PlantError(
@@ -122,7 +124,7 @@ def _describe_type(plant: object) -> str:
 
 
 _NEEDS_EXTRA = (
-    "driving a card needs NI's Python package, which is not installed: install Sinew with its extra rig, "
+    "a card requires NI's Python package, which is not installed: install Sinew with its extra rig, "
     "`make run EXTRAS=rig` or pip install 'sinew[rig]'"
 )
 

@@ -150,7 +150,7 @@ class PlantError(SinewError):
 def require_numbers(command: MotorCommand) -> None:
     """Raise PlantError for a voltage that is not finite: no output can represent it."""
     if not math.isfinite(command.u_A + command.u_B):
-        raise PlantError(f"voltages of {command.u_A:g} and {command.u_B:g} V: both have to be numbers")
+        raise PlantError(f"voltages of {command.u_A:g} and {command.u_B:g} V: both must be finite numbers")
 
 
 class Plant(Protocol):

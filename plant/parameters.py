@@ -275,16 +275,16 @@ def require_stiction(label: str, motor: MotorParameters, *, is_given: bool) -> N
         others = [name for name in _COMPANIONS if getattr(motor, name) != 0.0]
         if others and not is_given:
             raise ParameterError(
-                f"{label}.sigma_0 is missing, and {' and '.join(others)} need it: give it, 0 for "
-                "smoothed Coulomb friction"
+                f"{label}.sigma_0 is missing, and {' and '.join(others)} require it: set it, to 0 for "
+                f"smoothed Coulomb friction"
             )
         return
     for name in ("stiction_ratio", "omega_s"):
         if getattr(motor, name) == 0.0:
-            raise ParameterError(f"{label}.{name} is missing: with sigma_0 above 0 friction sticks, and needs it")
+            raise ParameterError(f"{label}.{name} is missing: static friction (sigma_0 above 0) requires it")
     if motor.c0 == 0.0:
         raise ParameterError(
-            f"{label}.c0 = 0 N·m with sigma_0 above 0: a slack tendon leaves nothing to stick by, give c0 above 0"
+            f"{label}.c0 = 0 N·m with sigma_0 above 0: static friction would vanish with a slack tendon; set c0 above 0"
         )
     _require_resolved_stiction(label, motor)
 
@@ -295,8 +295,9 @@ def _require_resolved_stiction(label: str, motor: MotorParameters) -> None:
     for name, rate in (("sigma_0", math.sqrt(motor.sigma_0 / J_m)), ("sigma_1", motor.sigma_1 / J_m)):
         if rate > rate_max:
             raise ParameterError(
-                f"{label}.{name} = {getattr(motor, name):g} on a motor of {J_m:.3g} kg·m² is {rate:.3g}/s fast, above "
-                f"the {rate_max:g}/s that the simulator's steps resolve: lower it"
+                f"{label}.{name} = {getattr(motor, name):g} on a motor of {J_m:.3g} kg·m² gives a rate "
+                f"of {rate:.3g}/s, above the {rate_max:g}/s that the integration steps of the simulator "
+                f"resolve: reduce it"
             )
 
 
@@ -430,8 +431,8 @@ def load_parameters(name_or_path: str | Path) -> PlantParameters:
         raise ParameterError(f"{path.name} is not a TOML file: {error}") from error
     if len(path.stem) > FILE_NAME_MAX:
         raise ParameterError(
-            f"the name of the file {path.stem[:40]}... has {len(path.stem)} characters, {FILE_NAME_MAX} are the most: "
-            "rename the file"
+            f"the name of the file {path.stem[:40]}... has {len(path.stem)} characters, {FILE_NAME_MAX} "
+            f"are the maximum: rename the file"
         )
     return parse_parameters(path.stem, document, path.name)
 
@@ -483,7 +484,7 @@ def _check(file: str, parameters: PlantParameters) -> None:
             label = f"{file}: {section}_{side}" if f"{section}_{side}" in parameters.sided else f"{file}: {section}"
             known = parameters.select_spring(side) if section == "spring" else parameters.select_identified(side)
             if bool(known.k) == bool(known.points):
-                raise ParameterError(f"{label} must give the spring once, by the polynomial k or by points")
+                raise ParameterError(f"{label} must define the spring either by the polynomial k or by points")
             if known.k and not 3 <= len(known.k) <= 6:
                 raise ParameterError(f"{label}.k has {len(known.k)} coefficients: give 3 to 6, for an order of 2 to 5")
             try:

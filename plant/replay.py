@@ -91,7 +91,7 @@ def _read_recording(path: Path) -> RecordedSamples:
     columns = {name: _read_column(path, table, name, unit) for name, unit in UNITS.items()}
     rows = columns["t"].size
     if rows < 2:
-        raise _make_replay_error(path, f"it holds {rows} samples: two are the least")
+        raise _make_replay_error(path, f"it holds {rows} samples, but at least two are required")
     for name in FURTHER:
         default = 0.0 if name in ("F_push", "fault") else np.nan
         columns[name] = _read_column(path, table, name) if name in table.column_names else np.full(rows, default)
@@ -139,14 +139,14 @@ def _read_column(path: Path, table: Any, name: str, unit: str = "") -> Signal:
         missing = f"{name} [{unit}]"
         raise _make_replay_error(path, f"there is no column {missing}; the file has {', '.join(table.column_names)}")
     if table.column_names.count(name) > 1:
-        raise _make_replay_error(path, f"there are two columns {name}: leave one")
+        raise _make_replay_error(path, f"there is more than one column {name}: keep only one")
     unit_found = (table.schema.field(name).metadata or {}).get(b"unit", unit.encode()).decode()
     if unit and unit_found != unit:
-        raise _make_replay_error(path, f"the column {name} is in {unit_found}, it must be in {unit}")
+        raise _make_replay_error(path, f"the column {name} is in {unit_found}, but must be in {unit}")
     try:
         values = table.column(name).cast(pa.float64()).to_numpy()
     except pa.ArrowInvalid:
-        raise _make_replay_error(path, f"the column {name} holds something else than numbers") from None
+        raise _make_replay_error(path, f"the column {name} contains values that are not numbers") from None
     return np.asarray(values, dtype=np.float64)
 
 
@@ -168,14 +168,14 @@ def _check_times(path: Path, t: Signal) -> None:
     steps = np.diff(t)
     period = float(np.median(steps))
     if abs(period - T_s) > _JITTER * T_s:
-        raise _make_replay_error(path, f"its period is {1e3 * period:g} ms, it must be {1e3 * T_s:g} ms")
+        raise _make_replay_error(path, f"its period is {1e3 * period:g} ms, but must be {1e3 * T_s:g} ms")
     is_irregular = np.abs(steps - T_s) > _JITTER * T_s
     if np.any(is_irregular):
         at = int(np.argmax(is_irregular))
         raise _make_replay_error(
             path,
-            f"after t = {t[at]:.3f} s the next sample comes {1e3 * steps[at]:g} ms later: samples are missing there, "
-            "cut the file to one side of it",
+            f"after t = {t[at]:.3f} s the next sample comes {1e3 * steps[at]:g} ms later: samples are "
+            f"missing there; use only the part of the file before or after the gap",
         )
 
 
@@ -208,7 +208,7 @@ def _check_values(path: Path, columns: dict[str, Signal]) -> None:
 SAFETY_MODULE = 12.0
 """Code of the safety module's trip in the column ``fault``."""
 
-_REFUSED = "a recording is what it is: nothing can {} in it; choose the simulator for that"
+_REFUSED = "the plant is a replay: nothing can {} in it; use the simulator for that"
 
 
 class ReplayDifference(NamedTuple):
@@ -299,11 +299,11 @@ class Replay:
 
     def inject(self, injected_fault: InjectedFault | None) -> None:
         """Raise PlantError: faults cannot be injected into a recording."""
-        raise PlantError(_REFUSED.format("be broken"))
+        raise PlantError(_REFUSED.format("fail on request"))
 
     def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:
         """Raise PlantError: a recording has its zeros."""
-        raise PlantError("a recording has its zeros: there is nothing to set in it")
+        raise PlantError("a recording contains its zeros: they cannot be set")
 
     def acknowledge(self) -> None:
         """Replay from the first sample."""

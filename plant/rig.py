@@ -140,7 +140,7 @@ class Rig:
 
     def _require_drive_enable(self, *, on: bool) -> None:
         if self._daq.is_enabled is not on:
-            failure = f"did not go {'on' if on else 'off'}"
+            failure = f"did not switch {'on' if on else 'off'}"
             raise PlantError(f"the drive-enable line {failure}: keep clear of the rig and check its other connections")
 
     def open(self) -> None:
@@ -198,13 +198,13 @@ class Rig:
         cycle_ms, worst_ms = 1e3 * statistics.median(cycles_s), 1e3 * max(cycles_s)
         if cycle_ms > 1e3 * CYCLE_MAX_S:
             where, remedy = (
-                (f"through the device server at {self._server}", "run Sinew on the machine with the card")
+                (f"through the device server at {self._server}", "run Sinew on the machine that contains the card")
                 if self._server
-                else ("at this card", "close other programs, or take a card in a PCIe slot: one at USB is too slow")
+                else ("with this card", "close other programs, or use a PCIe card: a USB card is too slow")
             )
             raise PlantError(
                 f"reading and writing {where} takes {cycle_ms:.2f} ms (median of {TRIED_CYCLES} cycles at zero volts, "
-                f"at most {worst_ms:.2f} ms), and 1 kHz leaves {1e3 * CYCLE_MAX_S:g} ms for it: {remedy}"
+                f"at most {worst_ms:.2f} ms), but 1 kHz leaves {1e3 * CYCLE_MAX_S:g} ms for it: {remedy}"
             )
         self.description += f", {cycle_ms:.2f} ms to read and write"
 
@@ -284,11 +284,11 @@ class Rig:
 
     def load(self, load: ShaftLoad) -> None:
         """Raise PlantError: the rig cannot load its shafts."""
-        raise PlantError("a rig cannot load its motors' shafts: simulate it as a dry run")
+        raise PlantError("a rig cannot load its motor shafts: simulate the experiment as a dry run")
 
     def inject(self, injected_fault: InjectedFault | None) -> None:
         """Raise PlantError: faults are not injected into a rig."""
-        raise PlantError("nothing of a rig is broken to order: try it on the simulator or on the virtual card")
+        raise PlantError("faults cannot be injected into a rig: use the simulator or the virtual card")
 
     def acknowledge(self) -> None:
         """Restart the watchdog; enable the drives unless they are switched off.

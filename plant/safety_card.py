@@ -163,8 +163,8 @@ class Card:
         if not has_cut:
             self.disarm()
             raise PlantError(
-                f"the card's watchdog did not take the drive-enable line away within {WATCHDOG_S:g} s when it was "
-                "tried: the drives stay off; start the loop again, and do not go on if this comes back"
+                f"the card's watchdog did not disable the drives within {WATCHDOG_S:g} s in the proof "
+                f"test: the drives stay off; restart the control loop, and do not continue if this recurs"
             )
         self.rearm()
 
@@ -174,7 +174,7 @@ class Card:
         Raises PlantError if the watchdog is dead.
         """
         if self._words[_DEAD]:
-            raise PlantError("the card's watchdog has died: restart the loop process, which starts a new one")
+            raise PlantError("the card's watchdog has died: restart the control loop, which starts a new watchdog")
         self._words[_U_A] = self._words[_U_B] = 0.0
         self._words[_EXPIRED] = 0.0
         self._words[_ENABLED] = 1.0
@@ -182,7 +182,9 @@ class Card:
     def _await_watchdog(self) -> None:
         if self._watchdog is not None and not self._wait_until(lambda: self._words[_POLLS] > 0.0, _START_TIMEOUT_S):
             self.disarm()
-            raise PlantError(f"the card's watchdog did not start within {_START_TIMEOUT_S:g} s: start the loop again")
+            raise PlantError(
+                f"the card's watchdog did not start within {_START_TIMEOUT_S:g} s: restart the control loop"
+            )
 
     @staticmethod
     def _wait_until(reached: Callable[[], bool], within_s: float) -> bool:
@@ -215,10 +217,10 @@ class Card:
             words[_ENABLED] = words[_U_A] = words[_U_B] = 0.0
             words[_DEAD] = 1.0
         if words[_DEAD]:
-            raise WatchdogDeadError(f"the card's watchdog was not seen for {WATCHDOG_S:g} s: the drives are off")
+            raise WatchdogDeadError(f"the card's watchdog did not respond for {WATCHDOG_S:g} s: the drives are off")
         if words[_EXPIRED]:
             raise WatchdogExpiredError(
-                f"the card's watchdog heard nothing for {words[_LIMIT_S]:g} s and cut the drives"
+                f"the card's watchdog received no write for {words[_LIMIT_S]:g} s and disabled the drives"
             )
 
     def set_outputs(self, command: MotorCommand) -> None:

@@ -90,7 +90,7 @@ class FaultInjector:
         """Return a measurement with the fault applied. Raises PlantError."""
         kind, sensor = self._injected_fault.kind, self._injected_fault.sensor
         if kind is InjectedFaultKind.READ_ERROR:
-            raise PlantError("the readings do not arrive (injected)")
+            raise PlantError("the sensors cannot be read (injected)")
         if kind not in ON_SENSORS:
             return m
         self._ticks += 1
@@ -496,7 +496,8 @@ class Simulator:
         """
         if not all(0.0 <= torque < math.inf for torque in load):
             raise PlantError(
-                f"loads of {load.load_A:g} and {load.load_B:g} N·m: loads pull as tendons do, from 0 N·m on"
+                f"loads of {load.load_A:g} and {load.load_B:g} N·m: a load pulls like a tendon and must "
+                f"be at least 0 N·m"
             )
         self.simulated.field("load").set(ShaftLoad(float(load.load_A), float(load.load_B)))
 
@@ -519,7 +520,7 @@ class Simulator:
         Raises PlantError for a fault that only a card has.
         """
         if injected_fault is not None and injected_fault.kind in ONLY_OF_A_CARD:
-            raise PlantError(f"{injected_fault.words}: only a card has that, try it with --plant rig --virtual-card")
+            raise PlantError(f"{injected_fault.words}: this fault requires a card, use --plant rig --virtual-card")
         self._fault_injector = None if injected_fault is None else FaultInjector(injected_fault)
         if injected_fault is not None and injected_fault.kind is InjectedFaultKind.SAFETY_TRIP:
             self._trips(tripped=True)
@@ -532,7 +533,7 @@ class Simulator:
 
     def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:
         """Raise PlantError: the simulator knows its positions."""
-        raise PlantError("the simulator knows the positions of joint and motors: there is nothing to zero")
+        raise PlantError("the positions of joint and motors are absolute in the simulator: there is nothing to zero")
 
     def limit_tension(self, F_limit: float | None) -> None:
         """Set the tension at which the safety module trips [N], None for its own limit."""
@@ -545,7 +546,7 @@ class Simulator:
         Raises PlantError while a cause persists or the watchdog is dead.
         """
         if self._fault_injector is not None and self._fault_injector.blocks_access:
-            raise PlantError(f"still broken: {self._fault_injector.description}; mend it first")
+            raise PlantError(f"the injected fault persists: {self._fault_injector.description}; clear it first")
         if self._is_limit_exceeded(self.simulated):
             raise PlantError("the safety module stays tripped: tendon force or joint position is still out of bounds")
         self._trips(tripped=False)

@@ -232,9 +232,11 @@ def load_wiring(name_or_path: str | Path) -> Wiring:
         remedy = f"use one of {', '.join(SHIPPED)}, or a TOML file"
         raise WiringError(str(name_or_path), (WiringProblem(0, "file", "it cannot be read", remedy),)) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise WiringError(path.name, (WiringProblem(0, "file", f"it is not TOML, {error}", "mend it there"),)) from None
+        raise WiringError(
+            path.name, (WiringProblem(0, "file", f"it is not valid TOML: {error}", "correct the file"),)
+        ) from None
     if len(path.stem) > FILE_NAME_MAX:
-        problem = f"its name has {len(path.stem)} characters, {FILE_NAME_MAX} are the most"
+        problem = f"its name has {len(path.stem)} characters, {FILE_NAME_MAX} are the maximum"
         raise WiringError(f"{path.stem[:40]}...", (WiringProblem(0, "file", problem, "rename the file"),))
     return parse_wiring(path.stem, document, text, path.name)
 
@@ -247,7 +249,7 @@ def parse_wiring(title: str, document: dict[str, Any], text: str = "", file: str
     reader = _Reader(find_lines(text))
     for section in document:
         if section not in SECTIONS:
-            reader.add_problem(section, "", "it is not known", f"known are {', '.join(SECTIONS)}")
+            reader.add_problem(section, "", "it is unknown", f"known are {', '.join(SECTIONS)}")
     parts = {section: reader.read_section(section, kind, document.get(section)) for section, kind in SECTIONS.items()}
     reader.check_shared(parts)
     reader.check_calibration(parts)
@@ -280,7 +282,7 @@ class _Reader:
         known = {entry.name: entry for entry in fields(kind)}
         for entry in entries:
             if entry not in known:
-                self.add_problem(section, entry, "it is not known", f"known are {', '.join(known)}")
+                self.add_problem(section, entry, "it is unknown", f"known are {', '.join(known)}")
         return {entry: self._read_entry(section, declared, entries) for entry, declared in known.items()}
 
     def _read_entry(self, section: str, declared: "Field[Any]", entries: dict[str, Any]) -> Any:
@@ -295,7 +297,7 @@ class _Reader:
                 self.add_problem(section, entry, f"{value!r} is not known", f"give {metadata['wanted']}")
             return value
         if not isinstance(value, dict) or set(value) != {"value", "unit", "source"}:
-            self.add_problem(section, entry, "a number comes with its unit and its source", _describe_entry(declared))
+            self.add_problem(section, entry, "a number requires a unit and a source", _describe_entry(declared))
             return metadata["default"]
         if value["unit"] != metadata["unit"]:
             self.add_problem(section, entry, f"it is in {value['unit']!r}", f"give it in {metadata['unit']!r}")
@@ -316,7 +318,7 @@ class _Reader:
             bounds = f"choose {Quantity(low, unit, high):g}"
             self.add_problem(section, declared.name, f"{Quantity(value, unit):g} is out of bounds", bounds)
         if value == 0.0 and declared.name in ("gain", "slope", "direction"):
-            self.add_problem(section, declared.name, "0 is not a scale", "give what was measured, with its sign")
+            self.add_problem(section, declared.name, "0 is not a valid scale", "give the measured value with its sign")
         if declared.name == "direction" and abs(value) != 1.0:
             self.add_problem(section, declared.name, f"{value:g} is not a direction", "give 1 or -1")
         return float(value)
@@ -328,15 +330,19 @@ class _Reader:
             points = ()
         rising = all(one[0] < other[0] for one, other in pairwise(points))
         if len(points) < 2 or not rising or not all(math.isfinite(x) for point in points for x in point):
-            text = "it is not a table of two points or more with rising volts"
+            text = "it is not a table of two or more points with rising voltage"
             self.add_problem(section, entry, text, "give [[V, N], [V, N], ...]")
             return points
         newtons = [F for _, F in points]
         if newtons not in (sorted(set(newtons)), sorted(set(newtons), reverse=True)):
-            self.add_problem(section, entry, "its newtons go up and down", "let them rise, or fall, with the volts")
+            self.add_problem(
+                section, entry, "its forces are not monotonic", "make them rise, or fall, with the voltage"
+            )
         elif not min(newtons) <= 0.0 < max(newtons):
-            text = f"it goes from {min(newtons):g} to {max(newtons):g} N"
-            self.add_problem(section, entry, text, "measure 0 N too, and put it in: a slack tendon is read as well")
+            text = f"it covers {min(newtons):g} to {max(newtons):g} N"
+            self.add_problem(
+                section, entry, text, "add a measured point at 0 N: the load cell also reads a slack tendon"
+            )
         return points
 
     def check_shared(self, parts: _Parts) -> None:
@@ -347,7 +353,9 @@ class _Reader:
                 channel = entries.get(entry)
                 for terminal in _list_terminals(channel) if isinstance(channel, str) else ():
                     if (other := first.setdefault(terminal, section)) != section:
-                        self.add_problem(section, entry, f"{terminal} is taken by {other}", "give each its own")
+                        self.add_problem(
+                            section, entry, f"{terminal} is already used by {other}", "use a separate terminal for each"
+                        )
                         break  # a counter in use has its lines in use too
 
     def check_calibration(self, parts: _Parts) -> None:

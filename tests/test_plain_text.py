@@ -112,7 +112,7 @@ LINES: dict[str, tuple[type[Exception], Callable[[str], object]]] = {
     ),
     "a person": (ValueError, lambda words: NameRequest(name=words)),
     "a person who signs in": (ValueError, lambda words: SignIn(token="t", name=words)),
-    "a table of a spring": (ValueError, lambda words: SpringTableRequest(name=words, table="")),
+    "a spring table": (ValueError, lambda words: SpringTableRequest(name=words, table="")),
     "a layout": (
         ValueError,
         lambda words: ChartLayout.model_validate(

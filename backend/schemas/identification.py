@@ -24,8 +24,8 @@ from backend.schemas.experiment import SettingValue
 class SampleRange(Schema):
     """Consecutive samples, decimated for drawing."""
 
-    label: str = Field(description="label, such as the voltage of a step; empty for the only range")
-    t: list[float] = quantity("s", "time from the first sample of the run, or from a motor's step")
+    label: str = Field(description="label, such as the voltage of a step; empty if there is only one range")
+    t: list[float] = quantity("s", "time since the first sample of the run, or since the step of a motor")
     measured: list[float]
     predicted: list[float]
 
@@ -38,7 +38,7 @@ class ValidationOutput(Schema):
     unit: str
     fit_percent: float | None = Field(description="100 (1 - |y - y_hat| / |y - mean y|) over all samples [%]")
     rms: float | None = Field(description="RMS of measured minus predicted, in the unit of the signal")
-    samples: int = Field(description="number of samples for fit and residual")
+    samples: int = Field(description="number of samples used for fit and residual")
     problem: str = Field(description="why there is no prediction; else empty")
     stretches: list[SampleRange]
 
@@ -48,7 +48,7 @@ class ValidationView(Schema):
 
     run: int = Field(description="identification run of the model")
     of: int = Field(description="run of the record")
-    own: bool = Field(description="whether both are the same run; the fit then did not use the compared samples")
+    own: bool = Field(description="whether both are the same run; the estimation then did not use the compared samples")
     kind: str
     outputs: list[ValidationOutput]
 
@@ -109,7 +109,7 @@ class Trend(Schema):
 
     rows: list[TrendRow]
     predicted: PredictedModels
-    left_out: list[str] = Field(description="identifications that are not in the rows, each with the reason")
+    left_out: list[str] = Field(description="identifications omitted from the rows, each with the reason")
     friction: LoadFriction
 
 
@@ -135,10 +135,12 @@ class Correlation(Schema):
 
     lags_s: list[float] = quantity("s", "lag")
     correlation: list[float]
-    bound: list[float] = Field(description="bound of each correlation, at the level for all lags together")
+    bound: list[float] = Field(
+        description="bound of the correlation at each lag; the level applies to all lags jointly"
+    )
     statistic: float = Field(description="largest correlation, in standard deviations")
-    critical: float = Field(description="bound of the statistic")
-    level: float = Field(description="probability that a complete model fails")
+    critical: float = Field(description="critical value of the statistic")
+    level: float = Field(description="significance level: probability that a complete model fails the test")
     passed: bool
 
 
@@ -148,7 +150,7 @@ class Candidate(Schema):
     structure: str
     K: float | None
     T: float | None = quantity("s", "sum of lags")
-    fit_percent: float | None = Field(description="simulated fit on data not used for fitting")
+    fit_percent: float | None = Field(description="fit of the simulated output on validation data")
     BIC: float | None
     grade: str
     problem: str
@@ -160,7 +162,7 @@ class ChannelCurves(Schema):
     name: str
     model: Bode
     first_order: Bode
-    measured: MeasuredBode | None = Field(description="null for runs of versions that did not store it")
+    measured: MeasuredBode | None = Field(description="null for runs recorded by versions that did not store it")
     step_t: list[float] = quantity("s", "time of the step responses")
     step_model: list[float]
     step_first_order: list[float]
@@ -301,10 +303,12 @@ class Prediction(Schema):
     F_low: float = quantity("N", "smallest tendon tension of the run; 0 if the tendons become slack")
     F_high: float = quantity("N", "largest tendon tension of the run")
     path: list[PathPoint] = Field(description="path of the joint while the tendons are taut, from the start")
-    within_range: bool = Field(description="whether joint and springs stay within their range; else it is rejected")
+    within_range: bool = Field(
+        description="whether joint and springs stay within their range; otherwise the service rejects the run"
+    )
     figures: list[Expectation] = Field(description="expected values")
     q_counts: float | None = Field(
-        description="joint motion by the excitation alone, peak to peak, in encoder counts; actuator only"
+        description="peak-to-peak joint motion that the excitation alone causes, in encoder counts; actuator only"
     )
     u_peak_V: float | None = quantity("V", "largest motor voltage expected; actuator and motor")
     F_min_N: float | None = quantity("N", "smallest tendon tension expected; actuator only")
@@ -334,8 +338,8 @@ class ModelView(Schema):
     method: str
     parameters: dict[str, float]
     std_errors: dict[str, float | None]
-    fit_percent: float | None = Field(description="simulated fit on data not used for fitting")
-    gain_geometry: float = Field(description="static gain known from geometry")
+    fit_percent: float | None = Field(description="fit of the simulated output on validation data")
+    gain_geometry: float = Field(description="static gain computed from geometry")
     K: float = Field(description="static gain of the first-order reduction")
     T: float = quantity("s", "time constant of the first-order reduction: sum of lags")
     K_std: float | None = Field(description="standard error of K; null if it could not be computed")
@@ -348,7 +352,7 @@ class ModelView(Schema):
 class MotorEstimate(Schema):
     """K_m and T_m of one motor."""
 
-    K_m: float = quantity("rad/(V·s)", "gain: steady speed per voltage")
+    K_m: float = quantity("rad/(V·s)", "gain: steady-state speed per volt")
     T_m: float = quantity("s", "time constant")
 
 
@@ -376,7 +380,11 @@ class SpringView(Schema):
     recommended: int = Field(description="recommended order")
     reason: str
     pairs: int
-    hysteresis_N: float | None = quantity("N", "largest mean difference between rising and falling force")
+    hysteresis_N: float | None = quantity(
+        "N",
+        "largest difference between the locally averaged forces "
+        "at rising and at falling tension, at the same elongation",
+    )
     fits: list[StoredSpringFit]
 
 
@@ -389,11 +397,9 @@ class SpringTableRequest(Schema):
         description="table of the file; CSV with the columns 'x [m]' or 'x [mm]', and 'F [N]', units in the heading",
     )
     header: int | None = Field(
-        default=None, ge=1, le=400_000, description="line that names the columns; found where it is left out"
+        default=None, ge=1, le=400_000, description="line with the names of the columns; detected if omitted"
     )
-    decimal: Literal["point", "comma"] | None = Field(
-        default=None, description="mark before the decimals; found where it is left out"
-    )
+    decimal: Literal["point", "comma"] | None = Field(default=None, description="decimal mark; detected if omitted")
 
 
 class ColumnNotRead(Schema):
@@ -449,10 +455,10 @@ class IdentificationView(Schema):
     status: str
     created: datetime
     progress: float = Field(ge=0.0, le=1.0)
-    tension_N: float | None = quantity("N", "tension of an identification of the actuator")
+    tension_N: float | None = quantity("N", "tension of an actuator identification")
     S_nominal: float | None = quantity("N·m/rad", "stiffness of the run")
     settings: dict[str, SettingValue]
-    estimate: int | None = Field(description="number of the stored identification; null without one")
+    estimate: int | None = Field(description="number of the stored identification; null if there is none")
     usable: bool
     G_q: ModelView | None
     G_S: ModelView | None

@@ -27,9 +27,9 @@ class ChartPanel(Schema):
     """A chart of signals with one unit over time, or over another signal."""
 
     title: LayoutName
-    signals: list[ChartSignal] = Field(max_length=8, description="the signals drawn, in this order")
-    over: ChartSignal | None = Field(description="signal along the other axis; null for time")
-    share: float = quantity("1", "height, as a multiple of that of a plain panel", ge=0.5, le=4.0)
+    signals: list[ChartSignal] = Field(max_length=8, description="signals to draw, in this order")
+    over: ChartSignal | None = Field(description="signal of the horizontal axis; null for time")
+    share: float = quantity("1", "height as a multiple of the default panel height", ge=0.5, le=4.0)
 
 
 class ChartLayout(Schema):
@@ -52,7 +52,9 @@ def check_preferences(layouts: list[ChartLayout], formulas: Collection[str] = ()
         for panel in layout.panels:
             _check_panel(panel, layout.name, formulas)
         if all(panel.over is not None for panel in layout.panels):
-            raise _build_error(f"layout “{layout.name}” has no panel over time; add one: its time axis is that of all")
+            raise _build_error(
+                f"layout “{layout.name}” has no panel over time: add one, because its time axis applies to all panels"
+            )
 
 
 def _check_panel(panel: ChartPanel, layout: str, formulas: Collection[str]) -> None:
@@ -64,13 +66,15 @@ def _check_panel(panel: ChartPanel, layout: str, formulas: Collection[str]) -> N
     units = {UNIT_BY_SIGNAL[name]: name for name in reversed(panel.signals) if name in UNIT_BY_SIGNAL}
     if len(units) > 1:
         signals = " and ".join(f"{name} in {unit}" for unit, name in reversed(units.items()))
-        raise _build_error(f"{where} has {signals}: one panel has one unit; put them into panels of their own")
+        raise _build_error(
+            f"{where} has {signals}: all signals of a panel must have the same unit; move them to separate panels"
+        )
 
 
 def _require_unique(names: list[str], label: str) -> None:
     name, count = max(Counter(names).items(), key=lambda item: item[1], default=("", 0))
     if count > 1:
-        raise _build_error(f"{label}: “{name}” is there {count} times; once is enough")
+        raise _build_error(f"{label}: “{name}” occurs {count} times: remove the duplicates")
 
 
 def _build_error(message: str, legal: dict[str, str] | None = None) -> RequestRejectedError:
@@ -92,31 +96,30 @@ class Preferences(Schema):
 
     scheme: Literal["light", "dark", "auto"]
     colours: SignalColours = Field(
-        max_length=40, description="own colour of a signal as #rrggbb; its reference follows it"
+        max_length=40, description="custom colour of a signal as #rrggbb; its reference has the same colour"
     )
     hidden: list[ChartSignal] = Field(max_length=60, description="signals switched off in the charts")
-    layout: LayoutName = Field(description="name of the charts' layout in use: an own one, or one of the page's")
-    layouts: list[ChartLayout] = Field(max_length=20, description="own layouts of the charts")
+    layout: LayoutName = Field(description="name of the active chart layout, custom or built-in")
+    layouts: list[ChartLayout] = Field(max_length=20, description="custom chart layouts")
     clock: bool = Field(description="whether the time axis shows the time of day; else the time since the start")
-    window_s: float = quantity("s", "length of the following window", ge=5.0, le=120.0)
-    statistics: bool = Field(description="figures of the visible range are shown")
+    window_s: float = quantity("s", "length of the time window that follows the newest sample", ge=5.0, le=120.0)
+    statistics: bool = Field(description="whether the charts show statistics of the visible range")
     solid: bool | None = Field(
-        description="3D view instead of the flat drawing where the browser has a graphics processor; null: not chosen"
+        description="whether the 3D view replaces the 2D drawing in a browser that uses a graphics "
+        "processor; null if not chosen"
     )
     solid_unaided: bool | None = Field(
-        description="the same where the browser paints without a graphics processor, which slows the page; "
-        "null: not chosen"
+        description="the same for a browser that renders without a graphics processor, which slows the "
+        "page; null if not chosen"
     )
-    camera: str = Field(
-        max_length=20, pattern="^[A-Za-z]{1,20}$", description="name of the camera that the 3D view is seen from"
-    )
-    toured: bool = Field(description="the first-run tour was seen or dismissed")
+    camera: str = Field(max_length=20, pattern="^[A-Za-z]{1,20}$", description="name of the camera of the 3D view")
+    toured: bool = Field(description="whether the first-run tour was completed or dismissed")
     notify: bool = Field(
-        description="notifications, while no tab is in sight, of runs that are over and of trips; "
-        "each browser has to allow them besides"
+        description="whether the page notifies the person of ended runs and of trips while no tab is "
+        "visible; each browser must also permit notifications"
     )
-    sound: bool = Field(description="a short sound for the same")
-    angles: AngleUnit = Field(description="unit in which angles are read: on the page, in refusals and in reports")
+    sound: bool = Field(description="whether the page plays a short sound for the same events")
+    angles: AngleUnit = Field(description="unit of angles on the page, in refusals and in reports")
 
 
 DEFAULT_PREFERENCES = Preferences(

@@ -23,12 +23,12 @@ class FlightView(Schema):
     at: datetime
     kind: Literal["trip", "trigger"]
     who: str = Field(description="who pressed STOP or armed the trigger; else empty")
-    fault: str = Field(description="code of the fault; the word trigger for a trigger")
+    fault: str = Field(description="code of the fault; 'trigger' for a trigger")
     text: str
     run: int | None
-    tick: int = Field(description="tick of the trip or trigger, counted by the control loop of that time")
-    before_s: float = quantity("s", "recorded time before it")
-    after_s: float = quantity("s", "recorded time after it")
+    tick: int = Field(description="tick of the trip or trigger, as counted by the control loop process that ran then")
+    before_s: float = quantity("s", "recorded time before the trip or trigger")
+    after_s: float = quantity("s", "recorded time after the trip or trigger")
 
 
 class FlightList(Schema):
@@ -103,7 +103,7 @@ class Lineage(Schema):
     run: int
     software: str
     parameters: str
-    parameters_as_now: bool = Field(description="the parameters of the plant are still those of this run")
+    parameters_as_now: bool = Field(description="whether the active plant parameters equal those of this run")
     bank: LineageBank | None = Field(description="bank of the run; null for geometric gains")
     entries: list[LineageEntry]
     banks_built: list[LineageBank] = Field(description="banks with an entry that was identified from this run")
@@ -130,14 +130,14 @@ class PlannedPart(Schema):
     """A named part of a program."""
 
     title: str
-    start_s: float = quantity("s", "start, from the start of the program")
-    end_s: float = quantity("s", "end, from the start of the program")
+    start_s: float = quantity("s", "start of the part, since the start of the program")
+    end_s: float = quantity("s", "end of the part, since the start of the program")
 
 
 class PlannedLine(Schema):
     """Planned values of one signal."""
 
-    name: str = Field(description="column of the sample")
+    name: str = Field(description="name of the sample column")
     unit: str
     values: list[float | None] = Field(description="null where the program does not set the signal")
 
@@ -174,7 +174,7 @@ class ChecklistStep(Schema):
 
     name: str
     state: ChecklistState
-    detail: str = Field(description="the present result, or why it is out of date")
+    detail: str = Field(description="present result, or why it is missing or out of date")
     run: int | None
     at: datetime | None
 
@@ -215,8 +215,8 @@ class RunView(Schema):
     duration_s: float = quantity("s", "duration of the recording")
     samples: int
     missing_samples: int | None = Field(
-        description="ticks that the recording lacks; more than 0 is an error of the run; null if the service died "
-        "during the recording, so that the number is unknown"
+        description="number of ticks missing from the recording; more than 0 is an error of the run; "
+        "null if unknown because the service died during the recording"
     )
     samples_deleted: datetime | None = Field(description="when a person deleted the samples to free space")
     settings: list[DeclaredValue]
@@ -357,7 +357,7 @@ class ChartSheet(Schema):
     svg: str = Field(
         min_length=1,
         max_length=LONGEST_SHEET,
-        description="SVG of one sheet: lines and letters, its size in mm; nothing in it may lead elsewhere",
+        description="SVG of one sheet: lines and text, with its size in mm; external references are not allowed",
     )
 
 
@@ -392,11 +392,11 @@ class ReadRange(Schema):
     """Range of a recording that was read."""
 
     run: int
-    from_s: float = quantity("s", "first tick of the range since the run's first sample")
-    to_s: float = quantity("s", "last tick of the range since the run's first sample")
+    from_s: float = quantity("s", "time of the first tick of the range since the run's first sample")
+    to_s: float = quantity("s", "time of the last tick of the range since the run's first sample")
     period_s: float = quantity("s", "sampling period")
-    samples: int = Field(description="samples that the recording has within the range")
-    missing: int = Field(description="ticks of the range that the recording lacks")
+    samples: int = Field(description="number of recorded samples within the range")
+    missing: int = Field(description="number of ticks of the range that are missing from the recording")
 
 
 class SignalStatistics(Schema):
@@ -404,13 +404,15 @@ class SignalStatistics(Schema):
 
     unit: str
     values: int = Field(description="number of samples with a value; the statistics use all of them")
-    without_value: int = Field(description="number of samples without one: not measured, or not active at that time")
+    without_value: int = Field(
+        description="number of samples without a value: not measured, or not active at that time"
+    )
     minimum: float | None
-    minimum_s: float | None = quantity("s", "first time of the minimum since the run's first sample")
+    minimum_s: float | None = quantity("s", "time of the first minimum since the run's first sample")
     maximum: float | None
-    maximum_s: float | None = quantity("s", "first time of the maximum since the run's first sample")
+    maximum_s: float | None = quantity("s", "time of the first maximum since the run's first sample")
     mean: float | None
-    deviation: float | None = Field(description="standard deviation about the mean, divided by the number of values")
+    deviation: float | None = Field(description="standard deviation about the mean, normalized by the number of values")
 
 
 class RecordedStatistics(ReadRange):
@@ -425,15 +427,20 @@ class SignalSpectrum(Schema):
     unit: str
     reason: str = Field(description="why there is no spectrum; else empty")
     values: int = Field(description="number of samples of the range with a value")
-    without_value: int = Field(description="number of samples without one: not measured, or not active at that time")
-    used: int = Field(description="number of samples in segments; ranges between gaps may be shorter than a segment")
+    without_value: int = Field(
+        description="number of samples without a value: not measured, or not active at that time"
+    )
+    used: int = Field(
+        description="number of samples used in segments; a range between gaps that is "
+        "shorter than a segment is not used"
+    )
     segment: int = Field(description="length of a segment in samples")
     segments: int
     step_Hz: float = quantity("Hz", "frequency resolution")
     noise_bandwidth_Hz: float = quantity(
-        "Hz", "equivalent noise bandwidth; a sine has the amplitude sqrt(2 density bandwidth)"
+        "Hz", "equivalent noise bandwidth; the amplitude of a sine is sqrt(2 density bandwidth)"
     )
-    density: list[float] = Field(description="one-sided [unit²/Hz]")
+    density: list[float] = Field(description="one-sided power spectral density [unit²/Hz]")
 
 
 class RecordedSpectra(ReadRange):
@@ -471,7 +478,11 @@ class RecordedValues(Schema):
     """The values of signals at some times of a recorded run."""
 
     run: int
-    period_s: float = quantity("s", "sampling period; a sample older than that means that later ones are missing")
+    period_s: float = quantity(
+        "s",
+        "sampling period; if a sample is older than the requested time by "
+        "more than this period, later samples are missing",
+    )
     moments: list[Moment]
 
 
@@ -487,10 +498,10 @@ class PlayerView(Schema):
     title: str = Field(description="title of the run, or name of the file")
     t: float = quantity("s", "time in the recording, from its first sample")
     tick: int
-    duration_s: float = quantity("s", "time of its last sample")
+    duration_s: float = quantity("s", "time of the last sample of the recording")
     playing: bool
     ended: bool = Field(description="whether the position is the last sample")
-    speed: float = Field(description="seconds of the recording per second")
+    speed: float = Field(description="playback speed: seconds of the recording per second")
     speed_min: float
     speed_max: float
 
@@ -500,9 +511,12 @@ class PlayerOrder(Schema):
 
     playing: bool | None = None
     speed: float | None = Field(
-        default=None, ge=-HUGE, le=HUGE, description="seconds of the recording in a second; its bounds are in the state"
+        default=None,
+        ge=-HUGE,
+        le=HUGE,
+        description="playback speed: seconds of the recording per second; the state contains its bounds",
     )
-    t: float | None = quantity("s", "time in the recording to go to", default=None, **ANY_SIZE)
+    t: float | None = quantity("s", "time in the recording to seek to", default=None, **ANY_SIZE)
 
 
 class PlayedRecording(Schema):
@@ -510,5 +524,5 @@ class PlayedRecording(Schema):
 
     title: str
     run: int | None = Field(description="number of the run in the file; null if the file has none")
-    duration_s: float = quantity("s", "time of its last sample")
+    duration_s: float = quantity("s", "time of the last sample of the recording")
     marks: list[RunMark] = Field(description="events in order; t from the first sample")

@@ -26,14 +26,14 @@ class SignIn(Schema):
 
     token: str = Field(min_length=1, max_length=200)
     name: Annotated[str, ONE_LINE] = Field(
-        default="", max_length=40, description="name shown to others; the role when left out"
+        default="", max_length=40, description="name shown to others; the role if omitted"
     )
 
 
 class Rotation(Schema):
     """Role whose token to replace."""
 
-    role: Role | None = Field(default=None, description="operator or viewer; both when left out")
+    role: Role | None = Field(default=None, description="operator or viewer; both if omitted")
 
 
 class NewTokens(Schema):
@@ -46,7 +46,9 @@ class NameRequest(Schema):
     """Name that a person chooses."""
 
     name: Annotated[str, ONE_LINE] = Field(
-        min_length=1, max_length=40, description="a number is put behind it while somebody else of this name is here"
+        min_length=1,
+        max_length=40,
+        description="name; the service appends a number while another connected user has the same name",
     )
 
 
@@ -76,7 +78,7 @@ class PersonView(Schema):
     name: str
     role: Role
     pages: int = Field(description="number of pages and scripts of this person with a live stream")
-    since: datetime = Field(description="when the first of these connected")
+    since: datetime = Field(description="time when the first of these connected")
 
 
 class Health(Schema):

@@ -31,12 +31,15 @@ PageKey = Annotated[str, Field(max_length=16, pattern="^[A-Za-z0-9_-]{16}$")]
 class ControlRequest(Schema):
     """Request for the control lease; another holder loses it only with ``take_over``."""
 
-    take_over: bool = Field(default=False, description="take control although somebody else holds it")
+    take_over: bool = Field(default=False, description="whether to take control even if another session holds it")
     resume: PageKey | None = Field(
-        default=None, description="the key of this page before it was reloaded: continued, or refused"
+        default=None,
+        description="key of this page before it was reloaded, to continue its lease; "
+        "rejected if the page has lost control",
     )
     handed: RowNumber | None = Field(
-        default=None, description="the number of the handover or offer, which is accepted, or refused"
+        default=None,
+        description="number of the handover or offer to accept; rejected if it is not open for this session",
     )
 
 
@@ -58,7 +61,7 @@ class HolderView(Schema):
     epoch: int
     page: bool = Field(description="true for a page, which must send heartbeats; false for a script")
     silent_s: float = quantity("s", "time since the last heartbeat or command of the holder")
-    lost: bool = Field(description="no heartbeat received: references are held, a soft stop follows")
+    lost: bool = Field(description="whether heartbeats are missing: references are held, and a soft stop follows")
 
 
 Reason = Annotated[str, Field(max_length=200, description="reason in a few words; recorded in the log")]
@@ -113,8 +116,8 @@ class HandoverView(Schema):
     """A request for the control lease, or an offer of it."""
 
     number: int
-    name: str = Field(description="who will hold the lease")
-    by: str = Field(description="who holds it at present")
+    name: str = Field(description="person who will hold the lease")
+    by: str = Field(description="present holder of the lease")
     reason: str
     standing: HandoverStatus
     answer: str = Field(description="reason or comment in the reply")
@@ -136,7 +139,7 @@ class Injection(Schema):
     """An injected fault."""
 
     kind: InjectedFaultKind | SilentPart
-    sensor: Sensor = Field(default=Sensor.Q, description="which reading, where the kind is about one")
+    sensor: Sensor = Field(default=Sensor.Q, description="affected reading, for the kinds that affect one reading")
 
 
 class FaultKind(Schema):
@@ -171,7 +174,7 @@ class LatenessClass(Schema):
     """Number of ticks whose lateness lies between two bounds."""
 
     from_us: float = quantity("µs", "lower bound of the lateness")
-    to_us: float | None = quantity("µs", "upper bound; null for none")
+    to_us: float | None = quantity("µs", "upper bound of the lateness; null for none")
     ticks: int
 
 
@@ -196,7 +199,7 @@ class SystemView(Schema):
     """Content of the System page, in addition to the state."""
 
     granted: RealTimeStatus | None = Field(description="null while no loop runs")
-    lateness: list[LatenessClass] = Field(description="of the last minute's ticks")
+    lateness: list[LatenessClass] = Field(description="lateness of the ticks of the last minute")
     versions: dict[str, str]
     database: DatabaseView
     backups: list[BackupView]
@@ -227,8 +230,10 @@ class RecordingsView(Schema):
 
     total_bytes: int
     limit_bytes: int
-    in_use_bytes: int = Field(description="of runs that models, results or reports depend on, which are never deleted")
-    keep_days: int = Field(description="age in days before which no recording is deleted")
+    in_use_bytes: int = Field(
+        description="size of the recordings that models, results or reports depend on; they are never deleted"
+    )
+    keep_days: int = Field(description="age in days below which no recording is deleted")
     may_go: list[DeletableRun]
     says: str = Field(description="text for the operator; empty if there is nothing to decide")
 
@@ -263,7 +268,7 @@ class SweepView(Schema):
     """Progress or result of the calibration of the bias over the stiffness range."""
 
     under_way: bool
-    point: int = Field(description="current or last point, from 1")
+    point: int = Field(description="number of the current or last point, from 1")
     points: int
     S_ref: float = quantity("N·m/rad", "stiffness reference at that point", **ANY_SIZE)
     why: str = Field(description="reason for an early end; else empty")
@@ -273,7 +278,9 @@ class TouchView(Schema):
     """Bias and contact reaction that are active."""
 
     contact_N: float = quantity("N", "threshold of the contact reaction; 0 for none")
-    learned: list[TouchPoint] = Field(description="bias by rising stiffness, interpolated linearly")
+    learned: list[TouchPoint] = Field(
+        description="bias at each calibrated stiffness in ascending order; linear interpolation between them"
+    )
     felt: ContactView | None = Field(description="contact that the joint reacts to at present; null for none")
     sweep: SweepView | None = Field(default=None, description="calibration over the stiffness range; null for none")
 
@@ -284,12 +291,16 @@ class TouchOrder(Schema):
     contact_N: float | None = quantity(
         "N", "threshold of the contact reaction, 0 if it is disabled", default=None, **ANY_SIZE
     )
-    learn: bool = Field(default=False, description="take the present estimate as the bias at this stiffness")
-    forget: bool = Field(default=False, description="forget what was learned; with learn, all but that")
+    learn: bool = Field(
+        default=False, description="calibrate: use the present estimate as the bias at the present stiffness"
+    )
+    forget: bool = Field(
+        default=False, description="discard the calibrated bias; with learn, all points except the new one"
+    )
     sweep: Literal["begin", "stop"] | None = Field(
         default=None,
-        description="calibrate over the whole stiffness range, point by point, with no "
-        "person at the joint; no other field with it",
+        description="calibrate over the whole stiffness range, point by point, with no person at the "
+        "joint; not permitted together with another field",
     )
 
 
@@ -307,9 +318,11 @@ class FormulaText(Schema):
         "round, if else"
     )
     unit: Annotated[str, Field(min_length=1, max_length=20), ONE_LINE] = Field(
-        description="SI unit of the result, as its author gives it; 1 for a plain number"
+        description="SI unit of the result, as stated by the author; 1 for a dimensionless number"
     )
-    meaning: Annotated[str, Field(max_length=100), ONE_LINE] = Field(default="", description="what it is, in words")
+    meaning: Annotated[str, Field(max_length=100), ONE_LINE] = Field(
+        default="", description="description of the signal"
+    )
 
 
 class FormulaView(FormulaText):
@@ -342,13 +355,17 @@ _Value = Annotated[float, Field(ge=-HUGE, le=HUGE)]
 class TriggerOrder(Schema):
     """A condition on one signal, and the time range to capture around it."""
 
-    signal: str = Field(max_length=40, description="name of a signal of the sample, of a combined one, or of a formula")
+    signal: str = Field(
+        max_length=40, description="name of a sample column, of a combined signal or of a derived signal"
+    )
     condition: ConditionKind = Field(description="a level, an edge through a level, or a window")
     level: _Value = Field(description="level, or lower end of the window, in the SI unit of the signal")
     upper: _Value | None = Field(default=None, description="upper end of the window; null without a window")
-    before_s: float = quantity("s", "time kept before the trigger", default=1.0, ge=0.0, le=LONGEST_S)
-    after_s: float = quantity("s", "time kept from the trigger on", default=1.0, ge=0.001, le=LONGEST_S)
-    captures: int = Field(default=1, ge=1, le=CAPTURES_MAX, description="how many are made before it disarms itself")
+    before_s: float = quantity("s", "time to capture before the trigger", default=1.0, ge=0.0, le=LONGEST_S)
+    after_s: float = quantity("s", "time to capture from the trigger on", default=1.0, ge=0.001, le=LONGEST_S)
+    captures: int = Field(
+        default=1, ge=1, le=CAPTURES_MAX, description="number of captures after which the trigger disarms itself"
+    )
 
 
 class TriggerView(TriggerOrder):
@@ -361,7 +378,7 @@ class TriggerView(TriggerOrder):
     phase: Literal["armed", "capturing", "ended"]
     captured: int = Field(description="captures made so far")
     left_s: float = quantity("s", "remaining time of the current capture; 0 without one")
-    ended: str = Field(description="why it is no longer armed; empty while it is")
+    ended: str = Field(description="why the trigger is no longer armed; empty while it is armed")
 
 
 # State ---------------------------------------------------------------------------------------------
@@ -423,10 +440,10 @@ class PushRequest(Schema):
 class WallView(Schema):
     """Obstacle of a simulated joint."""
 
-    q_wall: float = quantity("rad", "angle of the wall", **ANY_SIZE)
-    side: Literal["above", "below"] = Field(default="above", description="the side of that angle that the wall blocks")
-    k_wall: float = quantity("N/m", "its stiffness, at the joint pulley", default=20000.0, **ANY_SIZE)
-    c_wall: float = quantity("s/m", "its damping, at the joint pulley", default=1.0, **ANY_SIZE)
+    q_wall: float = quantity("rad", "angle of the obstacle", **ANY_SIZE)
+    side: Literal["above", "below"] = Field(default="above", description="side of this angle that the obstacle blocks")
+    k_wall: float = quantity("N/m", "stiffness of the obstacle at the joint pulley", default=20000.0, **ANY_SIZE)
+    c_wall: float = quantity("s/m", "damping of the obstacle at the joint pulley", default=1.0, **ANY_SIZE)
 
 
 class WallOrder(Schema):
@@ -451,7 +468,7 @@ class LimitsView(Schema):
     S_max: float = quantity("N·m/rad", "largest stiffness reference")
     F_min: float = quantity("N", "smallest tendon tension that keeps a tendon taut")
     F_max: float = quantity("N", "tendon tension at which the spring is fully compressed")
-    F_push_max: float = quantity("N", "largest external push in either direction; 0 if pushes are not possible")
+    F_push_max: float = quantity("N", "largest push in either direction; 0 if pushes are not possible")
     F_contact_min: float = quantity("N", "smallest threshold of the contact reaction")
     F_contact_max: float = quantity("N", "largest threshold of the contact reaction")
     k_wall_min: float = quantity("N/m", "smallest stiffness of an obstacle; 0 if obstacles are not possible")
@@ -480,7 +497,7 @@ class StopProof(Schema):
 
     arrived_tick: int
     zero_tick: int
-    milliseconds: float = quantity("ms", "from arrival in the loop to zero volts")
+    milliseconds: float = quantity("ms", "time from the arrival of STOP in the control loop to zero volts")
     paused_recording: bool = Field(
         default=False, description="whether a replay was paused instead, which latches nothing"
     )
@@ -533,7 +550,7 @@ class TrialView(TuningParts):
     """A trial: the tuning that is restored at its end, and the time until then."""
 
     remaining_s: float = quantity("s", "time until the earlier tuning is restored")
-    duration_s: float = quantity("s", "length of the trial")
+    duration_s: float = quantity("s", "duration of the trial")
 
 
 class ModeRequest(Schema):

@@ -69,7 +69,7 @@ class EntryLineage(Schema):
     created: datetime
     who: str
     plant: str | None
-    parameters: str | None = Field(description="name of the parameter set of that run, which stores its values")
+    parameters: str | None = Field(description="name of the parameter set of that run; the run stores its values")
 
 
 class BankEntryDetail(Schema):
@@ -82,16 +82,16 @@ class BankEntryDetail(Schema):
 class BankDetail(Schema):
     """All entries of a bank, with gains for the active λ."""
 
-    lam_q: float = quantity("s", "λ_q that the gains are for")
-    lam_S: float = quantity("s", "λ_S that the gains are for")
+    lam_q: float = quantity("s", "λ_q for which the gains are computed")
+    lam_S: float = quantity("s", "λ_S for which the gains are computed")
     entries: list[BankEntryDetail]
 
 
 class BankDifference(Schema):
     """Changes of gains and margins between two sets of entries, for the active λ."""
 
-    lam_q: float = quantity("s", "λ_q that the gains are for")
-    lam_S: float = quantity("s", "λ_S that the gains are for")
+    lam_q: float = quantity("s", "λ_q for which the gains are computed")
+    lam_S: float = quantity("s", "λ_S for which the gains are computed")
     entries: list[BankEntryChange]
 
 
@@ -206,7 +206,7 @@ class TuningParts(Schema):
     lam_S: float = quantity("s", "tuning parameter of the stiffness loop")
     lam_motor: float = quantity("s", "tuning parameter of the motor loops")
     b: float = quantity("1", "weight of the reference in the outer loops' proportional part")
-    interpolate: bool = Field(description="gain scheduling between entries instead of switching")
+    interpolate: bool = Field(description="whether gains are interpolated between bank entries instead of switched")
     motion: Motion = Field(description="how references are followed: by the paper's law, or by a trajectory")
     u_plan: float = quantity("V", "voltage limit of time-optimal motion")
     k_ext: float = quantity("1", "gain of the compensation of the estimated external force; 0 for none")
@@ -228,8 +228,10 @@ class TuningView(ChosenTuning):
     lam_motor_min: float = quantity("s", "smallest λ_motor accepted (M_s of the sampled loop at most 1.7)")
     lam_motor_max: float = quantity("s", "largest λ_motor accepted")
     u_plan_min: float = quantity("V", "smallest voltage limit of time-optimal motion accepted")
-    u_plan_max: float = quantity("V", "largest voltage limit accepted: the rest is for load, friction and feedback")
-    entry: float = Field(description="active entry of the bank, fractional during interpolation")
+    u_plan_max: float = quantity(
+        "V", "largest voltage limit accepted: the remaining voltage is reserved for load, friction and feedback"
+    )
+    entry: float = Field(description="index of the active bank entry, fractional during interpolation")
     entry_name: str = Field(description="name of that entry, from its tension; empty without a bank")
 
 
@@ -240,16 +242,19 @@ class TuningRequest(Schema):
     lam_S: float | None = quantity("s", "tuning parameter of the stiffness loop", default=None, **ANY_SIZE)
     lam_motor: float | None = quantity("s", "tuning parameter of the motor loops", default=None, **ANY_SIZE)
     b: float | None = quantity("1", "weight of the reference, 0 to 1", default=None, **ANY_SIZE)
-    interpolate: bool | None = Field(default=None, description="gain scheduling instead of switching")
+    interpolate: bool | None = Field(
+        default=None, description="whether gains are interpolated between bank entries instead of switched"
+    )
     motion: Motion | None = Field(default=None, description="how references are followed")
     u_plan: float | None = quantity(
         "V",
-        "voltage limit of time-optimal motion; without a motion it also chooses that motion, and 0 chooses lambda",
+        "voltage limit of time-optimal motion; if motion is omitted, a value above 0 also selects "
+        "time-optimal, and 0 selects lambda",
         default=None,
         **ANY_SIZE,
     )
     k_ext: float | None = quantity(
-        "1", "share of the external force that is fed forward, 0 for none", default=None, **ANY_SIZE
+        "1", "compensated share of the estimated external force, 0 for none", default=None, **ANY_SIZE
     )
 
 
@@ -267,7 +272,7 @@ class SavedTuning(TuningParts):
 
     who: str | None
     at: datetime | None
-    moved: str = Field(description="which default λ of the method is not accepted here, and which value replaces it")
+    moved: str = Field(description="default λ of the method that is not accepted here, and the value that replaces it")
 
 
 class PrintedFormula(Schema):
@@ -278,8 +283,10 @@ class PrintedFormula(Schema):
 
     stable: bool
     M_s: float | None = Field(description="maximum of the sensitivity function; null when unstable")
-    t: list[float] = quantity("s", "time of its step; empty if λ does not determine the steps")
-    y: list[float] = Field(description="progress of that step, 0 before it and 1 at the new reference [1]")
+    t: list[float] = quantity("s", "time of the step response; empty if λ does not determine the steps")
+    y: list[float] = Field(
+        description="progress of the step response, 0 before the step and 1 at the new reference [1]"
+    )
 
 
 class LoopPreview(Schema):
@@ -291,9 +298,12 @@ class LoopPreview(Schema):
     stable: bool
     M_s: float | None = Field(description="maximum of the sensitivity function; null when unstable")
     gain_margin: float | None = Field(
-        description="factor by which the gain may grow before instability; null when unstable or unlimited"
+        description="factor by which the loop gain may rise before the loop becomes unstable; null when "
+        "unstable or unlimited"
     )
-    phase_margin_deg: float | None = quantity("°", "phase left before instability; null when unstable or unlimited")
+    phase_margin_deg: float | None = quantity(
+        "°", "phase that the loop may lose before it becomes unstable; null when unstable or unlimited"
+    )
     printed: PrintedFormula | None = Field(description="result with the printed formula; null if not requested")
 
 
@@ -304,13 +314,15 @@ class StepPreview(Schema):
     """
 
     start: float = Field(description="reference before the step [rad or N·m/rad]")
-    end: float = Field(description="reference after it [rad or N·m/rad]")
+    end: float = Field(description="reference after the step [rad or N·m/rad]")
     rise_s: float | None = quantity("s", "time to 90 % of the step; null if it is not reached")
-    settling_s: float | None = quantity("s", "time from which it stays within 2 % of the step; null if it does not")
+    settling_s: float | None = quantity(
+        "s", "settling time, until the signal stays within 2 % of the step; null if it does not"
+    )
     overshoot_percent: float = quantity("%", "overshoot of the step")
     u_peak_V: float = quantity("V", "largest motor voltage of the step")
-    F_min_N: float = quantity("N", "least tendon tension of the step")
-    t: list[float] = quantity("s", "time from the step on")
+    F_min_N: float = quantity("N", "smallest tendon tension of the step")
+    t: list[float] = quantity("s", "time since the step")
     y: list[float] = Field(description="progress of the step, 0 before it and 1 at the new reference [1]")
 
 
@@ -319,19 +331,24 @@ class MotorPreview(Schema):
 
     M_s: float = Field(description="maximum of the sensitivity function")
     gain_margin: float | None = Field(
-        description="factor by which the gain may grow before instability; null when unlimited"
+        description="factor by which the loop gain may rise before the loop becomes unstable; null when unlimited"
     )
     gain_reduction_margin: float | None = Field(
-        description="factor to which the gain may fall before instability; null when it may fall to nothing"
+        description="factor to which the loop gain may fall before the loop becomes unstable; null when "
+        "it may fall to zero"
     )
-    phase_margin_deg: float | None = quantity("°", "phase left before instability; null when unlimited")
+    phase_margin_deg: float | None = quantity(
+        "°", "phase that the loop may lose before it becomes unstable; null when unlimited"
+    )
 
 
 class RobustLambda(Schema):
     """λ of one loop for a requested M_s, or why there is none."""
 
     lam: float | None = quantity(
-        "s", "smallest accepted λ with at most this M_s at every entry of the bank; null if there is none"
+        "s",
+        "smallest accepted λ for which M_s does not exceed the requested value at any entry of the "
+        "bank; null if there is none",
     )
     reason: str = Field(description="why there is none; else empty")
 
@@ -352,9 +369,11 @@ class PushPreview(Schema):
     """
 
     give: float = quantity("rad", "largest deviation under the push")
-    t: list[float] = quantity("s", "time from the start of the push")
-    off: list[float] = quantity("rad", "deviation from the reference over that time")
-    back_s: float | None = quantity("s", "time from which it stays near its reference; null if it does not return")
+    t: list[float] = quantity("s", "time since the start of the push")
+    off: list[float] = quantity("rad", "deviation from the reference at these times")
+    back_s: float | None = quantity(
+        "s", "time after which the joint stays near its reference; null if it does not return"
+    )
     felt_slow: float = quantity("N·m/rad", "apparent stiffness at 0.1 Hz: external torque over deviation")
     felt_fast: float = quantity("N·m/rad", "apparent stiffness at 1 Hz: external torque over deviation")
 
@@ -373,7 +392,7 @@ class TuningPreview(Schema):
     """Effect of a tuning at one stiffness: robustness, reference steps and a push."""
 
     motion: Motion = Field(
-        description="lambda: λ sets the time of the steps; time-optimal: a trajectory within U_plan does"
+        description="lambda: λ determines the duration of steps; time-optimal: a trajectory within u_plan determines it"
     )
     S: float = quantity("N·m/rad", "stiffness reference of the preview")
     motor: MotorPreview

@@ -27,7 +27,7 @@ def render_sample_typescript() -> str:
             "",
             'export type SignalName = (typeof FIELDS)[number]["name"];',
             "",
-            "/** Signals that are stored nowhere: sums of columns, some times a length of the joint's geometry. */",
+            "/** Signals that are not stored: sums of columns, some multiplied by a length of the joint's geometry. */",
             f"export const COMBINED = {_literal(combined)} as const;",
             "",
             f"export const PERIOD_S = {T_s};",
@@ -37,11 +37,11 @@ def render_sample_typescript() -> str:
             "/** Defaults of the method [s]. */",
             f"export const LAMBDAS = {_literal({'lam_q': LAM_Q, 'lam_S': LAM_S, 'lam_motor': LAM_MOTOR})} as const;",
             "",
-            "/** Largest number of samples that are read one by one quickly; more take longer. */",
+            "/** Largest number of samples that the service reads quickly one by one; more take longer. */",
             f"export const AT_HAND_SAMPLES = {AT_HAND_SAMPLES};",
             "",
-            "/** External force below which rejection does not act [N]: a number of standard deviations "
-            "of the estimate. */",
+            "/** External force below which disturbance rejection does not act [N]: at least DEVIATIONS "
+            "standard deviations of the estimate. */",
             f"export const UNSEEN_F = {UNSEEN_F};",
             f"export const DEVIATIONS = {DEVIATIONS};",
             "",

@@ -795,7 +795,7 @@ class SocketProtocol(_LimitedProtocol, WebSocketsSansIOProtocol):
         holder = self.slot.holder
         _log.warning(
             "The service closed a websocket of %s (%s): for %g s it sent more than %g frames or %g bytes in a second.",
-            "somebody not signed in" if holder is None else holder.name,
+            "an anonymous client" if holder is None else holder.name,
             self.client[0] if self.client else "unknown address",
             READ_TIMEOUT_S,
             FRAMES_PER_S,

@@ -108,9 +108,9 @@ def unknown_host(host: str, public: PublicUrl | None) -> str:
     """Return the message for a rejected Host header."""
     known = "" if public is None else f" (started with --public-url {public}/)"
     return (
-        f"this service is not known as {_cut(host)!r}{known}. If people reach it through a reverse proxy, start it "
-        f"with --public-url and the address that they open; if {_cut(host)!r} is a name of this machine, put it into "
-        "SINEW_ALLOWED_HOSTS"
+        f"this service does not accept the host name {_cut(host)!r}{known}. If a reverse proxy serves "
+        f"it, start it with --public-url and the address that people open; if {_cut(host)!r} is a name "
+        f"of this machine, add it to SINEW_ALLOWED_HOSTS"
     )
 
 
@@ -119,8 +119,8 @@ def foreign_origin(origin: str, host: str, public: PublicUrl | None) -> str:
     issue = f"the page is from {_cut(origin)!r}, but the request names the host {_cut(host)!r}"
     if public is not None:
         return (
-            f"{issue}; this service was started with --public-url {public}/: open that address, "
-            "or start it with another"
+            f"{issue}; this service was started with --public-url {public}/: open that address, or start "
+            f"the service with another one"
         )
     try:
         proxy = str(parse_public_url(origin))
@@ -128,7 +128,7 @@ def foreign_origin(origin: str, host: str, public: PublicUrl | None) -> str:
         return f"{issue}: pages of other sites are refused"
     return (
         f"{issue}: pages of other sites are refused. If {proxy} is a reverse proxy in front of this service, start it "
-        f"with --public-url {proxy}/ (with the path, where there is one), or let the proxy pass the Host header on "
+        f"with --public-url {proxy}/ (with the path, if there is one), or let the proxy forward the Host header "
         "(nginx: proxy_set_header Host $http_host;)"
     )
 
@@ -178,7 +178,7 @@ def _findings(opened: PublicUrl, public: PublicUrl | None, headers: Headers, pee
         yield (
             "other_prefix",
             f"This page is opened at {opened}/, and the service was started with --public-url {public}/: the session "
-            f"cookie is for that path only. Open {public}/, or start the service with --public-url {opened}/.",
+            f"cookie is valid only for that path. Open {public}/, or start the service with --public-url {opened}/.",
         )
     if not public.is_trusted_proxy(peer) and any(name in headers for name in FORWARDING):
         yield (

@@ -76,9 +76,7 @@ def require_valid_body(body: bytes) -> None:
     except PlainTextError as error:
         raise RequestRejectedError(ErrorCode.BAD_VALUE, f"body: {error}", code="bad_character") from None
     except ValueError as error:
-        raise RequestRejectedError(
-            ErrorCode.BAD_VALUE, f"body: this is not JSON: {error}", code="json_invalid"
-        ) from None
+        raise RequestRejectedError(ErrorCode.BAD_VALUE, f"body: invalid JSON: {error}", code="json_invalid") from None
 
 
 def _require_few(document: Any) -> None:
@@ -92,8 +90,8 @@ def _require_few(document: Any) -> None:
         names += len(part) if isinstance(part, dict) else 0
         count += len(part) if isinstance(part, list) else 0
         if names > MOST_NAMES or count > MOST_LISTED:
-            limits = f"{MOST_NAMES} named values and {MOST_LISTED} in lists"
-            why = f"body: it has more than {limits}, the most that any request has: leave some out"
+            limits = f"{MOST_NAMES} named values, or {MOST_LISTED} in lists"
+            why = f"body: more than {limits}, the maximum of any request: send fewer values"
             raise RequestRejectedError(ErrorCode.BAD_VALUE, why, code="too_many_parts")
         parts.extend(part.values() if isinstance(part, dict) else part if isinstance(part, list) else ())
 
@@ -464,8 +462,9 @@ def _head_bytes(scope: Scope) -> int:
 def too_large_a_head() -> str:
     """Return why a head is rejected, and the remedy for a person at a browser."""
     return (
-        f"the head of the request has more than {LONGEST_HEAD // 1024} kB or {MOST_HEADERS} lines: other applications "
-        "under this host name have set too many cookies; delete the cookies of this site, or use another name for it"
+        f"the request headers have more than {LONGEST_HEAD // 1024} kB or {MOST_HEADERS} lines, probably "
+        f"because other applications under this host name set too many cookies: delete the cookies of "
+        f"this site, or open it under another host name"
     )
 
 

@@ -76,11 +76,14 @@ def require_legal(live_state: LiveState, wanted: Mode, *, loop_alive: bool) -> N
     if mode is Mode.TRIPPED:
         reason = "a fault is latched: reset it first"
     elif wanted in LEGAL[mode] and paused:
-        reason = "the current order is paused, and its next run starts from pretension: continue it, or abort it softly"
+        reason = (
+            "the current request is paused, and its next run starts from pretension: continue the "
+            "request, or abort it softly"
+        )
     elif wanted in LEGAL[mode]:
-        reason = f"{wanted} requires the pretension in both tendons: wait for it"
+        reason = f"{wanted} requires pretension in both tendons: wait until it is reached"
     else:
-        reason = f"{mode} cannot go to {wanted}"
+        reason = f"{mode} cannot change directly to {wanted}"
     names = [str(choice) for choice in legal]
     raise RequestRejectedError(
         ErrorCode.NOT_NOW, f"{reason}; legal now: {', '.join(names) or 'none'}", code="illegal_mode", legal=names
@@ -97,7 +100,7 @@ ANSWER_S = 0.5
 SILENCE_S = 2.0
 """Time [s] without heartbeat after an unanswered soft stop: longer than the timeout of the control loop."""
 
-_PART = Part("The soft stop for a part that died", "Press STOP if the joint still moves.")
+_PART = Part("The soft stop after the failure of a part", "Press STOP if the joint still moves.")
 _STOPPED = (Mode.OFF, Mode.STOPPING, Mode.TRIPPED)
 _log = logging.getLogger(__name__)
 
@@ -127,7 +130,8 @@ class SafeStop:
             return
         except Exception:
             _log.exception(
-                "The loop does not answer a soft stop. The service ends its heartbeat, so that the loop stops itself."
+                "The control loop does not confirm a soft stop. The service suspends its heartbeat, so "
+                "that the control loop stops itself."
             )
             self._supervisor.fall_silent(SILENCE_S)
 
@@ -171,7 +175,7 @@ class SessionRuns:
     def abandon(self, run: int) -> None:
         """Close a run whose mode the control loop has refused."""
         with self._database.session() as session:
-            runs.end(session, run, EndState.STOPPED, "refused before it began")
+            runs.end(session, run, EndState.STOPPED, "the control loop refused the mode before the run began")
 
 
 # Actuator service ----------------------------------------------------------------------------------
@@ -266,7 +270,7 @@ class ActuatorService:
             stopped = await wait_for_result(waiter, STOP_PROOF_S)
         except TimeoutError:
             raise RequestRejectedError(
-                ErrorCode.UNAVAILABLE, "the loop has not confirmed zero volts: use the e-stop at the rig"
+                ErrorCode.UNAVAILABLE, "the control loop has not confirmed zero volts: press the e-stop at the rig"
             ) from None
         finally:
             self._stop_waiters.remove(waiter)
@@ -307,7 +311,7 @@ class ActuatorService:
                 self._event_log.add_mark(MarkKind.NOTE, "reset", accepted.tick, who)
             else:
                 self.require_unoccupied()  # a new process loses the encoder zeros that a commissioning step uses
-                await self._restart_loop("after its end", "loop started again", who)
+                await self._restart_loop("after it failed or ended", "control loop restarted", who)
         self.live_state.clear_stop()
         await self._wait_for_sample(lambda: self.live_state.fault is Fault.NONE)
 
@@ -320,14 +324,16 @@ class ActuatorService:
         async with self._command_lock:
             if self.live_state.mode is not Mode.OFF:
                 raise RequestRejectedError(
-                    ErrorCode.NOT_NOW, f"{change} takes effect in off; the mode is {self.live_state.mode}"
+                    ErrorCode.NOT_NOW, f"{change} takes effect only in mode off; the mode is {self.live_state.mode}"
                 )
             apply_change()
             try:
-                await self._restart_loop(f"with {change}", f"loop started with {change}", who)
+                await self._restart_loop(f"with {change}", f"control loop started with {change}", who)
             except LoopExitedError as error:
-                self._event_log.add_mark(MarkKind.FAULT, f"no loop started with {change}", 0, who)
-                raise LoopExitedError(f"{change} takes effect at the next start of the loop: {error}") from error
+                self._event_log.add_mark(MarkKind.FAULT, f"the control loop did not start with {change}", 0, who)
+                raise LoopExitedError(
+                    f"{change} takes effect at the next start of the control loop: {error}"
+                ) from error
             finally:
                 self.publish_change()
 
@@ -377,7 +383,7 @@ class ActuatorService:
         """Raise RequestRejectedError while a commissioning step occupies the rig."""
         if self.live_state.occupied_by:
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"{self.live_state.occupied_by}: wait for its end, or cancel it"
+                ErrorCode.NOT_NOW, f"{self.live_state.occupied_by}: wait until it ends, or cancel it"
             )
 
     async def switch_drives(self, on: bool, who: str) -> None:
@@ -420,7 +426,7 @@ class ActuatorService:
         plant = self.live_state.plant
         if not plant.simulated:
             by_hand = ": push it by hand" if plant.kind is PlantKind.RIG else ""
-            message = f"a commanded push requires a simulated plant, and the plant is the {plant.name}{by_hand}"
+            message = f"a commanded push requires a simulated plant, but the plant is the {plant.name}{by_hand}"
             raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
         check_range("F_push", push.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
         remedy = "send it again to push for longer"
@@ -431,7 +437,7 @@ class ActuatorService:
             maximum=PUSH_MAX_S,
             unit="s",
             remedy=remedy,
-            label="time of the push",
+            label="duration of the push",
         )
         # Set before the command is sent: if control is lost meanwhile, the push is released after it has started.
         self._pushed = push.F_push != 0.0
@@ -452,7 +458,7 @@ class ActuatorService:
             return
         with suppress(LoopExitedError):
             await self._supervisor.send(commands.ApplyPush(0.0, 0.0))
-        self._event_log.add_mark(MarkKind.NOTE, "push released: control is lost", self.live_state.tick)
+        self._event_log.add_mark(MarkKind.NOTE, "push released: the operator lost control", self.live_state.tick)
 
     async def inject_fault(self, injected_fault: InjectedFault | None, who: str) -> None:
         """Inject a fault into a simulated plant; None clears all.
@@ -490,9 +496,9 @@ class ActuatorService:
         if isinstance(event, PushReleased):
             self._pushed = False
         if isinstance(event, ModeChanged):
-            self.tuning_service.cancel_trial(f"as the mode is {event.after}")
+            self.tuning_service.cancel_trial(f"because the mode is {event.after}")
         elif isinstance(event, LoopExited):
-            self.tuning_service.cancel_trial("as the control loop has ended")
+            self.tuning_service.cancel_trial("because the control loop ended")
         if (mark := build_mark(event, self.live_state.tick)) is not None:
             if isinstance(event, Stopped) and self.live_state.is_expected(event.fault):
                 mark = mark._replace(kind=MarkKind.NOTE)
@@ -528,7 +534,7 @@ async def set_obstacle(actuator: ActuatorService, order: WallOrder, who: str) ->
     """
     plant = actuator.live_state.plant
     if not plant.simulated:
-        message = f"a wall requires a simulated plant, and the plant is the {plant.name}"
+        message = f"an obstacle requires a simulated plant, but the plant is the {plant.name}"
         raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
     wall = None if order.wall is None else _build_obstacle(order.wall, actuator.live_state.parameters)
     await actuator.send_and_log(Obstruct(wall), describe_wall(wall), who)
@@ -538,7 +544,7 @@ async def set_obstacle(actuator: ActuatorService, order: WallOrder, who: str) ->
 def _build_obstacle(wall: WallView, parameters: PlantParameters) -> Obstacle:
     """Return a checked obstacle. Raises OutOfRangeError."""
     bounds, q_max = compute_wall_bounds(parameters), parameters.geometry.q_max
-    remedy = "the simulator's steps do not resolve more"
+    remedy = "the integration steps of the simulator do not resolve a larger value"
     check_range("q_wall", wall.q_wall, -q_max, q_max, "rad", path=("wall", "q_wall"))
     check_range(
         "k_wall",

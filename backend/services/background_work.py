@@ -43,7 +43,7 @@ async def run_while_connected(work: Coroutine[Any, Any, T], is_disconnected: IsD
         while not (await asyncio.wait({task}, timeout=POLL_S))[0]:
             if await is_disconnected():
                 raise RequestRejectedError(
-                    ErrorCode.UNAVAILABLE, "the client of this computation has disconnected: it was cancelled"
+                    ErrorCode.UNAVAILABLE, "the client disconnected: the computation was cancelled"
                 )
         return task.result()
     finally:
@@ -102,7 +102,7 @@ class WorkLimiter:
             number = f"{self._work} of yours is" if self._per_user == 1 else f"{own} {self._works} of yours are"
             raise RequestRejectedError(
                 ErrorCode.TOO_MANY,
-                f"{number} running or waiting, at most {self._per_user}: wait for one, or cancel it",
+                f"{number} running or waiting, and the limit is {self._per_user}: wait until one ends, or cancel one",
                 code="busy",
                 retry_after_s=RETRY_S,
             )
@@ -195,7 +195,7 @@ def compute_robust_tuning(snapshot: TuningSnapshot, M_s: float) -> RobustTuning:
 
 
 # Chart sheets --------------------------------------------------------------------------------------
-# Renders sheets of charts, which users send, as PDF. They have their own worker process, so that
+# Renders chart sheets, which users send, as PDF. They have their own worker process, so that
 # reports do not wait for them.
 
 
@@ -209,9 +209,7 @@ class ChartSheets:
 
     def __init__(self, worker: WorkerProcess) -> None:
         self._worker = worker
-        self.limiter = WorkLimiter(
-            "a sheet of charts", "sheets of charts", MAX_SHEETS, MAX_VIEWER_SHEETS, MAX_SHEETS_PER_USER
-        )
+        self.limiter = WorkLimiter("a chart sheet", "chart sheets", MAX_SHEETS, MAX_VIEWER_SHEETS, MAX_SHEETS_PER_USER)
 
     async def render(self, svg: str, user: User, is_disconnected: IsDisconnected) -> bytes:
         """Return a sheet as PDF.
@@ -311,7 +309,7 @@ async def _acquire(lock: asyncio.Lock, is_disconnected: IsDisconnected) -> None:
         while not (await asyncio.wait({acquiring}, timeout=POLL_S))[0]:
             if await is_disconnected():
                 raise RequestRejectedError(
-                    ErrorCode.UNAVAILABLE, "the client of this computation has disconnected: it is not computed"
+                    ErrorCode.UNAVAILABLE, "the client disconnected: the computation was not started"
                 )
     except BaseException:
         if not acquiring.cancel():  # the lock was acquired meanwhile

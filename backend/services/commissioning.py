@@ -94,7 +94,7 @@ def _build_result(stored: StoredStepResult) -> StepResult:
 # the motors if the control loop disproves them.
 
 
-NOT_YET = "takes effect at the next start of the loop: repeat it in mode off, or restart the service"
+NOT_YET = "takes effect at the next start of the control loop: repeat the step in mode off, or restart the service"
 
 _log = logging.getLogger(__name__)
 
@@ -117,7 +117,7 @@ class CommissioningResultStore:
         plant = self._actuator.live_state.plant
         if plant.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
             return ""
-        return f"only a rig has a bring-up; the plant is the {plant.name}"
+        return f"the bring-up requires a rig, but the plant is the {plant.name}"
 
     async def close(self) -> None:
         """Wait until disproved directions are stored."""
@@ -135,9 +135,9 @@ class CommissioningResultStore:
         if not (finding.calibrations and finding.passed):
             return
         try:
-            await self._actuator.restart_loop_with(lambda: None, "what the bring-up has measured", who)
+            await self._actuator.restart_loop_with(lambda: None, "the calibration of the bring-up", who)
         except (RequestRejectedError, LoopExitedError) as error:
-            self.problem = f"What {STEP[step].title} of the bring-up has measured {NOT_YET} ({error})."
+            self.problem = f"The result of {STEP[step].title} of the bring-up {NOT_YET} ({error})."
 
     def _handle_event(self, event: Event | LoopExited) -> None:
         """Revoke the directions if a motor has turned the wrong way.
@@ -152,7 +152,7 @@ class CommissioningResultStore:
     async def _store_wrong_directions(self, detail: str) -> None:
         try:
             wiring = await asyncio.to_thread(self.load_wiring)
-            finding = StepFinding(False, f"the loop has stopped: {detail}")
+            finding = StepFinding(False, f"the control loop stopped: {detail}")
             await self.store(StepId.DIRECTION, wiring, finding, "the loop")
         except Exception as error:
             _log.exception("The service could not store that the directions are wrong.")
@@ -174,7 +174,7 @@ class CommissioningResultStore:
         """
         if wiring_fingerprint(wiring) == self._supervisor.started_with.wired:
             return ""
-        return "the wiring file has changed since the loop started with the old one: restart the service"
+        return "the wiring file has changed since the control loop started: restart the service"
 
 
 # Commissioning service -----------------------------------------------------------------------------
@@ -309,7 +309,7 @@ class CommissioningService:
         """
         running = self._running
         if running is None or running.confirmed is None or running.confirmed.done():
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "no step of the bring-up waits for a confirmation")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "no step of the bring-up is waiting for a confirmation")
         running.confirmed.set_result(None)
         return await self.view()
 
@@ -324,7 +324,7 @@ class CommissioningService:
         if running.is_over:  # a cancellation now could interrupt a restart of the control loop
             title = STEP[running.step].title
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"{title} is over, and its result is being kept: wait a moment"
+                ErrorCode.NOT_NOW, f"{title} has ended, and the service is storing its result: wait a moment"
             )
         running.task.cancel()
         await asyncio.wait((running.task,))
@@ -388,7 +388,7 @@ class CommissioningService:
             except LoopExitedError as error:
                 finding = StepFinding(False, str(error))
             running.is_over = True
-            report_phase("keeping the result")
+            report_phase("storing the result")
             await self._results.store(running.step, wiring, finding, who)
         except Exception as error:
             _log.exception("Step %s of the commissioning failed.", running.step)
@@ -411,7 +411,7 @@ class CommissioningService:
             for step in (StepId.TARE, StepId.CALIBRATE):
                 if statuses[step].state is StepState.CURRENT:
                     statuses[step] = statuses[step]._replace(
-                        state=StepState.OUT_OF_DATE, why=f"what was measured {NOT_YET}"
+                        state=StepState.OUT_OF_DATE, why=f"the calibration {NOT_YET}"
                     )
         return statuses
 
@@ -430,5 +430,5 @@ class CommissioningService:
         if live_state.task is not None:
             return f"run {live_state.task.run} is in progress"
         if live_state.mode is not Mode.OFF:
-            return f"the mode is {live_state.mode}: bring it to off first"
+            return f"the mode is {live_state.mode}: switch to off first"
         return find_blocking_steps(step, statuses)

@@ -106,7 +106,12 @@ def _find_moment(session: Session, run_id: int, query: ComparisonRequest) -> tup
             count = len(times)
             at_s = times[query.number - 1] if count >= query.number else None
             what = f"event of the kind {query.event}"
-    return at_s, "" if at_s is not None else f"run {run_id} has {_format_count(count, what)}, not {query.number}"
+    return (
+        at_s,
+        ""
+        if at_s is not None
+        else f"run {run_id} has {_format_count(count, what)}; alignment requires at least {query.number}",
+    )
 
 
 def _format_count(count: int, what: str) -> str:
@@ -138,14 +143,14 @@ def select_runs(query: ComparisonRequest) -> tuple[list[int], int]:
         minimum=2,
         maximum=MAX_RUNS,
         unit="1",
-        remedy="name other runs to compare",
+        remedy="select more or fewer runs",
         label="number of runs",
     )
     chosen = numbers[0] if query.reference is None else query.reference
     if chosen not in numbers:
         raise RequestRejectedError(
             ErrorCode.BAD_VALUE,
-            f"reference: run {chosen} is none of those that are compared",
+            f"reference: run {chosen} is not among the compared runs",
             legal=[str(number) for number in numbers],
         )
     return numbers, chosen
@@ -442,7 +447,7 @@ def _build_difference(
     outside = np.abs(difference) > band  # False for NaN
     left = np.flatnonzero(outside)
     largest = None if count == 0 else int(np.nanargmax(np.abs(difference)))
-    default_reason = "" if count else "the samples of the two runs have no common time"
+    default_reason = "" if count else "the two runs have no samples at common times"
     return RunDifference(
         run=run,
         reason=found.reasons[run] or default_reason,
@@ -495,7 +500,7 @@ def stream_curves_file(database: Database, query: DifferencesRequest) -> Iterato
     name, unit = query.signal, found.unit
     columns[f"{name}_run_{found.reference}"] = own, unit, f"{meaning}; of run {found.reference}, the reference"
     for run, values in found.others.items():
-        shift = f"its times shifted by {found.offsets[run]:+.6g} s" if run in found.offsets else found.reasons[run]
+        shift = f"time-shifted by {found.offsets[run]:+.6g} s" if run in found.offsets else found.reasons[run]
         columns[f"{name}_run_{run}"] = values.astype(np.float32), unit, f"{meaning}; of run {run}, {shift}"
     for run, values in found.others.items():
         words = f"run {run} minus run {found.reference}"
@@ -523,7 +528,12 @@ def stream_table_file(database: Database, query: ComparisonRequest) -> Iterator[
     text = io.StringIO()
     text.write(
         "\n".join(
-            [*_build_header(found, query), format_csv_comment("differences are to the reference, percent is of it")]
+            [
+                *_build_header(found, query),
+                format_csv_comment(
+                    "difference: value minus reference; percent: relative to the magnitude of the reference"
+                ),
+            ]
         )
         + "\n"
     )
@@ -545,7 +555,7 @@ def _build_header(found: RunComparison, query: ComparisonRequest) -> Iterator[st
     title = f"comparison with run {found.reference}, Sinew {__version__}; SI units, angles in rad"
     yield format_csv_comment(f"{title}; {_describe_alignment(query)}")
     for run in found.runs:
-        where = run.not_aligned or f"t is its own time {run.offset_s or 0.0:+.6g} s"
+        where = run.not_aligned or f"t is the time of the run {run.offset_s or 0.0:+.6g} s"
         yield format_csv_comment(f"run {run.id}: {run.title}, {run.started.isoformat()}, by {run.who}; {where}")
 
 

@@ -64,16 +64,16 @@ def explain_not_at_rest(rows: NDArray[np.float64], since: int) -> str:
 
     """
     if len(rows) < REST_TICKS or not np.all(np.isfinite(rows[:, INDEX["F_ext_hat"]])):
-        return "the external force is not known yet: the motors' zeros are set in pretension"
+        return "the external force is not available yet: start pretension, which sets the motors' zeros"
     if set(rows[:, INDEX["mode"]].astype(int)) != {MODES.index(Mode.RUN)}:
-        return f"the joint must be held in run for {REST_TICKS / 1000:g} s"
+        return f"the joint must be held in mode run for {REST_TICKS / 1000:g} s"
     if rows[0, INDEX["tick"]] < since:
-        return f"something else was put into force less than {REST_TICKS / 1000:g} s ago"
+        return f"the bias or the references changed less than {REST_TICKS / 1000:g} s ago"
     input_acting = find_acting_input(rows)
     if input_acting:
         return input_acting
     if np.ptp(rows[:, INDEX["q"]]) > _MOVING_RAD or np.ptp(rows[:, INDEX["S"]]) > _MOVING_S:
-        return f"joint and stiffness have to be at rest for {REST_TICKS / 1000:g} s"
+        return f"joint position and stiffness must be at rest for {REST_TICKS / 1000:g} s"
     return ""
 
 
@@ -82,7 +82,7 @@ def find_acting_input(rows: NDArray[np.float64]) -> str:
     if np.any(rows[:, INDEX["F_push"]] != 0.0):
         return "the joint is pushed"
     if np.any(np.nan_to_num(rows[:, INDEX["F_wall"]]) != 0.0):  # NaN on a rig, which has no simulated obstacle
-        return "the joint presses on a wall"
+        return "the joint presses against an obstacle"
     return ""
 
 
@@ -172,7 +172,7 @@ class BiasSweep:
         _, rows, _ = self._supervisor.ring.read(max(self._supervisor.ring.count - 1, 0), 1)
         why = self._explain_not_startable(rows)
         if why:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, f"nothing is learned over S: {why}")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, f"the external-force bias cannot be calibrated over S: {why}")
         bounds = self._live_state.bounds
         points = np.linspace(bounds.S_min, bounds.S_max, SWEEP_POINTS).tolist()
         q_ref, S_ref = (float(rows[-1, INDEX[name]]) for name in ("q_ref", "S_ref"))
@@ -192,8 +192,10 @@ class BiasSweep:
         Raises RequestRejectedError if no sweep is in progress.
         """
         if not self.is_running:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "nothing is being learned over S: there is nothing to stop")
-        self.abort("it was stopped", who)
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, "no calibration over S is in progress: there is nothing to stop"
+            )
+        self.abort("stopped on request", who)
         await self._restore_stiffness()
 
     def abort(self, why: str, who: str = "") -> None:
@@ -229,8 +231,8 @@ class BiasSweep:
             self._end(why)
 
     def _record_failure(self, cause: str) -> str:
-        self.problem = f"Learning over S died ({cause}): what was learned until then stays. Begin it again."
-        return f"it died ({cause})"
+        self.problem = f"The calibration over S failed ({cause}): the points calibrated so far remain. Start it again."
+        return f"it failed ({cause})"
 
     async def _wait_at_rest(self, S_ref: float, since: int) -> None:
         """Wait for rest at ``S_ref``.
@@ -250,11 +252,11 @@ class BiasSweep:
                 return
         raise RequestRejectedError(
             ErrorCode.NOT_NOW,
-            f"at {format_number(S_ref)} N·m/rad nothing could be learned within {LONGEST_S:g} s: {why}",
+            f"at {format_number(S_ref)} N·m/rad the bias could not be calibrated within {LONGEST_S:g} s: {why}",
         )
 
     async def _command_stiffness(
-        self, S_ref: float, who: str = "", why: str = "to calibrate the external force"
+        self, S_ref: float, who: str = "", why: str = "to calibrate the external-force bias"
     ) -> Accepted:
         accepted = await self._send(SetReferences(self._start_references[0], S_ref))
         self._event_log.add_mark(
@@ -266,7 +268,7 @@ class BiasSweep:
         """Restore S_ref from before the sweep, if the joint is still in mode run."""
         if self._live_state.mode is Mode.RUN and self._supervisor.is_alive:
             with suppress(RequestRejectedError, LoopExitedError):
-                await self._command_stiffness(self._start_references[1], why="as before learning")
+                await self._command_stiffness(self._start_references[1], why="as before the calibration")
 
     def _set_progress(self, point: int, S_ref: float) -> None:
         self._view = SweepView(under_way=True, point=point, points=SWEEP_POINTS, S_ref=S_ref, why="")
@@ -278,7 +280,11 @@ class BiasSweep:
             return
         self._view = view.model_copy(update={"under_way": False, "why": why})
         at = f"at point {view.point} of {view.points}, {format_number(view.S_ref)} N·m/rad"
-        text = f"learning over S ended {at}: {why}" if why else f"learned over S at {view.points} points"
+        text = (
+            f"calibration over S ended {at}: {why}"
+            if why
+            else f"external-force bias calibrated over S at {view.points} points"
+        )
         self._event_log.add_mark(MarkKind.FAULT if self.problem else MarkKind.NOTE, text, self._live_state.tick, who)
         self._on_change()
 
@@ -290,11 +296,11 @@ class BiasSweep:
         if task is not None:
             return f"run {task.run}, {task.kind}, is in progress: wait for its end or abort it"
         if self._live_state.mode is not Mode.RUN:
-            return f"the joint must be held in run, but the mode is {self._live_state.mode}"
+            return f"the joint must be held in mode run, but the mode is {self._live_state.mode}"
         if self._is_reaction_active():
             return "contact reaction is armed: disable it first"
         if not np.all(np.isfinite(rows[-1:, INDEX["F_ext_hat"]])):
-            return "the external force is not known yet: the motors' zeros are set in pretension"
+            return "the external force is not available yet: start pretension, which sets the motors' zeros"
         return find_acting_input(rows)
 
 
@@ -305,9 +311,9 @@ def _explain_drift(rows: NDArray[np.float64], S_ref: float) -> str:
     """
     S, drift = float(rows[:, INDEX["S"]].mean()), compute_drift(rows)
     if not abs(S - S_ref) <= _NEAR_S:
-        return f"the stiffness stays at {S:.2f} N·m/rad"
+        return f"the stiffness does not reach S_ref, it remains at {S:.2f} N·m/rad"
     if not drift <= DRIFT_N:
-        return f"the estimate moves by {drift:.2f} N in half a second, {DRIFT_N:g} N is at rest"
+        return f"the estimate drifts by {drift:.2f} N in half a second, more than the {DRIFT_N:g} N permitted at rest"
     return ""
 
 
@@ -382,7 +388,8 @@ class ContactService:
             return await self._apply_sweep(order, who)
         if self.sweep.is_running:
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "the external-force bias is being calibrated over S: wait for its end or abort it"
+                ErrorCode.NOT_NOW,
+                "the external-force bias is being calibrated over S: wait until that ends, or stop it",
             )
         async with self._command_lock:
             points = [] if order.forget else self._points
@@ -410,7 +417,7 @@ class ContactService:
     async def _apply_sweep(self, order: TouchOrder, who: str) -> TouchView:
         if order.learn or order.forget or order.contact_N is not None:
             raise RequestRejectedError(
-                ErrorCode.BAD_VALUE, "learning over S is ordered alone: nothing else was done either"
+                ErrorCode.BAD_VALUE, "sweep cannot be combined with another field: nothing was changed"
             )
         if order.sweep == "stop":
             await self.sweep.stop(who)
@@ -446,7 +453,7 @@ class ContactService:
         _, rows, _ = ring.read(max(ring.count - REST_TICKS, 0), REST_TICKS)
         why = explain_not_at_rest(rows, since)
         if why:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, f"nothing was learned: {why}")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, f"the bias was not calibrated: {why}")
         S, F = float(rows[:, INDEX["S"]].mean()), rows[:, INDEX["F_ext_hat"]]
         bias = np.array([(point.S, point.F) for point in self._points], dtype=np.float64).reshape(-1, 2)
         # The samples have the active bias subtracted.
@@ -484,14 +491,16 @@ def _require_calibrated(points: list[TouchPoint], contact_N: float) -> None:
     """Raise RequestRejectedError for a threshold that noise or bias could exceed."""
     if not points:
         raise RequestRejectedError(
-            ErrorCode.NOT_NOW, "what the estimate reads with nothing outside is not known: learn it at rest first"
+            ErrorCode.NOT_NOW,
+            "the contact reaction requires a calibrated external-force bias: hold the "
+            "joint at rest and calibrate it first",
         )
     noise = max(point.std_N for point in points)
     if not math.isfinite(noise) or contact_N < SIGMAS * noise:
         raise RequestRejectedError(
             ErrorCode.NOT_NOW,
-            f"a contact from {contact_N:g} N on is refused: the estimate itself moves by {Quantity(noise, 'N'):.4g} "
-            f"(standard deviation), and {SIGMAS:g} times that is the least",
+            f"a contact threshold of {contact_N:g} N is refused: the estimate varies by {Quantity(noise, 'N'):.4g} "
+            f"(standard deviation), and the threshold must be at least {SIGMAS:g} times that",
         )
 
 

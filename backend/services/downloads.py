@@ -66,7 +66,8 @@ def check_run_settings(run: Run) -> None:
         LoopSettings.from_values(stored_settings.loop.get_known_values())
     except (ExperimentError, SettingError, OutOfRangeError, UnreadableDocumentError, KeyError) as error:
         raise ImportRefusedError(
-            f"its plan: {escape_line(error)}; correct the experiment and run it again, or export the run with "
+            f"its settings cannot be used: {escape_line(error)}; correct the experiment and run it "
+            f"again, or export the run with "
             f"Sinew {escape_line(run.software)}, which recorded it, and read the samples from the file"
         ) from None
 
@@ -75,7 +76,7 @@ def _check_experiment(text: str) -> None:
     """Raise ExperimentError for an experiment that a request could not send."""
     if len(text) > _MAX_EXPERIMENT_CHARACTERS:
         raise ExperimentError(
-            f"the experiment has {len(text)} characters, at most {_MAX_EXPERIMENT_CHARACTERS} are accepted"
+            f"the experiment has {len(text)} characters, but at most {_MAX_EXPERIMENT_CHARACTERS} are accepted"
         )
     try:
         parser.build_experiment(json.loads(text), {})
@@ -201,7 +202,9 @@ class Downloads:
     async def _start_stream(self, work: Callable[..., Iterator[bytes]], *arguments: object) -> AsyncGenerator[bytes]:
         if self._active_count >= MAX_DOWNLOADS:
             raise RequestRejectedError(
-                ErrorCode.TOO_MANY, f"{MAX_DOWNLOADS} downloads are in progress: wait for one of them", retry_after_s=5
+                ErrorCode.TOO_MANY,
+                f"{MAX_DOWNLOADS} downloads are in progress: wait until one of them ends",
+                retry_after_s=5,
             )
         stream = self._count_stream(stream_from_process(work, self._database, *arguments))
         await anext(stream)
@@ -243,11 +246,11 @@ class Downloads:
         source = load_source(self._database, run_id, angles)
         if source.run.end_state == EndState.RUNNING:
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"run {run_id} is not over yet: its report follows when it is"
+                ErrorCode.NOT_NOW, f"run {run_id} is still in progress: its report is available after its end"
             )
         if source.result is None and source.run.kind != RunKind.SESSION and _is_result_pending(source):
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"the result of run {run_id} is being computed: its report follows in a moment"
+                ErrorCode.NOT_NOW, f"the result of run {run_id} is being computed: its report is available in a moment"
             )
         return source
 

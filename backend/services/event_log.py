@@ -21,7 +21,7 @@ from backend.supervision import Part
 # them.
 
 
-EVENT_LOG_PART = Part("The journal", "Events wait in memory meanwhile.")
+EVENT_LOG_PART = Part("The event log", "Events wait in memory meanwhile.")
 
 BOUND = 10_000
 """Events that wait in memory while the database accepts none: several hours, a few MB."""
@@ -123,7 +123,7 @@ class EventLog:
         else:
             is_last_a_count = self._waiting[-1].lost and len(self._waiting) > self._in_progress
             lost = self._waiting.pop().lost + 1 if is_last_a_count else 1
-            text = f"{lost} events that followed could not be kept"
+            text = f"{lost} later events could not be stored"
             self._waiting.append(
                 _Entry(kind=EventKind.NOTE, text=text, tick=entry.tick, who="", run=None, at=entry.at, lost=lost)
             )

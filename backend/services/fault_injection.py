@@ -45,7 +45,7 @@ CARD_INJECTIONS: tuple[tuple[Injection, tuple[Fault, ...]], ...] = (
 
 MANUAL_CAUSES: dict[Fault, str] = {
     Fault.STOP_PRESSED: "press STOP",
-    Fault.SERVICE_ENDED: "end the service, by Ctrl+C or a signal",
+    Fault.SERVICE_ENDED: "end the service with Ctrl+C or a signal",
     Fault.INTERNAL_ERROR: "cannot be injected: it is an error in the program",
 }
 """How the faults without injection are caused."""
@@ -87,7 +87,7 @@ async def apply_fault(actuator: ActuatorService, control: ControlLease, injectio
     """
     plant = actuator.live_state.plant
     if not plant.simulated:
-        message = f"fault injection requires a simulated plant, and the plant is the {plant.name}"
+        message = f"fault injection requires a simulated plant, but the plant is the {plant.name}"
         raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
     if _needs_card(injection) and plant.kind is not PlantKind.VIRTUAL_CARD:
         raise RequestRejectedError(

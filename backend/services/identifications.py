@@ -150,7 +150,7 @@ def _build_motor_estimate(found: MotorFit | MotorConstants, estimate: Identifica
 
 def _require_value(value: float | None, estimate: Identification, name: str) -> float:
     if value is None:
-        raise UnreadableDocumentError(f"run {estimate.run_id}: the estimate {estimate.id} has no figure for {name}")
+        raise UnreadableDocumentError(f"run {estimate.run_id}: the estimate {estimate.id} has no value for {name}")
     return value
 
 
@@ -228,7 +228,7 @@ class StoredIdentifications:
         with self._database.reading() as session:
             run = runs.get(session, run_id)
             if run.kind not in IDENTIFICATION_KINDS:
-                raise UnknownRecordError(f"run {run_id} is not an identification but {run.kind}")
+                raise UnknownRecordError(f"run {run_id} is not an identification, but of kind {run.kind}")
             estimates = identifications.find(session, run_id=run_id)
             result = results.newest(session, run_id)
         view = build_identification_view(run, estimates[0] if estimates else None, self._progress(run))
@@ -271,5 +271,5 @@ class StoredIdentifications:
         with self._database.reading() as session:
             found = identifications.get(session, number)
         if found.kind != "spring" or found.run_id is not None:
-            raise UnknownRecordError(f"identification {number} was not made from a table of a spring")
+            raise UnknownRecordError(f"identification {number} was not made from a spring table")
         return found

@@ -219,12 +219,12 @@ def _assess_actuator(
     # The worst run is one that fails because of voltage or slack; among feasible ones, that with the least motion.
     worst = min(predicted, key=lambda item: (item.is_feasible, item.q_counts))
     u_peak, F_min = max(item.u_peak_V for item in predicted), min(item.F_min_N for item in predicted)
-    label = "By the excitation alone, peak to peak"
+    label = "Peak-to-peak joint motion by the excitation alone"
     return _Assessment(
         figures=[
             Expectation(name="q_counts", label=label, value=worst.q_counts, unit="encoder counts"),
             Expectation(
-                name="u_peak_V", label=f"Peak voltage, of {parameters.motor.u_max:g} V", value=u_peak, unit="V"
+                name="u_peak_V", label=f"Peak voltage, limit {parameters.motor.u_max:g} V", value=u_peak, unit="V"
             ),
         ],
         message=worst.message,
@@ -314,8 +314,8 @@ def _limit_setting(setting: Setting, ranges: Mapping[str, tuple[float, float]]) 
 
 _REASONS_MOTORS_OFF = {
     Mode.OFF: "the motors were switched off",
-    Mode.STOPPING: "it was stopped softly",
-    Mode.TRIPPED: "a fault or STOP took the motors",
+    Mode.STOPPING: "the actuator was stopped softly",
+    Mode.TRIPPED: "a fault or STOP stopped the motors",
 }
 
 
@@ -340,8 +340,8 @@ class Pause:
         """Let the next run wait, or start. Raises RequestRejectedError if no run remains."""
         task = self._live_state.task
         if task is None or self.remaining_runs == 0:
-            what = "no run is in progress" if task is None else "no run of the same order follows"
-            remedy = "an identification with several tensions can be paused between two of them"
+            what = "no run is in progress" if task is None else "no further run of this request follows"
+            remedy = "an identification with several tensions can be paused between two tensions"
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"{what}: {remedy}")
         self.is_requested = is_requested
         self._live_state.task = task.model_copy(update={"pause_wanted": is_requested})
@@ -357,7 +357,7 @@ class Pause:
             await loop.advance(SLICE_S)
             await asyncio.sleep(0)  # a simulated loop advances without waiting: let other tasks run
             if (why := _REASONS_MOTORS_OFF.get(mode := current_mode(loop))) is not None:
-                raise NotReadyError(f"{why} in its pause", mode)
+                raise NotReadyError(f"{why} during the pause", mode)
         # Before the next run is prepared: a pause after the last run cannot be requested.
         self.remaining_runs -= 1
 
@@ -368,7 +368,7 @@ def describe_runs_not_started(run: int, why: Exception, count: int) -> str:
     ``run`` is its last run, ``why`` the reason.
     """
     runs, them = ("1 run was", "it") if count == 1 else (f"{count} runs were", "them")
-    return f"The order ended after run {run}: {str(why).rstrip('.')}; {runs} not started. Order {them} again."
+    return f"The request ended after run {run}: {str(why).rstrip('.')}; {runs} not started. Request {them} again."
 
 
 # Pending evaluations -------------------------------------------------------------------------------
@@ -636,7 +636,7 @@ class JobManager:
         """
         checked = await self._check_text(request.text, user, is_disconnected)
         if not request.play:
-            return checked.build_view({}, "it was checked only")
+            return checked.build_view({}, "the experiment was only checked, without a dry run")
         try:
             played = await self._run_dry(
                 RunRequest(checked.plan, self._get_loop_settings(), user.name), user, is_disconnected
@@ -710,10 +710,10 @@ class JobManager:
         """Raise RequestRejectedError during a commissioning step, a run or a trial."""
         self._actuator.require_unoccupied()
         if (task := self._actuator.live_state.task) is not None:
-            remedy = "wait for its end or stop it"
+            remedy = "wait until it ends, or stop it"
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"run {task.run}, {task.kind}, is in progress: {remedy}")
         if self._actuator.tuning_service.view_trial() is not None:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "a trial is in progress: keep or revert its tuning first")
 
     async def _start(self, bank: Bank | None, *requests: RunRequest) -> int:
         """Start runs one after the other and return the first.
@@ -768,11 +768,14 @@ class JobManager:
                 end_state = None  # a missing result pauses the queue until an operator has seen it
         except Exception as error:
             _log.exception("Run %s failed.", run.id)
-            self._problem = f"Run {run.id} was given up ({type(error).__name__}: {error}): what it moved was stopped."
+            self._problem = f"Run {run.id} failed ({type(error).__name__}: {error}): any motion of the run was stopped."
         finally:
             if is_executing and not self._is_closing:
                 # The run is closed and its execution is no longer monitored, so the program must not continue.
-                self._problem = self._problem or f"The watch over run {run.id} was ended: what it moved was stopped."
+                self._problem = (
+                    self._problem
+                    or f"The monitoring of run {run.id} ended before the run did: any motion of the run was stopped."
+                )
                 self._safe_stop.begin(Fault.SERVICE_LOST)
             if not self._is_closing:  # a temporary tuning is not stored: the next service starts with the operator's
                 await self._actuator.tuning_service.restore_operator_tuning()
@@ -814,7 +817,7 @@ class JobManager:
 
     def _require_seed(self, settings: LoopSettings) -> None:
         if settings.seed != self._seed:
-            remedy = f"the simulator of this service runs with seed {self._seed}; sinew experiment takes any"
+            remedy = f"the simulator of this service runs with seed {self._seed}; sinew experiment accepts any seed"
             raise SettingError("seed", settings.seed, remedy)
 
     async def _load_bank(self, settings: LoopSettings) -> Bank | None:

@@ -206,7 +206,7 @@ class OwnExperiments:
         """
         experiment, lines = parser.parse_experiment(text)
         if fold_name(experiment.name) in map(fold_name, experiments_by_name()):
-            reason = f"{experiment.name!r} is the name of a ready-made experiment: give this one another"
+            reason = f"{experiment.name!r} is the name of a ready-made experiment: choose another name"
             raise ExperimentError(reason, ("name",), find_line(("name",), lines))
         entry = build_experiment_definition(experiment, lines)
         plan = entry.default_plan
@@ -342,14 +342,14 @@ class RunLibrary:
         """Return the text of a saved search. Raises UnknownRecordError."""
         known = {one.name: one.where for one in self.list_saved_searches().searches}
         if name not in known:
-            raise UnknownRecordError(f"there is no saved search {name!r}; there are: {', '.join(known) or 'none'}")
+            raise UnknownRecordError(f"there is no saved search {name!r}; known: {', '.join(known) or 'none'}")
         return known[name]
 
     def save_search(self, name: str, where: str, who: str) -> SavedSearchList:
         """Store a valid search under a name. Raises QueryError, RequestRejectedError."""
         shown_name = name.strip()
         if not 1 <= len(shown_name) <= SEARCH_NAME_MAX:
-            reason = f"{shown_name[:SEARCH_NAME_MAX]!r} is not 1 to {SEARCH_NAME_MAX} characters"
+            reason = f"{shown_name[:SEARCH_NAME_MAX]!r} does not have 1 to {SEARCH_NAME_MAX} characters"
             raise RequestRejectedError(ErrorCode.BAD_VALUE, f"name of the search: {reason}")
         try:
             check_single_line(shown_name)

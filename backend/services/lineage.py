@@ -86,7 +86,7 @@ def build_checklist(session: Session, parameters: Document, in_use: int | None) 
 
 def _check_pretension(run: Run | None) -> ChecklistStep:
     if run is None:
-        return _build_step("pretension", ChecklistState.MISSING, "no run yet: wind both tendons up")
+        return _build_step("pretension", ChecklistState.MISSING, "no run yet: start pretension")
     return _build_step("pretension", ChecklistState.DONE, f"last used in run {run.id}", run)
 
 
@@ -106,7 +106,7 @@ def _check_identification(
         parameters, name
     ):
         return _build_step(
-            name, ChecklistState.OUTDATED, f"made with other parameters of the plant ({run.parameters_name})", run
+            name, ChecklistState.OUTDATED, f"made with other plant parameters ({run.parameters_name})", run
         )
     for other in before:
         if other is not None and other.created_at > estimate.created_at:
@@ -132,7 +132,7 @@ def _check_bank(
     parameters: Document,
 ) -> ChecklistStep:
     if bank is None:
-        return _build_step("bank", ChecklistState.MISSING, "none built: the gains follow from geometry")
+        return _build_step("bank", ChecklistState.MISSING, "no bank built: the controller uses geometric gains")
     title = f"{bank.name} v{bank.version}"
     by_id = {estimate.id: estimate for estimate in estimates}
     sources = [by_id[entry.identification_id] for entry in bank.entries if entry.identification_id in by_id]
@@ -140,14 +140,17 @@ def _check_bank(
         run = run_of(source)
         if run is not None and run.parameters != parameters:
             entry = next(stored_entry_name(one) for one in bank.entries if one.identification_id == source.id)
-            detail = f"{title} is older than the plant's parameters: its {entry} entry, run {run.id}, is of others"
+            detail = (
+                f"{title} does not match the plant parameters: its {entry} entry, run {run.id}, was "
+                f"identified with others"
+            )
             return _build_step("bank", ChecklistState.OUTDATED, detail, at=bank)
         newer = next((one for one in estimates if is_newer_at_same_point(one, source)), None)
         if newer is not None:
             detail = f"{title} is older than the identification of run {newer.run_id} at the same point"
             return _build_step("bank", ChecklistState.OUTDATED, detail, at=bank)
     if bank.id != in_use:
-        return _build_step("bank", ChecklistState.MISSING, f"{title} is built but not in use: activate it", at=bank)
+        return _build_step("bank", ChecklistState.MISSING, f"{title} is built but not active: activate it", at=bank)
     return _build_step("bank", ChecklistState.DONE, f"{title} in use", at=bank)
 
 
@@ -164,11 +167,13 @@ def is_newer_at_same_point(one: Identification, source: Identification) -> bool:
 def _check_tuning(session: Session, bank: Bank | None, in_use: int | None) -> ChecklistStep:
     """Return whether λ was saved for the active bank."""
     if bank is None or bank.id != in_use:
-        return _build_step("tuning", ChecklistState.MISSING, "needs a bank in use")
+        return _build_step("tuning", ChecklistState.MISSING, "requires an active bank")
     title = f"{bank.name} v{bank.version}"
     stored = settings.newest(session, saved_tuning_key(bank.id))
     if stored is None:
-        return _build_step("tuning", ChecklistState.MISSING, f"{title} has the default λ: choose them, and press Save")
+        return _build_step(
+            "tuning", ChecklistState.MISSING, f"{title} has the default λ: choose λ_q and λ_S, and press Save"
+        )
     parts = SAVED_TUNING.read(stored.value, f"setting “{stored.name}”").get_known_values()
     description = ", ".join(
         f"λ_{name} = {float(parts[key]):g} s" for name, key in (("q", "lam_q"), ("S", "lam_S")) if key in parts
@@ -179,7 +184,7 @@ def _check_tuning(session: Session, bank: Bank | None, in_use: int | None) -> Ch
 
 def _check_experiment(run: Run | None, in_use: int | None) -> ChecklistStep:
     if run is None:
-        return _build_step("experiment", ChecklistState.MISSING, "none completed yet")
+        return _build_step("experiment", ChecklistState.MISSING, "no experiment completed yet")
     if run.bank_id != in_use:
         return _build_step("experiment", ChecklistState.OUTDATED, f"run {run.id} was made with another bank", run)
     return _build_step("experiment", ChecklistState.DONE, f"{run.kind}, run {run.id}", run)
@@ -187,13 +192,13 @@ def _check_experiment(run: Run | None, in_use: int | None) -> ChecklistStep:
 
 def _check_report(session: Session, run: Run | None) -> ChecklistStep:
     if run is None:
-        return _build_step("report", ChecklistState.MISSING, "needs an experiment")
+        return _build_step("report", ChecklistState.MISSING, "requires a completed experiment")
     stored_items = [
         one for form in ("html", "pdf") if (one := results.newest_report(session, run.id, form)) is not None
     ]
     if not stored_items:
-        return _build_step("report", ChecklistState.MISSING, f"run {run.id} has no report yet: open it", run)
-    return _build_step("report", ChecklistState.DONE, f"made of run {run.id}", run)
+        return _build_step("report", ChecklistState.MISSING, f"run {run.id} has no report yet: open its report", run)
+    return _build_step("report", ChecklistState.DONE, f"created from run {run.id}", run)
 
 
 def _find_newest(estimates: list[Identification], kind: str) -> OptionalIdentification:
@@ -241,13 +246,17 @@ class SampleDigests:
     def compute_digest(self, session: Session, run: Run) -> Digest:
         """Return the digest of a run's samples."""
         if run.end_state == EndState.RUNNING:
-            return None, "the run is not over"
+            return None, "the run is still in progress"
         try:
             recording = recordings.get(session, run.id)
             key = run.id, recording.size_bytes
             if key not in self._known:
                 if recording.size_bytes > self._largest_bytes:
-                    return None, f"too long to be read through here: sinew runs lineage {run.id} does"
+                    return (
+                        None,
+                        f"the service does not compute the digest of such a long recording: "
+                        f"sinew runs lineage {run.id} does",
+                    )
                 self._known[key] = compute_recording_digest(session, run.id)
                 if len(self._known) > _MAX_CACHED:
                     self._known.popitem(last=False)
@@ -343,9 +352,9 @@ class LineageGraph:
         later = {"on_the_way": sorted(document_digest(_extract_content(one)) for one in used)} if used else {}
         digest: Digest = document_digest({"loop": choice, "from": content, **later}), ""
         if origins.BANKS in self._read_embedded(run):
-            digest = None, "its bank was not imported with it: a bundle has it"
+            digest = None, "its bank was not imported with the run: import the run in a bundle, which contains the bank"
         elif banks_during_run.computed:
-            digest = None, f"it computes the numbers of its banks: {', '.join(banks_during_run.computed)}"
+            digest = None, f"the program computes the numbers of its banks: {', '.join(banks_during_run.computed)}"
         return self._add_node(
             kind=LineageKind.GAINS, node="gains", title="Gains", detail=detail, digest=digest, origins=made_of
         )
@@ -368,7 +377,7 @@ class LineageGraph:
         if node in self._nodes:
             return node
         newest = banks.newest_version(self._session, bank)
-        marks = [f"version {newest} of it is newer"] if newest > bank.version else []
+        marks = [f"version {newest} of this bank is newer"] if newest > bank.version else []
         marks += ["an entry was identified again" for one in made_of if self._nodes[one].out_of_date][:1]
         title, entries = f"{bank.name} v{bank.version}", f"{len(bank.entries)} entries"
         detail = entries if _list_sources(bank) else f"{entries}, imported"
@@ -423,7 +432,9 @@ class LineageGraph:
     def _add_data(self, estimate: Identification) -> list[str]:
         if estimate.run_id is None:
             name, sha256 = estimate.data.get("file"), estimate.data.get("sha256")
-            stored_items: Digest = (sha256, "") if isinstance(sha256, str) else (None, "its file was not kept")
+            stored_items: Digest = (
+                (sha256, "") if isinstance(sha256, str) else (None, "the service did not store the imported file")
+            )
             node = f"file-{estimate.id}"
             return [
                 self._add_node(
@@ -488,7 +499,7 @@ class LineageGraph:
         then = {one.step: one for one in stored_items if one.at <= run.started_at}
         later = sorted({one.step for one in stored_items if one.at > run.started_at})
         if not then:
-            none = None, "nothing was calibrated before the run"
+            none = None, "no calibration was made before the run"
             return [
                 self._add_node(
                     kind=LineageKind.CALIBRATION,
@@ -501,7 +512,7 @@ class LineageGraph:
             ]
         content = [commissioning.describe_calibration(one) for one in then.values()]
         detail = ", ".join(f"{one.step} {one.at:%Y-%m-%d}" for one in then.values())
-        mark = f"done again since: {', '.join(later)}" if later else ""
+        mark = f"repeated since: {', '.join(later)}" if later else ""
         digest = document_digest(content)
         node = f"calibration-{digest[:16]}"
         return [
@@ -519,14 +530,16 @@ class LineageGraph:
     def _add_embedded_calibration(self, origin: Origin) -> list[str]:
         """Add the calibration that was imported with a run; return its node."""
         content = origin.carried.get(origins.CALIBRATIONS)
-        digest: Digest = (document_digest(content), "") if content else (None, "nothing came with the run")
+        digest: Digest = (
+            (document_digest(content), "") if content else (None, "no calibration was imported with the run")
+        )
         node = f"calibration-{(digest[0] or 'none')[:16]}"
         return [
             self._add_node(
                 kind=LineageKind.CALIBRATION,
                 node=node,
                 title="Calibration",
-                detail="of the rig that made it",
+                detail="of the rig that recorded the run",
                 digest=digest,
                 origins=[],
             )
@@ -548,13 +561,13 @@ def _describe_difference(then: Document, now: Document) -> str:
     before, after = dict(iterate_parameters(then)), dict(iterate_parameters(now))
     differing = [name for name in sorted({*before, *after}) if before.get(name) != after.get(name)]
     if not differing:
-        return "the plant has others now: their sources or texts differ"
+        return "the active parameters differ in their sources or texts"
     description = ", ".join(
         f"{name} {_format_value(before.get(name))}, now {_format_value(after.get(name))}"
         for name in differing[:_MAX_NAMED]
     )
     more = f" and {len(differing) - _MAX_NAMED} more" if len(differing) > _MAX_NAMED else ""
-    return f"the plant has others now: {description}{more}"
+    return f"the active parameters differ: {description}{more}"
 
 
 def _format_value(value: float | str | None) -> str:

@@ -61,7 +61,9 @@ def build_mark(event: Event | LoopExited, now: int) -> Mark | None:
         case PretensionReached(tick):
             return Mark(MarkKind.MODE, "pretension reached", tick)
         case ContactDetected(tick, F_ext_hat, contact_N):
-            return Mark(MarkKind.NOTE, f"contact: {F_ext_hat:.1f} N, contact reaction from {contact_N:g} N", tick)
+            return Mark(
+                MarkKind.NOTE, f"contact: {F_ext_hat:.1f} N, threshold of the contact reaction {contact_N:g} N", tick
+            )
         case BiasLost(tick):
             return Mark(MarkKind.NOTE, "zeros set again: recalibrate the external-force bias", tick)
         case PushReleased(tick, why):
@@ -79,7 +81,7 @@ def build_mark(event: Event | LoopExited, now: int) -> Mark | None:
         case PlantFailing(tick, reason):
             return Mark(MarkKind.FAULT, f"the plant cannot be read or written: {reason}", tick)
         case PlantAnswers(tick):
-            return Mark(MarkKind.NOTE, "the plant answers again", tick)
+            return Mark(MarkKind.NOTE, "the plant can be read and written again", tick)
         case LoopExited(reason):
             return Mark(MarkKind.TRIP, f"The control loop died: {reason}", now)
         case Accepted() | Refused() | RunEnded() | ReadinessChanged() | WallChanged() | PlayerMoved():

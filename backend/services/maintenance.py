@@ -117,7 +117,7 @@ def _build_backup_view(copy: Path) -> BackupView:
 # Retention -----------------------------------------------------------------------------------------
 
 
-MAINTENANCE_PART = Part("The check of the space that recordings use", "Recordings may exceed their limit unnoticed.")
+MAINTENANCE_PART = Part("The check of the disk space of the recordings", "Recordings may exceed their limit unnoticed.")
 
 CHECK_PERIOD_S = 600.0
 """Period of the check of the sizes [s]; a recording grows by 80 MB an hour."""
@@ -140,7 +140,7 @@ class Retention:
             try:
                 await asyncio.to_thread(self.summarize_recordings)
             except StorageError as error:
-                self.problem = f"the size of the recordings is not known: {error}"
+                self.problem = f"the size of the recordings is unknown: {error}"
             await asyncio.sleep(CHECK_PERIOD_S)
 
     def summarize_recordings(self) -> RecordingsView:

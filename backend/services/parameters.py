@@ -122,7 +122,7 @@ def build_undo(database: Database, base: PlantParameters) -> AppliedParameters:
     """
     found = list_parameter_versions(database, base)
     if len(found) == 1:
-        raise NotApplicableError("nothing was applied to the parameter file: there is nothing to undo")
+        raise NotApplicableError("no identified values are applied to the parameter file: there is nothing to undo")
     former = found[1].applied
     sections = {} if former is None else former.identified
     return AppliedParameters(
@@ -238,7 +238,7 @@ class ParameterService:
             found = list_parameter_versions(self._database, self._base)
         except ParameterError as error:
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"a version that was applied is not taken any more: {error}"
+                ErrorCode.NOT_NOW, f"an applied version of the parameters is no longer accepted: {error}"
             ) from None
         before = [*found[1:], found[-1]]
         return ParametersView(
@@ -282,7 +282,7 @@ class ParameterService:
                 applied, parameters, before, self._tuning_store.choose_for_parameters(before, parameters)
             )
         except (NotApplicableError, ParameterError, TuningError) as error:
-            raise RequestRejectedError(ErrorCode.BAD_VALUE, f"it cannot be applied: {error}") from None
+            raise RequestRejectedError(ErrorCode.BAD_VALUE, f"the change cannot be applied: {error}") from None
 
     async def _apply_change(self, change: _PreparedChange, who: str) -> None:
         applied, parameters, before, tuning = change
@@ -291,7 +291,7 @@ class ParameterService:
             self._require_idle(before)
             if not (applied.undone or self._supervisor.is_alive):
                 raise RequestRejectedError(
-                    ErrorCode.UNAVAILABLE, "the control loop is not running: reset starts it again"
+                    ErrorCode.UNAVAILABLE, "the control loop is not running: press Reset to start it"
                 )
             with self._database.session() as session:
                 store_parameters(session, applied, who)
@@ -306,8 +306,8 @@ class ParameterService:
             self._events.publish(ParametersApplied(parameters))
 
         self._require_idle(before)  # also before it waits for the restart
-        undone = "the former parameters, as the last identification was undone"
-        run = f"the identification of run {applied.run}" if applied.run else "a spring measured elsewhere"
+        undone = "the previous parameters, because the last identification was undone"
+        run = f"the identification of run {applied.run}" if applied.run else "an imported spring table"
         moved = ", ".join(tuning.choice.list_differences(before.choice))
         description = f"{undone if applied.undone else run}{f' (tuning: {moved})' if moved else ''}"
         await self._actuator.restart_loop_with(store_and_publish, description, who)
@@ -320,15 +320,13 @@ class ParameterService:
         live_state = self._actuator.live_state
         self._actuator.require_unoccupied()
         if live_state.task is not None or live_state.overridden_tuning is not None:
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "a run is in progress: change the parameters when it has ended"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "a run is in progress: change the parameters after its end")
         if self._actuator.tuning_service.view_trial() is not None:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "a trial is in progress: keep or revert its tuning first")
         if live_state.mode is not Mode.OFF:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                f"parameters are applied in off only; the mode is {live_state.mode}: switch it off first",
+                f"parameters can be applied only in mode off; the mode is {live_state.mode}: switch to off first",
             )
         if live_state.tuning is not tuning:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "the tuning was changed meanwhile: check it, then try again")
@@ -336,7 +334,7 @@ class ParameterService:
     def _build_undo(self, version: int) -> AppliedParameters:
         newest = list_parameter_versions(self._database, self._base)[0].number
         if newest not in (0, version):
-            raise NotApplicableError(f"version {newest} is active by now, not {version}: check its changes")
+            raise NotApplicableError(f"version {newest} is now active, not {version}: check its changes")
         return build_undo(self._database, self._base)
 
     def _build_proposal(self, estimate: int) -> AppliedParameters:

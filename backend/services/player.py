@@ -101,8 +101,7 @@ def _build_mark(at: int, kind: EventKind, text: str) -> RunMark:
 
 
 NO_COMMANDS = (
-    "a recording is played: nothing real moves, so it takes no commands; the player on Operate has play, pause, speed "
-    "and position"
+    "the plant is a replay, which accepts no commands: use the player on Operate for play, pause, speed and position"
 )
 
 
@@ -131,12 +130,12 @@ class RecordingPlayer:
     def recording(self) -> PlayedRecording:
         """The replayed recording. Raises RequestRejectedError for another plant."""
         if self._recording is None:
-            message = "no recording is played: sinew serve --plant replay --recording FILE plays one"
+            message = "the plant is not a replay: start one with sinew serve --plant replay --recording FILE"
             raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="no_recording")
         return self._recording
 
     def handle_event(self, event: PlayerMoved) -> None:
-        """Store the position and speed of the player from a tick on."""
+        """Store the position and playback speed from a tick on."""
         self._last_move = event
         self._on_change()
 
@@ -171,7 +170,7 @@ class RecordingPlayer:
         duration_s = self.recording.duration_s
         sample = None
         if order.speed is not None:
-            check_range("speed", order.speed, SPEED_MIN, SPEED_MAX, "", label="speed of the player")
+            check_range("speed", order.speed, SPEED_MIN, SPEED_MAX, "", label="playback speed")
         if order.t is not None:
             check_range("t", order.t, 0.0, duration_s, "s", label="time in the recording")
             sample = round(order.t / T_s)

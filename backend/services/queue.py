@@ -74,7 +74,7 @@ class DryRuns:
         Raises OutOfRangeError for a program longer than LONGEST_S, RequestRejectedError at a limit, WorkerDiedError.
         """
         duration_s = request.plan.program().duration_s
-        remedy = "play it with `sinew experiment` on the command line"
+        remedy = "run it with `sinew experiment` on the command line"
         check_range(
             "duration_s",
             duration_s,
@@ -82,7 +82,7 @@ class DryRuns:
             maximum=LONGEST_S,
             unit="s",
             remedy=remedy,
-            label="length of a dry run",
+            label="duration of a dry run",
             path=(),
         )
         with self.limiter.reserve(user):
@@ -115,7 +115,7 @@ _log = logging.getLogger(__name__)
 LONGEST = 50
 """Experiments that may wait."""
 
-_PART = Part("The step to the next experiment of the queue", "Check the queue: it continues, or shows why it is held.")
+_PART = Part("The start of the next queued experiment", "Check the queue: it continues, or shows why it is paused.")
 
 Start = Callable[[ExperimentRequest, str], Awaitable[int]]
 Check = Callable[[ExperimentRequest], Awaitable[ExperimentRequest]]
@@ -185,7 +185,7 @@ class ExperimentQueue:
         """
         async with self._change_lock:
             moved = self._find_waiting(item_id)
-            words = "place in the queue"
+            words = "position in the queue"
             check_range("place", place, 0, len(self._items) - 1, "1", label=words)
             order = [item.id for item in self._items if item.id != item_id]
             order.insert(place, item_id)
@@ -241,9 +241,9 @@ class ExperimentQueue:
             # Any error pauses the queue and is shown to an operator; the experiments stay in the queue.
             _log.warning("The queue is paused: %s", error)
             if next_item in self._items:
-                self._pause(f"the next one was refused: {error}", next_item.id)
+                self._pause(f"the next experiment was refused: {error}", next_item.id)
             else:
-                self._pause(f"the one that a person has taken out meanwhile was refused: {error}")
+                self._pause(f"an experiment that a person has removed meanwhile was refused: {error}")
 
     async def _start_first(self) -> None:
         item = self._items[0]
@@ -264,8 +264,8 @@ class ExperimentQueue:
         ``rejected_item`` is the experiment that has caused it.
         """
         count = len(self._items)
-        remedy = "nothing waits any more" if count == 0 else "start the queue again to go on with the first that waits"
-        self._set_problem(f"held because {cause}; {remedy}", rejected_item)
+        remedy = "the queue is empty" if count == 0 else "start the queue again to continue with the next experiment"
+        self._set_problem(f"paused because {cause}; {remedy}", rejected_item)
         self._running = False
 
     def _set_problem(self, problem: str, rejected_item: int | None = None) -> None:
@@ -278,7 +278,7 @@ class ExperimentQueue:
     def _find_waiting(self, item_id: int) -> QueuedView:
         item = next((item for item in self._items if item.id == item_id), None)
         if item is None:
-            raise RequestRejectedError(ErrorCode.UNKNOWN, f"experiment {item_id} does not wait in the queue")
+            raise RequestRejectedError(ErrorCode.UNKNOWN, f"experiment {item_id} is not in the queue")
         return item
 
     def _require_space(self) -> None:
@@ -294,12 +294,12 @@ class ExperimentQueue:
                 stored = queue.load_waiting(session)
         except StorageError as error:
             _log.warning("The service cannot read the stored queue: %s", error)
-            self._set_problem(f"held because what waited in it cannot be read: {error}")
+            self._set_problem(f"paused because the stored queue cannot be read: {error}")
             return
         self._items = [QueuedView(id=it.id, name=it.name, settings=it.settings, who=it.who, kept=True) for it in stored]
         if stored:
-            _log.warning("%d experiments wait in the stored queue. An operator starts them.", len(stored))
-            self._pause("the service was started again")
+            _log.warning("%d experiments wait in the stored queue until an operator starts it.", len(stored))
+            self._pause("the service was restarted")
 
     def _store(self, request: ExperimentRequest, who: str) -> queue.StoredQueued:
         with self._database.session() as session:

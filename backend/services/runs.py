@@ -147,7 +147,7 @@ class Evaluations:
         task = self._task()
         if self.is_evaluating(run_id) or (task is not None and task.run == run_id):
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"run {run_id} is being evaluated: its result follows in a moment"
+                ErrorCode.NOT_NOW, f"run {run_id} is being evaluated: its result is available in a moment"
             )
         self._active.add(run_id)
         try:
@@ -281,10 +281,14 @@ def build_recorded_experiment(database: Database, run_id: int) -> RecordedExperi
 def _describe_recorded(run_id: int, found: RecordedParts) -> str:
     off = f"{found.deviation_q_rad:.2g} rad and {found.deviation_S:.2g} N·m/rad"
     pushed = f", pushes within {found.deviation_F_N:.2g} N" if any(part["do"] == "push" for part in found.parts) else ""
-    late = f" Pushes, walls and the tuning come up to {found.delay_ticks} ms late." if found.delay_ticks else ""
+    late = (
+        f" Pushes, obstacles and changes of the tuning occur up to {found.delay_ticks} ms late."
+        if found.delay_ticks
+        else ""
+    )
     return (
-        f"The references of run {run_id} as they were commanded, followed within {off} at every sample{pushed}. "
-        f"It begins with the tuning of the run.{late}"
+        f"The references of run {run_id} as commanded, reproduced within {off} at every sample{pushed}. "
+        f"The experiment begins with the tuning of the run.{late}"
     )
 
 
@@ -320,12 +324,12 @@ class _RunConversion:
         self.law = _select_law(run)
         missing = round((t[-1] - t[0]) / T_s) + 1 - len(t)
         if missing > 0:
-            self.left_out.append(f"{missing} samples are missing: their time is left out")
+            self.left_out.append(f"{missing} samples are missing: the experiment omits their time")
 
     def collect_changes(self) -> list[ReferenceChange]:
         """Return changes of tuning and obstacle in order of their ticks."""
         tunings = self._limit_count(self._collect_tunings(), MAX_TUNINGS, "changes of the tuning")
-        walls = self._limit_count(self._collect_walls(), MAX_WALLS, "changes of the wall")
+        walls = self._limit_count(self._collect_walls(), MAX_WALLS, "changes of the obstacle")
         self._report_missing_marks()
         self._report_missing_program()
         return sorted([*tunings, *walls], key=lambda change: change.tick)
@@ -334,12 +338,12 @@ class _RunConversion:
         """Add to ``left_out`` the pushes that the experiment lacks."""
         for begin, end in found.unpushed:
             force, begins, ends = F_push[begin], self._t[begin], self._t[min(end, len(self._t) - 1)]
-            why = "the references move meanwhile, and a push holds them"
+            why = "the references change during the push, but a push part holds them constant"
             self.left_out.append(f"push of {Quantity(force, 'N'):.3g} from {begins:.3f} s to {ends:.3f} s: {why}")
 
     def _limit_count(self, changes: list[ReferenceChange], most: int, what: str) -> list[ReferenceChange]:
         if len(changes) > most:
-            self.left_out.append(f"the last {len(changes) - most} of {len(changes)} {what}: {most} are the most")
+            self.left_out.append(f"the last {len(changes) - most} of {len(changes)} {what}: {most} are the maximum")
         return changes[:most]
 
     def _collect_tunings(self) -> list[ReferenceChange]:
@@ -368,9 +372,11 @@ class _RunConversion:
         if loop.motion == LAMBDA:
             known.pop("u_plan", None)
         if known.pop("k_ext", 0.0):
-            self.left_out.append("pushes were rejected by k_ext: what was learned before the run is not recorded")
+            self.left_out.append(
+                "disturbance rejection (k_ext): the bias that was calibrated before the run is not recorded"
+            )
         if known.pop("bank", 0) and self._bank is None:
-            self.left_out.append(f"bank {loop.bank} is not of this station: the active bank is used")
+            self.left_out.append(f"bank {loop.bank} does not belong to this station: the active bank is used")
         if self._bank is not None:
             known["bank"] = self._bank
         first = {name: round(float(self._columns[name][0]), _DECIMALS) for name in _LAM}
@@ -390,7 +396,7 @@ class _RunConversion:
             q_ref = float(self._columns["q_ref"][min(tick, len(self._t)) - 1])
             if wall is not None and stored.side * (q_ref - stored.q_wall) >= 0.0:
                 self.left_out.append(
-                    f"wall at {Angle(stored.q_wall):.4g} from {self._t[tick]:.3f} s: "
+                    f"obstacle at {Angle(stored.q_wall):.4g} from {self._t[tick]:.3f} s: "
                     f"q_ref is beyond it, at {Angle(q_ref):.4g}"
                 )
                 wall = None
@@ -423,13 +429,13 @@ class _RunConversion:
         try:
             plan = parse_stored_plan(self._run.kind, stored)
         except (ValueError, UnreadableDocumentError):
-            self.left_out.append("what its program did besides: this version does not read it")
+            self.left_out.append("other actions of the program: this version cannot read the stored program")
             return
         if not isinstance(plan, ExperimentPlan):
             return
         compiled = plan.compiled
         if any(segment.load_A or segment.load_B for segment in compiled.segments):
-            self.left_out.append("loads of the motors' shafts: they are not recorded")
+            self.left_out.append("loads on the motor shafts: they are not recorded")
         if compiled.contact_detections:
             self.left_out.append("calibration of the external-force bias and contact reaction")
         others = {name for change in compiled.changes for name in change if name not in _LAM}
@@ -680,7 +686,7 @@ def build_dry_run_view(
 
 def _build_judgement(run: Run, result: Result | None) -> dict[str, Any]:
     metrics, criteria = (None, ()) if result is None else (result.metrics, result.criteria)
-    running = "" if run.ended_at is not None else "the run is not over"
+    running = "" if run.ended_at is not None else "the run is still in progress"
     found = judge_stored_run(metrics, criteria, run.evaluation_problem or running)
     return {
         "outcome": found.outcome,
@@ -776,7 +782,7 @@ class RunQuery:
         of_kind = [Compare(Value("kind", 0), Op.EQUAL, tuple(Value(kind, 0) for kind in self.kinds))]
         words = [Word(Value(word, 0)) for word in self.search.split()]
         if not all(word.value.text.isprintable() for word in words):
-            raise QueryError(0, "it contains a character that cannot be printed: delete it")
+            raise QueryError(0, "it contains a non-printable character: delete it")
         return All((*map(parse_query, self.where), *(of_kind if self.kinds else []), *words))
 
 

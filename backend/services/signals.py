@@ -124,7 +124,7 @@ class RangeAnalysis:
         """
         if self._active_count >= MAX_RANGES:
             raise RequestRejectedError(
-                ErrorCode.TOO_MANY, f"{MAX_RANGES} ranges are being read: wait for one of them", retry_after_s=2
+                ErrorCode.TOO_MANY, f"{MAX_RANGES} ranges are being read: wait until one of them ends", retry_after_s=2
             )
         most = AT_HAND_SAMPLES if in_process_samples is None else min(in_process_samples, AT_HAND_SAMPLES)
         stream = self._count_stream(lines, query, most)
@@ -369,12 +369,12 @@ class Formulas:
             others = [one.name for one in formulas.find(session) if one.name != name]
             if len(others) >= MAX_FORMULAS:
                 raise RequestRejectedError(
-                    ErrorCode.BAD_VALUE, f"a station has {MAX_FORMULAS} formulas at most: remove one first"
+                    ErrorCode.BAD_VALUE, f"a station has {MAX_FORMULAS} derived signals at most: remove one first"
                 )
             similar_name = next((one for one in others if one.lower() == name.lower()), None)
             if similar_name is not None:
                 raise RequestRejectedError(
-                    ErrorCode.BAD_VALUE, f"{name!r} differs from {similar_name!r} by case only", code="bad_formula"
+                    ErrorCode.BAD_VALUE, f"{name!r} differs from {similar_name!r} only in case", code="bad_formula"
                 )
             steps = [asdict(step) for step in derived.steps]
             return _build_view(

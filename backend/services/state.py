@@ -207,10 +207,13 @@ def build_safety_chain(
             name="service",
             good=heartbeat_age_s is not None and heartbeat_age_s < SILENCE_S,
             silent_s=heartbeat_age_s,
-            says="beats" if heartbeat_age_s is not None else "has no loop to beat for",
+            says="last heartbeat" if heartbeat_age_s is not None else "no heartbeats: the control loop is not running",
         ),
         ChainLinkView(
-            name="loop", good=is_ticking, silent_s=link.silent_s, says="ticks" if is_ticking else "does not tick"
+            name="loop",
+            good=is_ticking,
+            silent_s=link.silent_s,
+            says="last tick" if is_ticking else "no ticks; last sample",
         ),
         *build_downstream_links(
             supervisor.setup.plant, supervisor.card.state(), supervisor.watchdog_monitor, alive, fault
@@ -227,7 +230,7 @@ def _build_restarting_links(supervisor: Supervisor, link: LinkView, fault: Fault
     downstream = build_downstream_links(supervisor.setup.plant, card, monitor, False, fault)
     is_intact = not (card.expired or card.safety_tripped or monitor.is_watchdog_lost or fault is Fault.SAFETY_MODULE)
     return [
-        ChainLinkView(name="service", good=True, silent_s=None, says="waits for the loop"),
+        ChainLinkView(name="service", good=True, silent_s=None, says="waiting for the control loop"),
         ChainLinkView(name="loop", good=True, silent_s=None, says=f"is restarted: {link.restarting}"),
         *(one.model_copy(update={"good": one.good or is_intact}) for one in downstream),
     ]
@@ -253,9 +256,9 @@ def build_downstream_links(
                 return _mark_as_outdated(card, links[0]), _mark_as_outdated(card, links[1])
             return links
         case PlantKind.REPLAY:
-            good, says = True, "not needed: a recording is played, nothing moves"
+            good, says = True, "not needed: the plant is a replay, nothing moves"
         case PlantKind.PACKAGE:
-            good, says = False, f"not seen from here: {plant.name} has to bring its own"
+            good, says = False, f"not monitored by Sinew: {plant.name} must provide its own"
         case _:
             assert_never(plant.kind)
     watchdog = ChainLinkView(name="watchdog", good=good, silent_s=None, says=says)
@@ -269,9 +272,9 @@ def _build_page_link(holder: HolderView | None) -> ChainLinkView:
     if not holder.page:
         return ChainLinkView(name="page", good=True, silent_s=None, says=f"a script holds control ({holder.name})")
     says = (
-        f"{holder.name} sends no signs of life: references are held"
+        f"{holder.name} sends no heartbeats: references are held; last message"
         if holder.lost
-        else f"{holder.name} sends signs of life"
+        else f"{holder.name} holds control; last message"
     )
     return ChainLinkView(name="page", good=not holder.lost, silent_s=holder.silent_s, says=says)
 
@@ -279,7 +282,7 @@ def _build_page_link(holder: HolderView | None) -> ChainLinkView:
 def _build_watchdog_link(card: CardState, monitor: WatchdogMonitor, alive: bool) -> ChainLinkView:
     line = "drive-enable on" if card.drive_enabled else "drive-enable off, zero volts"
     if monitor.is_watchdog_lost:
-        says = f"dead, not seen for {monitor.watchdog_silent_s:.1f} s: {line}; reset starts a new one"
+        says = f"dead, no response for {monitor.watchdog_silent_s:.1f} s: {line}; Reset starts a new one"
     elif card.expired:
         says = f"expired after {card.watchdog_s:g} s without a write: {line}"
     elif card.armed:
@@ -291,12 +294,16 @@ def _build_watchdog_link(card: CardState, monitor: WatchdogMonitor, alive: bool)
 
 
 def _build_safety_module_link(tripped: bool) -> ChainLinkView:
-    says = "tripped: the motors are cut" if tripped else "watching"
+    says = "tripped: motor power is cut" if tripped else "monitoring"
     return ChainLinkView(name="safety_module", good=not tripped, silent_s=None, says=says)
 
 
 def _mark_as_outdated(card: CardState, link: ChainLinkView) -> ChainLinkView:
-    says = f"not seen since the loop ended; last known: {link.says}" if card.mirror else "not seen: no loop has run yet"
+    says = (
+        f"unknown since the control loop ended; last state: {link.says}"
+        if card.mirror
+        else "unknown: no control loop has run yet"
+    )
     return link.model_copy(update={"good": False, "says": says})
 
 
@@ -637,7 +644,8 @@ class LiveState:
             message, remedy = f"The bring-up provoked this trip: {message}", ""
         elif fault is Fault.SAFETY_MODULE and self.plant.simulated:
             remedy = (
-                "Take away the wall or the push that caused it, then reset: that acknowledges the simulated module."
+                "Remove the obstacle or the push that caused the trip, then reset: Reset also "
+                "acknowledges the simulated safety module."
             )
         return FaultView(code=fault, message=message, remedy=remedy, tick=tick, expected=is_expected)
 

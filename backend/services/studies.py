@@ -41,7 +41,7 @@ from plant import ErrorCode, PlantParameters
 
 
 MAX_LISTED = 100
-_RUNNER_LOST = "its process died without a message: resume it; computed points are kept"
+_RUNNER_LOST = "the process of the study died without a message: resume the study; computed points are kept"
 """Problem of a study whose process was killed, or whose machine was lost."""
 MAX_ROWS = 200
 """Rows of a table that the page gets; the command line shows all."""
@@ -326,7 +326,9 @@ class StudyScheduler:
 
     def _require_capacity(self) -> None:
         if len(self._waiting) + len(self._running) >= MAX_WAITING:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, f"{MAX_WAITING} studies wait already: stop one of them first")
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, f"{MAX_WAITING} studies are running or waiting already: stop one of them first"
+            )
 
     def _schedule(self, study: StudyView) -> StudyView:
         if study.id not in self._waiting and study.state == "stopped":  # after its last attempt, where that only ends

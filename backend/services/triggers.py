@@ -81,7 +81,7 @@ class Triggers:
             try:
                 await asyncio.to_thread(self._trigger.save_armed, who)
             except StorageError:
-                self._trigger.disarm("it could not be put on record")
+                self._trigger.disarm("the service could not store the armed trigger")
                 raise
         times = "once" if order.captures == 1 else f"{order.captures} times"
         captured = f"{order.before_s:g} s before and {order.after_s:g} s after, {times}"
@@ -122,7 +122,7 @@ def _build_condition(order: TriggerOrder, derived: dict[str, Derived]) -> Condit
         message = "the upper end of the window must be above its lower end"
         raise RequestRejectedError(ErrorCode.BAD_VALUE, message, code="bad_window")
     if not is_window and order.upper is not None:
-        message = f"a condition {order.condition} has one level: leave the upper end out"
+        message = f"a condition {order.condition} has only one level: omit the upper end"
         raise RequestRejectedError(ErrorCode.BAD_VALUE, message, code="bad_window")
     formula = None if order.signal in UNIT_BY_SIGNAL else derived[order.signal]
     return Condition(order.signal, order.condition, order.level, order.upper, formula)

@@ -132,7 +132,7 @@ class TuningService:
             self._require_no_override()
             before = self._live_state.tuning
             tick = await self._apply_permanently(await asyncio.to_thread(before.with_bank, bank))
-            text = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
+            text = "geometric gains" if bank is None else f"bank {bank.name}, version {bank.version}"
             self._event_log.add_mark(MarkKind.BANK, text, tick, who)
         await self._store_active(who)
         return self._live_state.tuning.view(self._live_state.entry)
@@ -144,12 +144,14 @@ class TuningService:
         OutOfRangeError if that tuning is no longer safe.
         """
         stack, other = self._live_state.undo_stack, self._live_state.redo_stack
-        return await self._move_between_stacks(stack, other, "undone", "no change of the tuning is left to undo", who)
+        return await self._move_between_stacks(stack, other, "undone", "there is no change of the tuning to undo", who)
 
     async def redo(self, who: str) -> TuningView:
         """Restore the tuning that the last undo has replaced. Raises like ``undo``."""
         stack, other = self._live_state.redo_stack, self._live_state.undo_stack
-        return await self._move_between_stacks(stack, other, "done again", "no change of the tuning was undone", who)
+        return await self._move_between_stacks(
+            stack, other, "done again", "there is no undone change of the tuning to redo", who
+        )
 
     async def _move_between_stacks(
         self, stack: deque[ResolvedTuning], other: deque[ResolvedTuning], done: str, nothing: str, who: str
@@ -161,7 +163,7 @@ class TuningService:
         async with self._change_lock:
             self._require_no_override()
             if self._trial.before is not None:
-                raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
+                raise RequestRejectedError(ErrorCode.NOT_NOW, "a trial is in progress: keep or revert its tuning first")
             if not stack:
                 raise RequestRejectedError(ErrorCode.NOT_NOW, nothing)
             step, before = stack[-1], self._live_state.tuning
@@ -182,7 +184,7 @@ class TuningService:
         async with self._change_lock:
             self._require_no_override()
             if self._trial.before is not None:
-                raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
+                raise RequestRejectedError(ErrorCode.NOT_NOW, "a trial is in progress: keep or revert its tuning first")
             own = self._live_state.tuning
             if choice != own.choice:
                 temporary = await asyncio.to_thread(own.with_choice, choice, bank)
@@ -271,7 +273,7 @@ class TuningService:
         live_state.tuning = live_state.tuning.without_rejection()
         self._supervisor.setup = replace(self._supervisor.setup, tuning=live_state.tuning.build_command())
         self._event_log.add_mark(
-            MarkKind.TUNING, "pushes are not rejected any more: what was learned is gone", live_state.tick
+            MarkKind.TUNING, "disturbance rejection disabled: the external-force bias was discarded", live_state.tick
         )
         self._on_change()
 
@@ -312,7 +314,7 @@ class TuningService:
                     _log.exception("The service could not restore %s yet.", what)
                     difference = tuning.describe_difference(self._live_state.tuning)
                     self._live_state.tuning_problem = (
-                        f"{what} ({difference}) is not active again: {error}. The service retries every "
+                        f"{what} ({difference}) could not be restored yet: {error}. The service retries every "
                         f"{RETRY_S:g} s. If this persists, abort softly and restart the service: it starts with the "
                         "operator's tuning."
                     )
@@ -358,7 +360,7 @@ class TuningService:
             return
         task = self._live_state.task
         what = "a run is being started" if task is None else f"{task.kind} is running"
-        raise RequestRejectedError(ErrorCode.NOT_NOW, f"{what} and its tuning is part of its record: stop it first")
+        raise RequestRejectedError(ErrorCode.NOT_NOW, f"{what} and its record contains the tuning: stop it first")
 
     async def _store_active(self, who: str) -> None:
         """Store the operator's tuning for the next start of the service.

@@ -133,7 +133,7 @@ def _parse(text: str) -> dict[str, tuple[float, ...]]:
     document = json.loads(text)
     content = document["figures"]
     if document["digest"] != _compute_digest(content):
-        raise ValueError("its digest is another one")
+        raise ValueError("its digest does not match")
     return {str(key): tuple(map(float, values)) for key, values in content.items()}
 
 
@@ -173,7 +173,7 @@ class ActiveTuning(ResolvedTuning):
 
     @property
     def lambdas(self) -> TuningParameters:
-        """The tuning parameters λ and the weight b of the reference."""
+        """The tuning parameters λ and the reference weight b."""
         return self.choice.lambdas
 
     def build_command(self) -> SetTuning:
@@ -208,7 +208,7 @@ class ActiveTuning(ResolvedTuning):
 
     def describe_difference(self, before: "ActiveTuning") -> str:
         """Return a description of the differences from ``before``."""
-        return ", ".join(self.choice.list_differences(before.choice)) or "the same tuning again"
+        return ", ".join(self.choice.list_differences(before.choice)) or "no change of the tuning"
 
     def compute_default(self) -> DefaultTuning:
         """Return the default tuning on these models.
@@ -370,7 +370,7 @@ def _resolve(
     Raises OutOfRangeError.
     """
     choice = replace(choice, bank=0 if bank is None else bank.id)
-    check_range("b", choice.b, 0.0, 1.0, "1", label="weight b of the reference")
+    check_range("b", choice.b, 0.0, 1.0, "1", label="reference weight b")
     if before is not None and all(
         getattr(before.choice, name) == getattr(choice, name) for name in ("lam_motor", "b", "bank")
     ):
@@ -512,7 +512,7 @@ class TuningStore:
             if stored is None:
                 return default_tuning(parameters)
             if not stored.same_plant:
-                return _fall_back(parameters, "the tuning of last time was for other parameters")
+                return _fall_back(parameters, "the last tuning belongs to other parameters")
             with self._database.reading() as session:
                 bank = None if stored.tuning.bank == 0 else banks.own(session, stored.tuning.bank)
             # Without disturbance rejection, because the bias is not calibrated yet.
@@ -534,7 +534,7 @@ def _fall_back(parameters: PlantParameters, why: str) -> tuple[ActiveTuning, str
 
 def _describe_restored(tuning: ActiveTuning, stored: LastTuning) -> str:
     bank = tuning.bank
-    models = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
+    models = "geometric gains" if bank is None else f"bank {bank.name}, version {bank.version}"
     return f"restored as last set by {stored.who}: {models}, {tuning.choice.format()}"
 
 

@@ -103,7 +103,7 @@ def own(session: OrmSession, bank_id: int) -> Bank:
     """Return one version of a bank of this station. Raises UnknownRecordError."""
     bank = get(session, bank_id)
     if bank.station != session_station(session):
-        whose = f"is one of station {bank.station}" if bank.station else "is of no station"
+        whose = f"belongs to station {bank.station}" if bank.station else "belongs to no station"
         raise UnknownRecordError(f"bank {bank_id} {whose}: export it there and import it here to use it")
     return bank
 
@@ -177,7 +177,7 @@ class StoredFit:
     """
 
     grade: Grade | None = field(metadata=describe_field("null where the identification cannot be read"))
-    fit_percent: float | None = field(metadata=describe_field("simulated fit on data not used for fitting"))
+    fit_percent: float | None = field(metadata=describe_field("fit of the simulated output on validation data"))
     K_error_percent: float | None = field(metadata=describe_field("standard error of the gain"))
     T_error_percent: float | None = field(metadata=describe_field("standard error of the time constant"))
 

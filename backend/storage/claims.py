@@ -113,7 +113,7 @@ class HeldClaim:
             if now is None or now.key != self._claim.key:
                 by = "another service" if now is None else now.describe
                 self._problem = (
-                    f"{by} has taken over this database, as this service gave no sign of life for {LIFE_S:g} s: "
+                    f"{by} has taken over this database, because this service sent no heartbeat for {LIFE_S:g} s: "
                     "both write to it now. Stop one of the two"
                 )
                 return

@@ -62,7 +62,7 @@ def require_fit(kind: str, column: Any, value: Any) -> None:
         return
     assert isinstance(column.type, UtcDateTime | JSON | String | Boolean | Float | Integer | LargeBinary)
     if isinstance(column.type, UtcDateTime):
-        fits, needed = _is_instant(value), "a moment with its time zone"
+        fits, needed = _is_instant(value), "a time with its time zone"
     elif isinstance(column.type, JSON):
         wanted = list if column.name in _LISTS else dict
         fits, needed = isinstance(value, wanted), "a list" if wanted is list else "an object"
@@ -94,12 +94,12 @@ def require_run(document: Document) -> None:
     if document["kind"] not in kinds:
         raise unfit("kind of a run", document["kind"], f"one of {', '.join(kinds)}")
     if document["end_state"] == EndState.RUNNING:
-        raise UnfitDocumentError("it is of a run that was not over: export it again once it is")
+        raise UnfitDocumentError("the run was not over at its export: export it again after its end")
     if document["end_state"] not in _OVER:
         raise unfit("end_state of a run", document["end_state"], f"one of {', '.join(_OVER)}")
     began, ended = document["started_at"], document["ended_at"]
     if ended is None or datetime.fromisoformat(ended) < datetime.fromisoformat(began):
-        raise unfit("ended_at of a run", ended, f"a moment after started_at, {began}")
+        raise unfit("ended_at of a run", ended, f"a time after started_at, {began}")
     loop = document["settings"].get("loop")
     named = loop.get("bank") if isinstance(loop, Mapping) else None
     if named is not None and named != (bank or 0):
@@ -142,7 +142,9 @@ def require_identification_document(carried: Mapping[str, Any], *, of_run: bool)
     for name in carried:
         if name not in known:
             raise unfit(
-                "a part of the document", name, f"one of {', '.join(known)}" if known else "none, but with runs"
+                "a part of the document",
+                name,
+                f"one of {', '.join(known)}" if known else "not permitted for this kind of record",
             )
     steps, numbers = carried.get(CALIBRATIONS, []), carried.get(BANKS, [])
     if not isinstance(steps, list) or not all(_is_calibration(one) for one in steps):

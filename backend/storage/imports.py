@@ -129,7 +129,7 @@ def find_same_record(session: Session, kind: str, document: Document) -> int | N
             if name not in changing
         ):
             return int(row.id)
-        raise UnfitDocumentError(f"{kind} {row.id} has the same time here, but other contents")
+        raise UnfitDocumentError(f"{kind} {row.id} has the same time in this database, but different content")
     return None
 
 

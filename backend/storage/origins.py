@@ -36,7 +36,7 @@ class Origin:
     @property
     def sentence(self) -> str:
         """Description of the origin."""
-        return f"imported from {self.file}, there {self.kind} {self.was}"
+        return f"imported from {self.file}, originally {self.kind} {self.was}"
 
 
 def add(session: Session, origin: Origin) -> None:

@@ -464,7 +464,8 @@ def require_distinct_name(what: str, name: str, others: Iterable[str]) -> None:
         if other != name and fold_name(other) == folded:
             raise RequestRejectedError(
                 ErrorCode.BAD_VALUE,
-                f"there is {what} {other!r} already, which reads like {name!r}: write that name, or choose another one",
+                f"there is {what} {other!r} already, whose name is too similar to {name!r}: use the "
+                f"existing name, or choose a different one",
                 code="name_taken",
             )
 
@@ -577,7 +578,7 @@ def require_lengths(table: Any, values: Mapping[str, Any]) -> None:
         if length is not None and isinstance(value, str) and len(value) > length:
             raise UnfitError(
                 f"{column} cannot be {value[:40]!r}...: the text has {len(value)} characters, "
-                f"{length} are the most: shorten it"
+                f"{length} are the maximum: shorten it"
             )
 
 

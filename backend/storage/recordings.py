@@ -94,7 +94,7 @@ def begin(session: Session, run_id: int, fields: list[str], period_s: float) -> 
     run = require(session, RunRow, run_id, "run")
     over = run.end_state not in (EndState.RUNNING, EndState.SERVICE_DIED)
     if over or session.get(RecordingRow, run_id) is not None:
-        raise NotRecordableError(f"run {run_id} is over or recorded already: samples need a new run")
+        raise NotRecordableError(f"run {run_id} has ended or has a recording already: record the samples in a new run")
     row = RecordingRow(
         run_id=run_id, fields=fields, period_s=period_s, missed=0, problem="", size_bytes=0, removed_at=None
     )

@@ -149,7 +149,7 @@ def own(session: Session, run_id: int) -> RunRow:
     """
     row = session.get(RunRow, run_id, with_for_update={"key_share": True}) or require(session, RunRow, run_id, "run")
     if row.station != session_station(session):
-        whose = f"is one of station {row.station}" if row.station else "is of no station"
+        whose = f"belongs to station {row.station}" if row.station else "belongs to no station"
         raise UnknownRecordError(f"run {run_id} {whose}: change its annotations there")
     return row
 
@@ -250,7 +250,7 @@ def open_ones(session: Session) -> bool:
 
 
 def close_interrupted(
-    session: Session, detail: str = "the service ended while this run was open; found at its next start"
+    session: Session, detail: str = "the service ended during this run; detected at its next start"
 ) -> list[int]:
     """Close the station's runs that a crash left open as service_died.
 
@@ -280,7 +280,7 @@ def run_title(run: Run) -> str:
     """Return the title of a run on one line; that of the experiment if there is one."""
     if run.kind != RunKind.EXPERIMENT:
         return run.kind.replace("_", " ").capitalize()
-    return escape_line(_get_experiment_part(run, "title")) or "Experiment that cannot be read"
+    return escape_line(_get_experiment_part(run, "title")) or "Unreadable experiment"
 
 
 def run_experiment_name(run: Run) -> str:

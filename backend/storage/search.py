@@ -167,7 +167,7 @@ class _Parser:
         found = self._either(0)
         if self._at < len(self._tokens):
             token = self._tokens[self._at]
-            raise QueryError(token.place, f"{token.text} has nothing that it belongs to: delete it, or write a term")
+            raise QueryError(token.place, f"{token.text} is unexpected here: delete it, or write a term")
         return found
 
     def _either(self, depth: int) -> Query:
@@ -186,9 +186,11 @@ class _Parser:
     def _one(self, depth: int) -> Query:
         token = self._next()
         if token is None:
-            raise QueryError(self._end, "it ends where a term is expected: write a word, or NAME = VALUE")
+            raise QueryError(self._end, "the search ends where a term is expected: write a word, or NAME = VALUE")
         if depth > _DEEPEST:
-            raise QueryError(token.place, f"brackets and nots go {_DEEPEST} deep at most: write it flatter")
+            raise QueryError(
+                token.place, f"brackets and 'not' can be nested {_DEEPEST} levels deep at most: reduce the nesting"
+            )
         if self._accept("not"):
             return Not(self._one(depth + 1))
         if token.is_sign("("):
@@ -196,7 +198,7 @@ class _Parser:
             found = self._either(depth + 1)
             closing = self._next()
             if closing is None or not closing.is_sign(")"):
-                raise QueryError(token.place, "the bracket is not closed: write ) after what belongs into it")
+                raise QueryError(token.place, "the bracket is not closed: write ) after its last term")
             self._at += 1
             return found
         return self._term(token)
@@ -204,7 +206,7 @@ class _Parser:
     def _term(self, token: _Token) -> Query:
         self._terms += 1
         if self._terms > _MOST_TERMS:
-            raise QueryError(token.place, f"a search has {_MOST_TERMS} terms at most: leave some out")
+            raise QueryError(token.place, f"a search has {_MOST_TERMS} terms at most: remove some")
         if not token.is_word() or token.is_keyword("and") or token.is_keyword("or"):
             raise QueryError(token.place, f"{token.text} is not a term: write a word, or NAME = VALUE")
         self._at += 1
@@ -220,7 +222,7 @@ class _Parser:
             self._at += 1
             values.append(self._value(comma))
         if len(values) > 1 and op not in (Op.EQUAL, Op.UNLIKE, Op.CONTAINS):
-            raise QueryError(values[1].place, f"{op} compares with one value: leave the others out")
+            raise QueryError(values[1].place, f"{op} accepts only one value: delete the others")
         return Compare(Value(token.text, token.place), op, tuple(values))
 
     def _is_number_alone(self, token: _Token) -> bool:
@@ -233,7 +235,7 @@ class _Parser:
         token = self._next()
         if token is None or not token.is_word():
             place = self._end if token is None else token.place
-            raise QueryError(place, f"there is no value after {after.text}: write one, with spaces in quotes")
+            raise QueryError(place, f"there is no value after {after.text}: write one, in quotes if it contains spaces")
         self._at += 1
         return Value(token.text, token.place)
 
@@ -254,7 +256,7 @@ def _tokens(text: str) -> Iterator[_Token]:
         if found is None:
             at += len(text[at:]) - len(text[at:].lstrip())
             open_quote = text[at] == '"'
-            problem = 'the quote is not closed: write " at its end' if open_quote else f"{text[at]} means nothing here"
+            problem = 'the quote is not closed: write " at its end' if open_quote else f"{text[at]} has no meaning here"
             raise QueryError(at, problem)
         sign, quoted, word = found.groups()
         if quoted is not None:
@@ -310,7 +312,7 @@ def text(
             return or_(*(one.contains(text, autoescape=True) for one in columns for text in texts))
         case _:
             raise QueryError(
-                term.name.place, f"{term.name.text} is a text, which {term.op} does not compare: use = != ~"
+                term.name.place, f"{term.name.text} is a text, to which {term.op} does not apply: use = != ~"
             )
 
 
@@ -318,7 +320,7 @@ def kind(session: Session, term: Compare) -> Condition:
     """Compare the kind of a run, or the name of its experiment."""
     known = kinds(session)
     if term.op is not Op.CONTAINS:
-        _require_known(term, known, "kind of runs")
+        _require_known(term, known, "kind of run")
     return text(RunIndexRow.kind, term, RunIndexRow.experiment)
 
 
@@ -335,7 +337,7 @@ def station(session: Session, term: Compare) -> Condition:
         case Op.CONTAINS:
             return or_(*(RunIndexRow.station.icontains(value.text, autoescape=True) for value in term.values))
         case _:
-            raise QueryError(term.name.place, f"station is a text, which {term.op} does not compare: use = != ~")
+            raise QueryError(term.name.place, f"station is a text, to which {term.op} does not apply: use = != ~")
 
 
 def _resolve_station(value: Value, known: Sequence[str]) -> str:
@@ -360,7 +362,7 @@ def choice(column: InstrumentedAttribute[str], term: Compare, known: Sequence[st
             return column.not_in(values)
         case _:
             raise QueryError(
-                term.name.place, f"{term.name.text} is one of a few words, which {term.op} does not compare: use = !="
+                term.name.place, f"{term.name.text} is one of a few words, to which {term.op} does not apply: use = !="
             )
 
 
@@ -391,7 +393,7 @@ def tag(term: Compare) -> Condition:
             contained = or_(*(RunTagRow.tag.contains(tag, autoescape=True) for tag in tags))
             return RunIndexRow.run_id.in_(tagged.where(contained))
         case _:
-            raise QueryError(term.name.place, f"a tag is a word, which {term.op} does not compare: use = != ~")
+            raise QueryError(term.name.place, f"a tag is a word, to which {term.op} does not apply: use = != ~")
 
 
 def date(term: Compare) -> Condition:
@@ -469,7 +471,7 @@ def number(column: NumberColumn, term: Compare) -> Condition:
             return column >= numbers[0]
         case Op.CONTAINS:
             raise QueryError(
-                term.name.place, f"{term.name.text} is a number, which ~ cannot search: use = != < <= > >="
+                term.name.place, f"{term.name.text} is a number, to which ~ does not apply: use = != < <= > >="
             )
 
 
@@ -482,7 +484,7 @@ def _parse_number(value: Value, term: Compare) -> float:
     if number is None:
         raise QueryError(
             value.place,
-            f"{term.name.text} is compared with a number, which {value.text!r} is not: write it in SI, or as 60°",
+            f"{term.name.text} requires a number, and {value.text!r} is not a number: write it in SI units, or as 60°",
         )
     return number
 
@@ -678,7 +680,7 @@ def _value(session: Session, term: Compare) -> Condition:
         fits = _number_or_word
         numbers = session.scalar(of_runs.where(RunValueRow.value.is_not(None)).limit(1))
         if numbers is None and term.op not in (Op.EQUAL, Op.UNLIKE, Op.CONTAINS):
-            problem = f"{term.name.text} is a word, which {term.op} does not compare: use = != ~"
+            problem = f"{term.name.text} is a word, to which {term.op} does not apply: use = != ~"
             raise QueryError(term.name.place, problem)
     run_id = RunIndexRow.run_id
     return or_none(term, run_id.in_(of_runs), lambda asked: run_id.in_(of_runs.where(fits(asked))))
@@ -712,5 +714,5 @@ def _find_value_name(session: Session, name: Value) -> tuple[ValueSource, int]:
         raise QueryError(name.place, f"no stored run has a {wanted!r}", [*FIELDS, *known], wanted)
     if len(found) > 1:
         candidates = " or ".join(f"{source}.{wanted}" for source, _ in found)
-        raise QueryError(name.place, f"{wanted} is the name of several things: write {candidates}")
+        raise QueryError(name.place, f"{wanted} is ambiguous: write {candidates}")
     return found[0]

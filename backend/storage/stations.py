@@ -53,7 +53,7 @@ def assign_unowned_rows(session: Session, station: str) -> int:
         if taken:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                f"station {station} has {taken} rows of table {table.__tablename__} already: choose a name that is new",
+                f"station {station} has {taken} rows of table {table.__tablename__} already: choose a new name",
             )
     runs = session.scalar(select(func.count()).select_from(RunRow).where(RunRow.station == "")) or 0
     for table in _TABLES:
@@ -74,13 +74,13 @@ _KEY = "sinew_station"
 
 
 class StationTakenError(RequestRejectedError):
-    """Another service works on this database under the same name."""
+    """Another service uses this database under the same name."""
 
     def __init__(self, station: str, by: str = "another service") -> None:
         named = f"as station {station}" if station else "without a station"
         super().__init__(
             ErrorCode.NOT_NOW,
-            f"{by} works on this database {named}: end it, or give this one its own name with --station",
+            f"{by} uses this database {named}: stop it, or give this service its own name with --station",
         )
 
 

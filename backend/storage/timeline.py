@@ -64,17 +64,19 @@ class LogEntry:
     kind: EventKind
     who: str = field(metadata=describe_field("the person who requested it; empty without one"))
     text: str
-    event: int | None = field(default=None, metadata=describe_field("its number; null of a run that began or ended"))
+    event: int | None = field(
+        default=None, metadata=describe_field("number of the event; null for the start or the end of a run")
+    )
     run: int | None = None
     tick: int | None = field(default=None, metadata=HIDDEN_FIELD)
     t: float | None = field(
         default=None,
         metadata=describe_field("time in the recording of the run, since its first sample", "s"),
     )
-    flight: bool = field(default=False, metadata=describe_field("a flight record of this number was kept"))
+    flight: bool = field(default=False, metadata=describe_field("whether a flight record with this number was stored"))
     note: str = ""
     tags: tuple[str, ...] = ()
-    remark_by: str = field(default="", metadata=describe_field("whose note and tags these are"))
+    remark_by: str = field(default="", metadata=describe_field("author of the note and the tags"))
 
 
 def find(session: Session, asked: LogQuery, limit: int) -> tuple[list[LogEntry], datetime | None]:

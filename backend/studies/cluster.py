@@ -17,8 +17,8 @@ from backend.studies.point import LOST, Point, StudyBase, build_failed_point, ru
 CONNECT_S = 10.0
 """Time [s] within which a scheduler must answer."""
 _POINTS_PER_THREAD = 2  # one runs, the next one waits on the worker
-_GONE = "the scheduler is gone: start it again, and go on with --resume"
-_SET_UP = "; set up their machines like this one, and go on with --resume"
+_GONE = "the connection to the scheduler is lost: start the scheduler again, and continue with --resume"
+_SET_UP = "; set up their machines like this one, and continue with --resume"
 
 
 def use_cluster(address: str, compute_point: ComputePoint = run_point) -> Callable[[StudyBase], "ClusterExecutor"]:
@@ -36,7 +36,9 @@ class ClusterExecutor:
         try:
             from distributed import Client, KilledWorker
         except ModuleNotFoundError:
-            raise ExecutorUnavailableError("a cluster needs the extra cluster: pip install 'sinew[cluster]'") from None
+            raise ExecutorUnavailableError(
+                "a cluster requires the package extra 'cluster': pip install 'sinew[cluster]'"
+            ) from None
         logging.getLogger("distributed").setLevel(logging.ERROR)
         try:
             self._client = Client(address, timeout=CONNECT_S, set_as_default=False)
@@ -89,8 +91,12 @@ class ClusterExecutor:
             raise ExecutorUnavailableError(_GONE)
         error = future.exception()
         if not isinstance(error, self._killed):
-            raise ExecutorUnavailableError(f"the workers cannot compute it: {type(error).__name__}: {error}{_SET_UP}")
-        return build_failed_point(point, LOST, f"the workers of the cluster died over it: {error}")
+            raise ExecutorUnavailableError(
+                f"the workers cannot compute the point: {type(error).__name__}: {error}{_SET_UP}"
+            )
+        return build_failed_point(
+            point, LOST, f"the workers of the cluster died while they computed the point: {error}"
+        )
 
 
 def _enqueue_key(done: "SimpleQueue[str]", future: Any) -> None:

@@ -226,9 +226,9 @@ def _require_counts(study: Study, design: Design, lines: Lines, seeds_are_an_axi
     with error_context((), lines):
         check_range("points", len(design), 1, POINTS_MAX, "1", label="runs of the study")
     if study.draws > 1 and not study.spread:
-        raise ExperimentError("nothing is drawn: name a spread, or leave draws out", ("draws",), _line("draws", lines))
+        raise ExperimentError("draws requires a spread: add a spread, or omit draws", ("draws",), _line("draws", lines))
     if study.seeds > 1 and seeds_are_an_axis:
-        raise ExperimentError("the seed is an axis already", ("seeds",), _line("seeds", lines))
+        raise ExperimentError("the seed is an axis already: omit seeds", ("seeds",), _line("seeds", lines))
 
 
 def _line(name: str, lines: Lines) -> int | None:
@@ -244,7 +244,7 @@ def _require_new(name: str, taken: set[str], path: Path, lines: Lines) -> None:
 def _require_apart(values: tuple[Value, ...], path: Path, lines: Lines) -> None:
     twice = next((value for value, count in Counter(values).items() if count > 1), None)
     if twice is not None:
-        raise ExperimentError(f"{twice} is gone through more than once", path, find_line(path, lines))
+        raise ExperimentError(f"{twice} occurs more than once", path, find_line(path, lines))
 
 
 def _require_axis(axis: VariedSetting, path: Path, lines: Lines) -> None:
@@ -253,7 +253,7 @@ def _require_axis(axis: VariedSetting, path: Path, lines: Lines) -> None:
         why = "give either values, or first, last and count"
         raise ExperimentError(why, path, find_line(path, lines))
     if axis.first is not None and axis.last is not None and axis.spacing == "factor" and axis.first * axis.last <= 0:
-        why = f"by equal factors one does not come from {axis.first:g} to {axis.last:g}: choose spacing even"
+        why = f"equal factors do not lead from {axis.first:g} to {axis.last:g}: choose spacing even"
         raise ExperimentError(why, (*path, "spacing"), find_line((*path, "spacing"), lines))
 
 
@@ -286,7 +286,7 @@ def _require_number(base: StudyBase, name: str, value: Any, path: Path, lines: L
                 raise ParameterError(f"{value!r} is not a number")
             replace_plant_numbers(base.parameters_name, base.parameters, {name: float(value)})
     except (KeyError, IndexError, TypeError, ValueError) as error:
-        reason = str(error) if isinstance(error, ParameterError) else f"{name}: the plant has no such number"
+        reason = str(error) if isinstance(error, ParameterError) else f"{name}: the plant has no such numeric parameter"
         raise ExperimentError(reason, path, find_line(path, lines)) from None
     return nominal
 

@@ -115,7 +115,7 @@ class LocalExecutor:
     def _handle_crash(self, point: Point, words: str) -> list[StudyPoint]:
         self._crashes[point.number] = self._crashes.get(point.number, 0) + 1
         if self._crashes[point.number] >= CRASHES_MAX:
-            why = f"the process that computes it died {CRASHES_MAX} times over it: {words}"
+            why = f"the process that computed the point died {CRASHES_MAX} times: {words}"
             return [build_failed_point(point, LOST, why)]
         self._to_retry.append(point)
         return []

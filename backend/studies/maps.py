@@ -90,7 +90,7 @@ class StudyMetric:
 
 SHARES = {
     "not_completed": StudyMetric("not_completed", "Runs not completed", "%"),
-    "criteria_failed": StudyMetric("criteria_failed", "Runs whose criteria do not all hold", "%"),
+    "criteria_failed": StudyMetric("criteria_failed", "Runs that did not pass all criteria", "%"),
 }
 """Shares of runs: of all computed runs, and of the runs with criteria."""
 
@@ -109,9 +109,8 @@ class Map:
     figure: str
     pick: str = field(
         metadata=describe_field(
-            "the statistic of several runs in a cell; if the worst was requested, least, largest or "
-            "mean, whichever is the "
-            "worst; for a share always share"
+            "statistic of the runs in a cell; if the worst was requested, the worst of least, largest "
+            "and mean; always share for a share"
         )
     )
     x: str
@@ -120,15 +119,15 @@ class Map:
     y_values: tuple[Value, ...] = field(metadata=HIDDEN_FIELD)
     cells: tuple[tuple[float | None, ...], ...]
     unstable: tuple[tuple[bool, ...], ...] = field(
-        metadata=describe_field("at the same places, whether null means an unstable loop")
+        metadata=describe_field("for each cell, whether null means an unstable loop")
     )
     counts: tuple[tuple[int, ...], ...] = field(
-        metadata=describe_field("at the same places, the number of runs with a value")
+        metadata=describe_field("for each cell, the number of runs with a value")
     )
-    runs: tuple[tuple[int, ...], ...] = field(metadata=describe_field("by the same places, how many runs are computed"))
+    runs: tuple[tuple[int, ...], ...] = field(metadata=describe_field("for each cell, the number of computed runs"))
     intervals: tuple[tuple[tuple[float, ...] | None, ...], ...] = field(
         metadata=describe_field(
-            "by the same places, both ends of the 95 % confidence interval of a share [%]; null elsewhere"
+            "for each cell, both ends of the 95 % confidence interval of a share [%]; null for other metrics"
         )
     )
 
@@ -145,8 +144,8 @@ class Spreading:
     label: str
     unit: str
     count: int
-    missing: int = field(metadata=describe_field("how many computed runs gave no number"))
-    unstable: int = field(metadata=describe_field("how many of those that gave one are of an unstable loop"))
+    missing: int = field(metadata=describe_field("number of computed runs without a value"))
+    unstable: int = field(metadata=describe_field("number of runs with a value whose loop is unstable"))
     least: float | None
     p5: float | None
     median: float | None
@@ -165,12 +164,14 @@ class Share:
 
     name: str
     label: str
-    count: int = field(metadata=describe_field("runs that did not complete, or whose criteria do not all hold"))
-    of: int = field(metadata=describe_field("runs of which that is known"))
-    left_out: int = field(metadata=describe_field("computed runs of which it is not known: they were not judged"))
+    count: int = field(metadata=describe_field("runs that did not complete, or that did not pass all criteria"))
+    of: int = field(metadata=describe_field("runs for which this is known"))
+    left_out: int = field(
+        metadata=describe_field("computed runs for which this is unknown, because they have no verdict")
+    )
     percent: float | None = field(metadata=describe_field("share", "%"))
-    low: float | None = field(metadata=describe_field("lower end of the interval", "%"))
-    high: float | None = field(metadata=describe_field("upper end of the interval", "%"))
+    low: float | None = field(metadata=describe_field("lower end of the 95 % confidence interval", "%"))
+    high: float | None = field(metadata=describe_field("upper end of the 95 % confidence interval", "%"))
 
 
 def list_metric_names(experiment: Experiment) -> dict[str, StudyMetric]:

@@ -127,7 +127,7 @@ class OtherSoftwareError(RequestRejectedError):
     def __init__(self, software: str) -> None:
         super().__init__(
             ErrorCode.NOT_NOW,
-            f"Sinew {__version__} is installed, the study is of Sinew {software}: use that version, or "
+            f"Sinew {__version__} is installed, but the study was created with Sinew {software}: use that version, or "
             "start a new study",
         )
 
@@ -189,7 +189,7 @@ def replace_plant_numbers(name: str, document: Mapping[str, Any], numbers: Mappi
             parameter = changed[section][entry]
             get_plant_number(parameter["value"], index)  # raises unless it exists
         except (KeyError, IndexError, TypeError, ValueError):
-            raise ParameterError(f"{path}: the plant has no such number") from None
+            raise ParameterError(f"{path}: the plant has no such numeric parameter") from None
         if index:
             parameter["value"][int(index[0])] = number
         else:

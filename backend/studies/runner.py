@@ -44,7 +44,7 @@ class TakenError(RequestRejectedError):
     def __init__(self, study: StoredStudy) -> None:
         super().__init__(
             ErrorCode.NOT_NOW,
-            f"study {study.id} is being computed by {study.runner}: stop it first, or wait for its end",
+            f"study {study.id} is being computed by {study.runner}: stop it first, or wait until it ends",
         )
 
 

@@ -22,7 +22,7 @@ from backend.studies.design import FORMAT, STUDY, Design, Study, build_design
 from backend.studies.point import StudyBase, plan_point
 from plant import PlantParameters
 
-BASE: DocumentCodec[StudyBase] = DocumentCodec(StudyBase, "what it is computed from", 0)
+BASE: DocumentCodec[StudyBase] = DocumentCodec(StudyBase, "the stored input", 0)
 _BASE = TypeAdapter(StudyBase)  # serializes the dates of banks, which DocumentCodec does not
 
 
@@ -43,7 +43,7 @@ def parse_study(text: str, *, stored: bool = False) -> tuple[Study, Lines]:
     """
     document, lines = parser.parse_document(text, stored=stored)
     if not isinstance(document, Mapping):
-        raise ExperimentError("a study is a mapping with format, name, title and axes or spread", (), 1)
+        raise ExperimentError("a study must be a mapping with format, name, title and axes or spread", (), 1)
     return parser.validate_document(STUDY, FORMAT, document, lines, stored=stored), lines
 
 

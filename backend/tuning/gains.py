@@ -229,7 +229,9 @@ def make_single_loop_tuning(parameters: PlantParameters, lambdas: TuningParamete
     for symbol, lam in (("λ_q", lambdas.lam_q), ("λ_S", lambdas.lam_S)):
         if not lam < LARGEST_PER_LAG * T_m:
             bound = f"{LARGEST_PER_LAG:g} T_m = {Quantity(LARGEST_PER_LAG * T_m, 's'):.4g}"
-            raise TuningError(f"single-loop needs {symbol} below {bound}; it is {lam:g} s: choose a smaller {symbol}")
+            raise TuningError(
+                f"the law single-loop requires {symbol} below {bound}; it is {lam:g} s: choose a smaller {symbol}"
+            )
     q_per_theta, S_per_theta = d.r_m / d.r_j, 2.0 * stiffness_slope(d, S_NOMINAL_20_N)
     gains = baselines.SingleLoopGains(
         motor_gains(K_m * q_per_theta, T_m, lambdas.lam_q / 2.0),
@@ -330,7 +332,7 @@ def require_share(k_ext: float) -> None:
         minimum=0.0,
         maximum=1.0,
         unit="1",
-        remedy="0 leaves pushes to the position loop, 1 answers them whole",
+        remedy="0 leaves external forces to the position loop, 1 compensates the whole estimate",
     )
 
 

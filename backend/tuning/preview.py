@@ -56,7 +56,7 @@ from backend.tuning.simulation import (
 from plant import SIDES, PlantParameters, T_s, find_root
 
 # Voltage limit -------------------------------------------------------------------------------------
-# Voltage limit of time-optimal motion: the rest of the voltage is for load, friction and feedback.
+# Voltage limit of time-optimal motion: the remaining voltage is reserved for load, friction and feedback.
 
 
 LEAST, MOST, USUAL = 0.2, 0.9, 0.85
@@ -80,7 +80,7 @@ def require_budget(parameters: PlantParameters, u_plan: float) -> None:
     0 V is ``lambda`` motion, which has no limit.
     """
     if u_plan != 0.0:
-        remedy = "the rest of the voltage is for load, friction and feedback"
+        remedy = "the remaining voltage is reserved for load, friction and feedback"
         check_range("u_plan", u_plan, *plan_range(parameters), "V", remedy)
 
 
@@ -246,7 +246,7 @@ class TuningPreviewer:
         """Raise OutOfRangeError unless both λ and the voltage limit [V] are permitted."""
         require_budget(self._parameters, u_plan)
         lam_q_min, lam_S_min = self.safe_range()
-        remedy = "below it the loop's sensitivity peak M_s exceeds 1.7 or a step takes all of the voltage"
+        remedy = "with a smaller λ the loop's sensitivity peak M_s exceeds 1.7 or a step saturates the motor voltage"
         check_range("lam_q", lambdas.lam_q, minimum=lam_q_min, maximum=LAM_MAX, unit="s", remedy=remedy)
         check_range("lam_S", lambdas.lam_S, minimum=lam_S_min, maximum=LAM_MAX, unit="s", remedy=remedy)
 
@@ -431,7 +431,7 @@ def _search_or_error(search: Callable[[], float]) -> float | TuningError:
 def _within_offer(name: str, lam: float, least: float, M_s: float) -> float:
     if lam < least:
         raise TuningError(
-            f"M_s = {M_s:g} would take {name} = {lam:.3f} s, but the range begins at {least:.3f} s: "
+            f"M_s = {M_s:g} requires {name} = {lam:.3f} s, but the smallest accepted value is {least:.3f} s: "
             "choose a smaller M_s"
         )
     return lam
@@ -445,7 +445,7 @@ def _find_unsaturated_lambda(robust: float, voltage: Callable[[float], float], u
     if voltage(robust) < u_max:
         return robust
     if voltage(LAM_MAX) >= u_max:
-        raise TuningError(f"even λ = {LAM_MAX:g} s takes all of {u_max:g} V: check K_m, T_m and u_max")
+        raise TuningError(f"even with λ = {LAM_MAX:g} s a step requires at least {u_max:g} V: check K_m, T_m and u_max")
     low, high = robust, LAM_MAX
     while high - low > LAM_RESOLUTION:
         middle = 0.5 * (low + high)

@@ -488,7 +488,7 @@ def motor_lambda(motor: MotorModel, M_s: float) -> float:
     highest, lowest = _peak(motor, low), _peak(motor, end)
     if not lowest <= M_s <= highest:
         raise TuningError(
-            f"M_s = {M_s:g} is out of reach of the motor loop: choose {lowest:.3f} (λ = {Quantity(end, 's'):.3g}) "
+            f"M_s = {M_s:g} is not attainable with the motor loop: choose {lowest:.3f} (λ = {Quantity(end, 's'):.3g}) "
             f"to {highest:.3f} (λ = {Quantity(low, 's'):.3g})"
         )
     return float(brentq(lambda lam: _peak(motor, lam) - M_s, low, end, xtol=1e-7))
@@ -506,7 +506,7 @@ def _computed_range(motor: MotorModel) -> tuple[float, float, float]:
     high = min(LAM_MOTOR_MAX, 3.8 * motor.T_m)
     if high <= LAM_MOTOR_MIN:
         raise TuningError(
-            f"T_m = {motor.T_m:g} s leaves no λ_motor from {LAM_MOTOR_MIN:g} s on: it must stay below 4 T_m"
+            f"T_m = {motor.T_m:g} s permits no λ_motor of at least {LAM_MOTOR_MIN:g} s: λ_motor must stay below 4 T_m"
         )
     lambdas = np.geomspace(LAM_MOTOR_MIN, high, _LAMBDAS)
     peaks = np.array([_peak(motor, lam) for lam in lambdas])

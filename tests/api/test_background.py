@@ -25,7 +25,7 @@ OWN = str(Path(main.__file__).parent)
 TASKS = {
     "The watch over lost pages",
     "The live stream",
-    "The journal",
+    "The event log",
     "The flight recorder",
     "The watch over the loop process",
     "The sign of life to the loop process",

@@ -189,9 +189,9 @@ def test_a_tare_that_is_not_taken_up_is_told_and_takes_effect_later(rig: httpx.C
 
     step = played(rig, "tare", before=stop)
     assert (step["state"], step["result"]["passed"]) == ("out_of_date", True)
-    assert "at the next start of the loop" in step["why"]
+    assert "at the next start of the control loop" in step["why"]
     (problem_told,) = read_problems(rig)
-    assert "Tare of the bring-up has measured takes effect at the next start of the loop" in problem_told
+    assert "Tare of the bring-up takes effect at the next start of the control loop" in problem_told
     assert "tripped" in problem_told
     rig.post("/api/reset").raise_for_status()
     assert played(rig, "tare")["state"] == "current"

@@ -101,18 +101,18 @@ def test_calibration_is_refused_while_an_input_acts_or_the_joint_moves(database:
             assert parts.state().touch.contact_N == 0.0
             return str(told.value)
 
-        assert "not known yet" in await why()
+        assert "not available yet" in await why()
         await parts.actuator.set_mode(Mode.PRETENSION, WHO)
         await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
         await parts.supervisor.advance(1.5)
-        assert "held in run" in await why()
+        assert "held in mode run" in await why()
         await at_rest(parts)
         await push(parts, 1.0, 0.5)
         assert "pushed" in await why()
         await parts.supervisor.send(Obstruct(Obstacle(1.0, 0.25, 5e3, 1.0)))
         await parts.actuator.set_references(0.27, 10.0, WHO)
         await parts.supervisor.advance(6.0)
-        assert "presses on a wall" in await why()
+        assert "presses against an obstacle" in await why()
         await parts.supervisor.send(Obstruct(None))
         await parts.actuator.set_references(0.6, 10.0, WHO)
         await parts.supervisor.advance(1.0)
@@ -125,7 +125,7 @@ def test_contact_reaction_needs_calibration_and_low_noise(database: Database) ->
     async def arm(parts: Parts) -> None:
         contact = parts.actuator.contact
         await at_rest(parts)
-        with pytest.raises(RequestRejectedError, match="learn it at rest first"):
+        with pytest.raises(RequestRejectedError, match="calibrate it first"):
             await contact.apply(TouchOrder(contact_N=1.5), WHO)
         for contact_N in (0.5, 31.0, -1.0):
             with pytest.raises(OutOfRangeError) as refused:
@@ -133,7 +133,7 @@ def test_contact_reaction_needs_calibration_and_low_noise(database: Database) ->
             assert refused.value.quantity == "contact_N"
         armed = await contact.apply(TouchOrder(learn=True, contact_N=1.5), WHO)
         assert armed.contact_N == 1.5
-        with pytest.raises(RequestRejectedError, match="learn it at rest first"):
+        with pytest.raises(RequestRejectedError, match="calibrate it first"):
             await contact.apply(TouchOrder(forget=True), WHO)
         assert parts.state().touch == armed
         assert (await contact.apply(TouchOrder(forget=True, contact_N=0.0), WHO)).contact_N == 0.0

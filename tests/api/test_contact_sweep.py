@@ -77,7 +77,7 @@ def test_stop_restores_S_ref(database: Database) -> None:
             await parts.actuator.contact.apply(STOP, WHO)
         await learned_two(parts)
         told = await parts.actuator.contact.apply(STOP, WHO)
-        assert told.sweep == SweepView(under_way=False, point=3, points=5, S_ref=11.5, why="it was stopped")
+        assert told.sweep == SweepView(under_way=False, point=3, points=5, S_ref=11.5, why="stopped on request")
         await parts.supervisor.advance(0.01)
         assert reference(parts) == pytest.approx((0.2, 10.0))
         assert len(parts.state().touch.learned) == 2
@@ -86,7 +86,7 @@ def test_stop_restores_S_ref(database: Database) -> None:
     stepped(database, load_parameters("lab"), stop)
     with database.reading() as session:
         told = [(event.text, event.who) for event in events.find(session)]
-    assert ("learning over S ended at point 3 of 5, 11.5 N·m/rad: it was stopped", WHO) in told
+    assert ("calibration over S ended at point 3 of 5, 11.5 N·m/rad: stopped on request", WHO) in told
 
 
 def test_other_motion_aborts_the_sweep_and_keeps_its_points(database: Database) -> None:
@@ -141,9 +141,9 @@ def test_sweep_is_refused_with_a_reason_and_excludes_other_calibration(database:
                 await parts.actuator.contact.apply(order, WHO)
             return str(told.value)
 
-        assert "held in run, and the mode is off" in await why()
+        assert "held in mode run, and the mode is off" in await why()
         await at_rest(parts)
-        assert "ordered alone" in await why(TouchOrder(sweep="begin", learn=True))
+        assert "cannot be combined" in await why(TouchOrder(sweep="begin", learn=True))
         parts.live_state.task = TaskView(
             kind="tracking", run=4, elapsed_s=1.0, duration_s=9.0, phase=RunPhase.STARTING, part=None, number=1
         )
@@ -159,7 +159,7 @@ def test_sweep_is_refused_with_a_reason_and_excludes_other_calibration(database:
         await parts.supervisor.send(commands.Obstruct(Obstacle(1.0, 0.25, 5e3, 1.0)))
         await parts.actuator.set_references(0.27, 10.0, WHO)
         await parts.supervisor.advance(3.0)
-        assert "presses on a wall" in await why()
+        assert "presses against an obstacle" in await why()
         await parts.supervisor.send(commands.Obstruct(None))
         await parts.supervisor.advance(2.0)
         assert parts.state().touch.sweep is None
@@ -167,7 +167,7 @@ def test_sweep_is_refused_with_a_reason_and_excludes_other_calibration(database:
         assert "in progress already" in await why()
         assert (await parts.actuator.contact.apply(TouchOrder(), WHO)).sweep == sweep_of(parts)
         for order in (TouchOrder(learn=True), TouchOrder(forget=True), TouchOrder(contact_N=2.0)):
-            assert "wait for its end or stop it" in await why(order)
+            assert "wait until it ends, or stop it" in await why(order)
         assert (await until(parts)).why == ""
 
     stepped(database, load_parameters("lab"), refused)
@@ -177,9 +177,9 @@ def test_sweep_is_refused_with_a_reason_and_excludes_other_calibration(database:
     ("S", "F", "why"),
     [
         (8.0, 0.0, ""),
-        (8.6, 0.0, "the stiffness stays at 8.60"),
-        (8.0, 0.5, "the estimate moves by 0.50 N"),
-        (8.0, float("nan"), "the estimate moves by "),
+        (8.6, 0.0, "the stiffness does not reach S_ref, it remains at 8.60"),
+        (8.0, 0.5, "the estimate drifts by 0.50 N"),
+        (8.0, float("nan"), "the estimate drifts by "),
     ],
 )
 def test_explain_drift_names_the_cause_and_rejects_nan(S: float, F: float, why: str) -> None:
@@ -198,7 +198,7 @@ def test_point_without_rest_ends_the_sweep(database: Database, monkeypatch: pyte
         await parts.actuator.contact.apply(BEGIN, WHO)
         begun = parts.supervisor.ring.count
         sweep = await until(parts)
-        assert "at 8 N·m/rad nothing could be learned within 20 s: the estimate moves by 0.50 N" in sweep.why
+        assert "at 8 N·m/rad the bias could not be calibrated within 20 s: the estimate drifts by 0.50 N" in sweep.why
         assert parts.supervisor.ring.count - begun == pytest.approx(20_000, abs=200)
         await parts.supervisor.advance(0.01)
         assert reference(parts) == pytest.approx((0.2, 10.0))
@@ -223,7 +223,7 @@ def test_failure_of_the_sweep_is_reported(
             monkeypatch.setattr("backend.services.contact._explain_drift", broken)
         sweep = await until(parts)
         cause = "its task was cancelled" if cancelled else "ZeroDivisionError: of a test"
-        assert sweep.why == f"it died ({cause})"
+        assert sweep.why == f"it failed ({cause})"
         assert cause in contact.sweep.problem
         await parts.supervisor.advance(0.01)
         assert reference(parts) == pytest.approx((0.2, 10.0))
@@ -236,7 +236,7 @@ def test_failure_of_the_sweep_is_reported(
 
     stepped(database, load_parameters("lab"), dies)
     with database.reading() as session:
-        told = [event for event in events.find(session) if "it died" in event.text]
+        told = [event for event in events.find(session) if "it failed" in event.text]
     assert [event.kind for event in told] == ["fault"]
 
 
@@ -270,11 +270,11 @@ def test_from_the_command_line(service: Service, running: httpx.Client) -> None:
     assert [point["S"] for point in learned] == pytest.approx([8.0, 9.75, 11.5, 13.25, 15.0], abs=0.2)
     begun = running.put("/api/touch", json={"sweep": "begin"}).json()["sweep"]
     assert begun["under_way"]
-    assert "wait for its end or stop it" in sinew("touch", "forget", folder=service.data).stderr
+    assert "wait until it ends, or stop it" in sinew("touch", "forget", folder=service.data).stderr
     assert running.post("/api/mode", json={"mode": "pretension"}).status_code == 200
     ended = running.get("/api/state").json()["touch"]["sweep"]
     assert (ended["under_way"], ended["why"]) == (False, "the mode is pretension now")
-    assert "held in run" in sinew("touch", "sweep", folder=service.data).stderr
+    assert "held in mode run" in sinew("touch", "sweep", folder=service.data).stderr
     assert "nothing is learned" in sinew("touch", "forget", folder=service.data).stdout
 
 

@@ -44,7 +44,7 @@ def test_it_is_told_part_by_part_and_not_played(viewer: httpx.Client) -> None:
     ]
     assert [part["q_to"] for part in told["parts"]] == [0.0, 0.2]
     assert (told["dry_run"], told["peak_voltage_V"], told["min_tension_N"]) == (None, None, None)
-    assert told["not_predicted"] == "it was checked only"
+    assert told["not_predicted"] == "the experiment was only checked, without a dry run"
 
 
 def test_what_cannot_be_run_is_refused_at_its_place(viewer: httpx.Client) -> None:

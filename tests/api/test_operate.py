@@ -190,9 +190,9 @@ REFUSED: list[tuple[str, str, dict[str, Any], list[str | int], str]] = [
         "wall",
         {"wall": {"q_wall": 2 * math.pi / 3}},
         ["wall", "q_wall"],
-        "angle of the wall: 120° is outside ",
+        "angle of the obstacle: 120° is outside ",
     ),
-    ("PUT", "wall", {"wall": {"q_wall": 0.4, "k_wall": 1e6}}, ["wall", "k_wall"], "stiffness of the wall: "),
+    ("PUT", "wall", {"wall": {"q_wall": 0.4, "k_wall": 1e6}}, ["wall", "k_wall"], "stiffness of the obstacle: "),
     (
         "POST",
         "experiments/queue",

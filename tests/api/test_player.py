@@ -1,4 +1,4 @@
-"""A recording in place of a plant, over HTTP: angle of the wall, what moves it, and what is refused beside it."""
+"""A recording in place of a plant, over HTTP: angle of the obstacle, what moves it, and what is refused beside it."""
 
 from collections.abc import Iterator
 from contextlib import closing

@@ -88,7 +88,7 @@ def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -
     with database.reading() as session:
         told = [event.text for event in events.find(session)]
     assert "push of 6.0 N for 10.0 s" in told
-    assert "push released: control is lost" in told
+    assert "push released: the operator lost control" in told
 
 
 def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Database) -> None:
@@ -164,7 +164,7 @@ def test_it_is_put_up_in_flight_shown_noted_and_taken_away(database_wall: Databa
         await set_obstacle(parts.actuator, WallOrder(wall=None), "Ana")
         await parts.supervisor.advance(0.2)
         assert (pressed(parts), parts.state().wall) == (0.0, None)
-        with pytest.raises(RequestRejectedError, match=r"in a wall at 0\.05\srad: bring it below that first"):
+        with pytest.raises(RequestRejectedError, match=r"inside the obstacle at 0\.05\srad: move it below that first"):
             await set_obstacle(parts.actuator, UP, "Ana")
         assert parts.live_state.wall is None
 
@@ -217,7 +217,7 @@ def test_it_is_bounded_and_refused_where_nothing_is_simulated(database_wall: Dat
             offered = parts.state().limits
             assert (offered.k_wall_min, offered.k_wall_max, offered.c_wall_max) == (0.0, 0.0, 0.0)
             for order in (UP, WallOrder(wall=None)):
-                with pytest.raises(RequestRejectedError, match=f"a simulated plant, and the plant is the {kind}"):
+                with pytest.raises(RequestRejectedError, match=f"a simulated plant, but the plant is the {kind}"):
                     await set_obstacle(parts.actuator, order, "Ana")
 
     stepped(database_wall, load_parameters("ideal"), session)

@@ -48,7 +48,7 @@ def test_a_stop_holds_the_queue_and_says_why(off: httpx.Client) -> None:
     assert not queue["running"]
     assert (
         queue["problem"]
-        == f"held because run {run} ended as stopped; start the queue again to go on with the first that waits"
+        == f"held because run {run} ended as stopped; start the queue again to continue with the next experiment"
     )
     assert len(queue["items"]) == 1
 
@@ -66,9 +66,9 @@ def test_what_waits_is_moved_to_its_place(off: httpx.Client) -> None:
     assert order_after(second, 1) == [first, second, third]
     beyond = off.put(f"/api/experiments/queue/{first}/place", json={"place": 3})
     assert beyond.status_code == 422
-    assert problem(beyond)["message"] == "place in the queue: 3 is outside 0 to 2; choose a value between the two"
+    assert problem(beyond)["message"] == "position in the queue: 3 is outside 0 to 2; choose a value between the two"
     gone = off.put("/api/experiments/queue/999999/place", json={"place": 0})
-    assert (gone.status_code, "does not wait in the queue" in str(problem(gone)["message"])) == (404, True)
+    assert (gone.status_code, "is not in the queue" in str(problem(gone)["message"])) == (404, True)
 
 
 def test_an_own_experiment_waits_in_the_version_that_it_was_added_in(off: httpx.Client) -> None:

@@ -138,7 +138,7 @@ async def _ask_to_publish(service: Service, viewer: httpx.Client) -> None:
 def test_no_process_holds_what_is_the_services_own_and_none_outlives_it(busy: Service) -> None:
     processes = descendants(busy.pid)
     for name in (*MEMORY, "spawn_main"):
-        assert [line for line in processes.values() if name in line], f"{name} is not there: {processes}"
+        assert [line for line in processes.values() if name in line], f"{name} does not exist: {processes}"
     for pid, line in processes.items():
         links = held(pid)
         whose = next((name for name in MEMORY if name in line), "")
@@ -192,7 +192,7 @@ def test_queue_is_paused_after_a_kill_and_after_a_shutdown(tmp_path: Path) -> No
             assert [{**item, "kept": False} for item in found["items"]] == waited["items"]
             assert all(item["kept"] for item in found["items"])
             assert (found["running"], found["run"]) == (False, None)
-            assert "the service was started again" in found["problem"]
+            assert "the service was restarted" in found["problem"]
             wait_for(client, "task", None)
             assert client.get("/api/state").json()["mode"] == "off"
             if number is not None:

@@ -424,7 +424,7 @@ def test_a_change_counts_at_once_and_a_removed_one_is_no_signal(operator: httpx.
         ("made", "F_C * 2", "the nearest is F_"),
         ("made", "q +", "is not an expression"),
         ("q", "2 * S", "cannot name a formula"),
-        ("f_Mean", "q", "differs from 'F_mean' by case only"),
+        ("f_Mean", "q", "differs from 'F_mean' only in case"),
     ],
 )
 def test_what_is_wrong_is_refused_in_words(operator: httpx.Client, name: str, expression: str, said: str) -> None:

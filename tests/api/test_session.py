@@ -364,10 +364,10 @@ def layout(*panels: dict[str, Any], name: str = "Mine") -> dict[str, Any]:
         ([layout(ERRORS, {**PLANE, "over": "speed"})], "there is no signal speed"),
         (
             [layout({**ERRORS, "signals": ["q", "q"]})],
-            "signal in panel “Errors” of layout “Mine”: “q” is there 2",
+            "signal in panel “Errors” of layout “Mine”: “q” occurs 2",
         ),
-        ([layout(ERRORS, ERRORS)], "panel of layout “Mine”: “Errors” is there 2 times; once is enough"),
-        ([layout(ERRORS), layout(PLANE, ERRORS)], "layout of the charts: “Mine” is there 2 times; once is enough"),
+        ([layout(ERRORS, ERRORS)], "panel of layout “Mine”: “Errors” occurs 2 times: remove the duplicates"),
+        ([layout(ERRORS), layout(PLANE, ERRORS)], "layout of the charts: “Mine” occurs 2 times: remove the duplicates"),
         ([layout(PLANE)], "layout “Mine” has no panel over time; add one"),
     ],
 )

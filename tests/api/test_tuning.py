@@ -140,7 +140,7 @@ def test_lambda_for_a_wanted_sensitivity_or_why_there_is_none(viewer: httpx.Clie
     assert found["lam_motor"] == {"lam": pytest.approx(0.0933, abs=2e-4), "reason": ""}
     found = viewer.get("/api/tuning/robust", params={"M_s": 1.7}).raise_for_status().json()
     assert found["lam_motor"]["lam"] is None
-    assert "out of reach" in found["lam_motor"]["reason"]
+    assert "not attainable" in found["lam_motor"]["reason"]
     assert viewer.get("/api/tuning/robust", params={"M_s": 1.0}).status_code == 422
 
 

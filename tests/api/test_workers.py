@@ -156,7 +156,7 @@ def test_a_dry_run_has_a_longest_length(viewer: httpx.Client) -> None:
     assert refused.status_code == 422
     told = problem(refused)
     assert (told["words"], told["value"], told["maximum"], told["unit"]) == (
-        "length of a dry run",
+        "duration of a dry run",
         800.0,
         600.0,
         "s",

@@ -54,7 +54,7 @@ def test_the_text_of_a_change_contains_all_of_it() -> None:
     before, after = TuningSettings(), TuningSettings(**OTHER)
     assert parse_changes(", ".join(after.list_differences(before))) == OTHER
     assert parse_changes(", ".join(before.list_differences(after))) == before.to_document()
-    for text in ("the same tuning again", "trial kept", "λ_q 0.5 s", "by the program: λ_q 0.5 s, λ_S 0.4 s"):
+    for text in ("no change of the tuning", "trial kept", "λ_q 0.5 s", "by the program: λ_q 0.5 s, λ_S 0.4 s"):
         assert parse_changes(text) is None
 
 

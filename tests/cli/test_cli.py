@@ -80,7 +80,7 @@ def test_an_experiment_starts_from_what_is_in_force_and_says_so(command: Command
     assert ended.returncode == 0, ended.stderr
     assert ended.stdout.splitlines()[0] == (
         "tuning: λ_q 0.7 s (in force), λ_S 0.42 s (in force), λ_motor 0.0854 s (in force), b 1 (set), "
-        "gains from geometry (set), switching between entries (in force), "
+        "geometric gains (set), switching between entries (in force), "
         "lambda motion (in force)"
     )
     with closing(open_database(tmp_path)) as database:
@@ -310,9 +310,9 @@ def test_parameters_and_wirings_may_begin_with_a_byte_order_mark(tmp_path: Path)
 def test_a_file_with_a_name_that_no_run_could_keep_is_refused(tmp_path: Path) -> None:
     file = tmp_path / f"{'x' * 201}.toml"
     file.write_text("")
-    with pytest.raises(ParameterError, match=r"201 characters, 200 are the most"):
+    with pytest.raises(ParameterError, match=r"201 characters, 200 are the maximum"):
         load_parameters(file)
-    with pytest.raises(WiringError, match=r"201 characters, 200 are the most"):
+    with pytest.raises(WiringError, match=r"201 characters, 200 are the maximum"):
         load_wiring(file)
 
 

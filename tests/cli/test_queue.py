@@ -78,8 +78,8 @@ def test_paused_behind_what_runs_and_stopped(service: Service, client: httpx.Cli
     [
         (("add", "juggling"), "there is no such experiment"),
         (("add", "tracking", "--set", "lam_q=9"), "9 s is outside 0.01 to 3 s"),
-        (("remove", "999"), "experiment 999 does not wait in the queue"),
-        (("move", "999", "1"), "experiment 999 does not wait in the queue"),
+        (("remove", "999"), "experiment 999 is not in the queue"),
+        (("move", "999", "1"), "experiment 999 is not in the queue"),
     ],
 )
 def test_what_the_service_refuses_is_told_in_its_words(service: Service, words: tuple[str, ...], told: str) -> None:

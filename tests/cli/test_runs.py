@@ -57,7 +57,7 @@ def test_a_run_is_taken_in_tagged_and_handed_on_for_a_station(command: Command, 
     assert command("runs", "import", str(file), *of, folder=there).returncode == 0
     assert command("runs", "tag", "1", "--add", "worn", *of, folder=there).returncode == 0
     elsewhere = command("runs", "tag", "1", "--add", "mine", folder=there)
-    assert (elsewhere.returncode, "is one of station rig-b" in elsewhere.stderr) == (1, True)
+    assert (elsewhere.returncode, "belongs to station rig-b" in elsewhere.stderr) == (1, True)
     (listed,) = json.loads(command("runs", "list", "--json", *of, folder=there).stdout)
     assert (listed["station"], listed["tags"]) == ("rig-b", ["worn"])
     assert command("runs", "bundle", "1", str(tmp_path / "run.zip"), *of, folder=there).returncode == 0

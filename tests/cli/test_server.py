@@ -166,7 +166,7 @@ def said_by(words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
         ("ALLOWED_HOSTS", "http://rig.lab/", "without http://"),
         ("ALLOWED_HOSTS", '["rig.lab"', "rig.lab"),
         ("ALLOWED_HOSTS", "[1, 2]", "SINEW_ALLOWED_HOSTS"),
-        ("PLANT", "toaster", "there is no plant toaster: there are simulator, rig and replay"),
+        ("PLANT", "toaster", "there is no plant toaster: known are simulator, rig and replay"),
         ("PARAMS", "nowhere", "nowhere"),
         ("HOST", "a..b", "a..b"),
         ("PORT", "eight", PORT_IN_WORDS),
@@ -312,7 +312,7 @@ def test_modules_of_the_plant_load_nothing_that_they_do_not_need(module: str, he
 @pytest.mark.parametrize(
     ("start", "reason"),
     [
-        (["-m", "backend"], "NI's driver is not on this machine: install NI-DAQmx"),
+        (["-m", "backend"], "NI's driver is not installed on this machine: install NI-DAQmx"),
         (["-c", _WITHOUT_NIDAQMX], "NI's Python package, which is not installed: install Sinew with its extra rig"),
     ],
     ids=["without driver", "without extra"],

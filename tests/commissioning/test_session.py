@@ -99,7 +99,7 @@ def test_no_hand_is_asked_for_while_the_line_does_not_fall() -> None:
     async def work() -> None:
         finding = await rig.do(StepId.WIRING_TEST)
         assert not finding.passed
-        assert "drive-enable line did not go off" in finding.text
+        assert "drive-enable line did not switch off" in finding.text
         assert rig.asked == []
         # Nobody knows about the drives: nothing starts.
         assert isinstance(await rig.loop.send(SetMode(Mode.PRETENSION)), Refused)

@@ -88,7 +88,7 @@ def test_it_is_learned_over_S_by_itself_and_can_be_stopped(same_operator: Operat
     ended = state()["touch"]["sweep"]  # a point takes a second: on a busy machine the press meets a later one
     at = {2: "9.8", 3: "11.5", 4: "13.3"}[ended["point"]]
     expect(said).to_contain_text(
-        OPERATE["sweepEnded"].format(point=ended["point"], points=5, S=at, reason="it was stopped")
+        OPERATE["sweepEnded"].format(point=ended["point"], points=5, S=at, reason="stopped on request")
     )
     operator.wait(lambda: state()["references"] == held)
 

@@ -115,7 +115,7 @@ def test_signals_are_searched_for_and_dragged_onto_panels(laid_out: Operator) ->
     expect(figure.get_by_role("button", name="S_true", exact=True)).to_be_visible()
 
     drag(page, shown, editor.get_by_role("listitem", name="Joint position", exact=True))
-    expect(editor.get_by_role("alert")).to_contain_text("one panel has one unit")
+    expect(editor.get_by_role("alert")).to_contain_text("all signals of a panel must have the same unit")
 
 
 def test_panels_move_and_grow_by_keys_alone(laid_out: Operator) -> None:
@@ -186,7 +186,7 @@ def test_a_replay_has_the_same_layout_and_reads_what_was_recorded(laid_out: Oper
     settings = page.request.get(f"{laid_out.service.url}/api/runs/{run}").json()["settings"]
     assert next(one["value"] for one in settings if one["name"] == "bank") == 0
     lam_q, lam_S = raw["lam_q"][-1], raw["lam_S"][-1]
-    assert foot[0] == f"run {run} · SIM (simulator) · λ_q {lam_q:.4g} s · λ_S {lam_S:.4g} s · gains from geometry"
+    assert foot[0] == f"run {run} · SIM (simulator) · λ_q {lam_q:.4g} s · λ_S {lam_S:.4g} s · geometric gains"
     assert foot[1].startswith("0:00.000 to ")
     for name, factor in (("q", DEGREES), ("q - q_ref", DEGREES), ("S", 1.0)):
         values = [factor * one for one in raw[name] if one is not None]

@@ -43,7 +43,7 @@ def undeclared_now(form: Locator, settings: list[dict[str, Any]], in_force: Valu
         ):
             wrong.append(f"{name}: {field.value!r} ({field.about}), in force {in_force[name]!r}")
     if "bank" in fields:
-        chosen = "gains from geometry" if in_force["bank"] == 0 else "bank forms v1"
+        chosen = "geometric gains" if in_force["bank"] == 0 else "bank forms v1"
         wrong += [] if fields["bank"].text == chosen else [f"bank: {fields['bank'].text}, in force {chosen}"]
     elif words_of(in_force) not in form.inner_text():
         wrong.append(f"tuning in words: {words_of(in_force)} is not in {form.inner_text()!r}")

@@ -148,7 +148,7 @@ def test_parameters_applied_to_one_file_are_not_active_on_another(database: Data
 
 
 def test_what_cannot_be_applied_is_refused_with_the_reason(database: Database) -> None:
-    with pytest.raises(NotApplicableError, match="nothing was applied"):
+    with pytest.raises(NotApplicableError, match="no identified values are applied"):
         parameters.build_undo(database, LAB)
     same = stored(database, motors((2.86, 0.22), (2.86, 0.22)))
     with pytest.raises(NotApplicableError, match="nothing would change"):

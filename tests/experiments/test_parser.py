@@ -171,7 +171,7 @@ def test_an_unsupported_construct_is_rejected_with_its_line(old: str, new: str, 
 @pytest.mark.parametrize("least", [MAX_CHARACTERS + 1, 1_000_000])
 def test_a_text_that_is_too_long_is_not_parsed(least: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(parser, "_Loader")
-    with pytest.raises(ExperimentError, match=f"it has {least} characters, at most {MAX_CHARACTERS} are taken"):
+    with pytest.raises(ExperimentError, match=f"it has {least} characters, but at most {MAX_CHARACTERS} are taken"):
         parse_experiment(SMALL + "#" * (least - len(SMALL)))
 
 

@@ -64,7 +64,7 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         ("{do: hold, duration_s: -1}", "duration_s: time: -1 s is outside 0.01 to 600 s"),
         ("{do: hold, duration_s: 601}", "601 s is outside 0.01 to 600 s"),
         ("{do: hold}", "duration_s: it is missing"),
-        ("{do: hold, duration_s: 1, q_ref: 1}", "q_ref: it is not known here"),
+        ("{do: hold, duration_s: 1, q_ref: 1}", "q_ref: it is unknown here"),
         ("{do: dance, duration_s: 1}", "'dance' is not a motion; known are hold, step"),
         ("{duration_s: 1}", "a part needs `do`, which names its kind"),
         ("{do: hold, duration_s: .nan}", "'.nan' is not an expression"),
@@ -101,7 +101,7 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         ("{do: repeat, times: 2.5, parts: [{do: hold, duration_s: 1}]}", "2.5 is not a whole number"),
         (NESTED, "more than 1000, all repetitions counted"),
         (EMPTY, "it is empty: it needs one at least"),
-        (TUNINGS, "changes of the tuning are the most"),
+        (TUNINGS, "changes of the tuning are the maximum"),
         (DEEP, "it is nested deeper than 40 times"),
         (
             "{do: repeat, times: 100, parts: [{do: hold, duration_s: 60}]}",
@@ -150,7 +150,7 @@ def test_a_part_that_cannot_be_played_is_refused_with_its_line(own: OwnExperimen
         ("maximum: 0.5}", "}", 5, "depth needs a minimum and a maximum"),
         ("title: Wobble", "title: Wobble\nlaw: magic", 4, "'magic' is not a control law; known are cascade"),
         ("title: Wobble", "title: [Wobble", 4, "it is neither YAML nor JSON"),
-        ("title: Wobble", "titel: Wobble", 3, "it is not known here"),
+        ("title: Wobble", "titel: Wobble", 3, "it is unknown here"),
     ],
 )
 def test_keys_outside_the_parts_are_checked_too(own: OwnExperiments, old: str, new: str, line: int, told: str) -> None:

@@ -211,7 +211,7 @@ def forged(change: Callable[[Any], None], *, alone: bool = False) -> Callable[[d
         (lambda d: last(d).update(parameters=[]), "parameters of a run cannot be .*: it is an object"),
         (lambda d: last(d).update(kind="nonsense"), "kind of a run cannot be 'nonsense': it is one of session, motor"),
         (lambda d: last(d).update(end_state="flying"), "end_state of a run cannot be 'flying': it is one of completed"),
-        (lambda d: last(d).update(end_state="running"), "it is of a run that was not over"),
+        (lambda d: last(d).update(end_state="running"), "the run was not over at its export"),
         (lambda d: last(d).update(ended_at="1999-01-01T00:00:00+00:00"), "ended_at of a run .* a moment after"),
         (lambda d: last(d)["settings"]["loop"].update(bank=55), "settings.loop.bank of a run cannot be '55': .* 1"),
         (lambda d: d["records"][0]["carried"].update(calibrations={"x": 1}), "carried.calibrations cannot be"),
@@ -259,7 +259,9 @@ def test_a_run_that_was_imported_alone_is_given_its_bank(
         assert "bank" not in runs.get(session, alone).settings["loop"]
         assert origins.of_runs(session, [alone])[alone].carried == {"banks": [1]}
     (gains,) = [box for box in boxes(there, alone).values() if box.kind == "gains"]
-    assert gains.no_sha256 == "its bank was not imported with it: a bundle has it"
+    assert (
+        gains.no_sha256 == "its bank was not imported with the run: import the run in a bundle, which contains the bank"
+    )
     assert import_bundle(there, file, "Ben", tmp_path) == ImportResult(run=alone, was=run, new=True)
     with there.reading() as session:
         found = runs.get(session, alone)
@@ -324,7 +326,7 @@ def test_a_bank_whose_number_is_computed_is_told(here: Database, tmp_path: Path)
     with pytest.raises(ExportError, match=r"run 3 computes the number of a bank that it changes to, 1 \+ 1"):
         b"".join(bundle.write_bundle(here, run, None, tmp_path))
     (gains,) = [box for box in boxes(here, run).values() if box.kind == "gains"]
-    assert gains.no_sha256 == "it computes the numbers of its banks: 1 + 1"
+    assert gains.no_sha256 == "the program computes the numbers of its banks: 1 + 1"
 
 
 def test_stations_on_one_database_each_get_their_own(there: Database, run: int, file: Path, tmp_path: Path) -> None:

@@ -143,7 +143,7 @@ def test_a_run_that_says_something_else_here_is_refused(here: Database, run_impo
     file = exported(here, run_imported, "csv", tmp_path)
     whole = file.read_text(encoding="utf-8")
     file.write_text(sealed(whole.replace('"who":"Ana"', '"who":"Bob"', 1)), encoding="utf-8")
-    with pytest.raises(ImportRefusedError, match="run 2 has the same time here, but other contents"):
+    with pytest.raises(ImportRefusedError, match="run 2 has the same time in this database, but different content"):
         import_export(here, file, "Ben")
 
 
@@ -181,7 +181,7 @@ def mat_that_swells(file: Path, facts: str) -> None:
 @pytest.mark.parametrize(
     ("kind", "swell", "why"),
     [
-        ("mcap", mcap_that_swells, "unpacks to 167.* bytes, where 8388608 are the most .* export the run again"),
+        ("mcap", mcap_that_swells, "unpacks to 167.* bytes, where 8388608 are the maximum .* export the run again"),
         ("mat", mat_that_swells, "it is compressed, which an export is not"),
     ],
 )

@@ -219,7 +219,7 @@ def test_what_is_not_like_the_first_is_refused_and_nothing_changes(wrong: Any) -
 
 
 def test_what_has_no_place_is_refused() -> None:
-    with pytest.raises(TypeError, match="no place"):
+    with pytest.raises(TypeError, match="cannot store"):
         StateBlock((1.0, "text"))
 
 

@@ -159,14 +159,14 @@ class Less:
         (Degrees, "reads_in_si", "is it in rad?"),
         (Driving, "rests_at_zero_volts", "at zero volts"),
         (Backwards, "a_voltage_acts", "sign"),
-        (Swapped, "a_voltage_acts", "sign, or too little?|swapped"),
+        (Swapped, "a_voltage_acts", "is the sign wrong|are the motors swapped"),
         (Restless, "a_write_counts_from_the_next_reading", "without a write"),
         (Unbound, "keeps_to_its_voltages", "further than at 10 V"),
-        (Odd, "refuses_in_a_sentence", "ValueError in place of a PlantError: no"),
+        (Odd, "refuses_in_a_sentence", "ValueError instead of a PlantError: no"),
         (OpenOnce, "closes_twice_and_opens_again", "AssertionError"),
         (Hasty, "keeps_the_time", "before they were due"),
-        (Hoarding, "keeps_nothing_of_a_tick", "blocks of memory more"),
-        (Random, "repeats", "the second time it read otherwise"),
+        (Hoarding, "keeps_nothing_of_a_tick", "more memory blocks"),
+        (Random, "repeats", "the second execution returned different readings"),
     ],
 )
 def test_a_plant_that_breaks_a_promise_is_found(

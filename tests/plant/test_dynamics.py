@@ -512,23 +512,23 @@ def test_the_steps_are_stable_at_the_bounds_and_say_where_they_come_from() -> No
 @pytest.mark.parametrize(
     ("wall", "told"),
     [
-        (WALL._replace(side=0.5), "side of the wall: 0.5 is neither 1"),
-        (WALL._replace(side=math.nan), "side of the wall: nan is neither 1"),
-        (WALL._replace(q_wall=1.6), "angle of the wall: 1.6\u202frad is outside -1.5708 to 1.5708\u202frad"),
-        (WALL._replace(q_wall=math.nan), "angle of the wall: nan\u202frad"),
+        (WALL._replace(side=0.5), "side of the obstacle: 0.5 is neither 1"),
+        (WALL._replace(side=math.nan), "side of the obstacle: nan is neither 1"),
+        (WALL._replace(q_wall=1.6), "angle of the obstacle: 1.6\u202frad is outside -1.5708 to 1.5708\u202frad"),
+        (WALL._replace(q_wall=math.nan), "angle of the obstacle: nan\u202frad"),
         (
             WALL._replace(k_wall=4e4),
-            "stiffness of the wall: 40000 N/m is outside 100 to 33280 N/m; the simulator's step",
+            "stiffness of the obstacle: 40000 N/m is outside 100 to 33280 N/m; the simulator's step",
         ),
-        (WALL._replace(k_wall=50.0), "stiffness of the wall: 50 N/m is outside 100"),
-        (WALL._replace(k_wall=math.inf), "stiffness of the wall: inf N/m"),
-        (WALL._replace(c_wall=-0.1), "damping of the wall: -0.1 s/m is outside 0 to 7.39556 s/m"),
-        (WALL._replace(c_wall=8.0), "damping of the wall: 8 s/m is outside"),
+        (WALL._replace(k_wall=50.0), "stiffness of the obstacle: 50 N/m is outside 100"),
+        (WALL._replace(k_wall=math.inf), "stiffness of the obstacle: inf N/m"),
+        (WALL._replace(c_wall=-0.1), "damping of the obstacle: -0.1 s/m is outside 0 to 7.39556 s/m"),
+        (WALL._replace(c_wall=8.0), "damping of the obstacle: 8 s/m is outside"),
         (
             WALL._replace(q_wall=-0.1),
-            "the joint is at 0\u202frad, in a wall at -0.1\u202frad: bring it below that first",
+            "the joint is at 0\u202frad, inside the obstacle at -0.1\u202frad: move it below that first",
         ),
-        (WALL._replace(q_wall=0.1, side=-1.0), "in a wall at 0.1\u202frad: bring it above that first"),
+        (WALL._replace(q_wall=0.1, side=-1.0), "inside the obstacle at 0.1\u202frad: move it above that first"),
     ],
 )
 def test_a_wall_that_cannot_be_is_refused_and_the_one_before_stays(wall: Obstacle, told: str) -> None:

@@ -65,11 +65,11 @@ def package(folder: Path, name: str, entry: str, code: str, plant: str = "odd") 
     [
         ("import no_such_driver", "cannot be imported: ModuleNotFoundError: No module named 'no_such_driver'"),
         ("", r"cannot be imported: AttributeError: .*make"),
-        ("make = 3", "odd_plant:make must be callable, it is an int"),
-        ("def make(parameters): ...", "cannot be made: TypeError: .*positional argument"),
+        ("make = 3", "odd_plant:make must be callable, but is an int"),
+        ("def make(parameters): ...", "cannot be created: TypeError: .*positional argument"),
         (
             "def make(parameters, seed): raise OSError('no card\\nin slot 2')",
-            "cannot be made: OSError: no card in slot 2",
+            "cannot be created: OSError: no card in slot 2",
         ),
         (
             "def make(parameters, seed): ...",
@@ -106,7 +106,7 @@ def test_a_name_has_to_be_one_of_what_there_is(site: Path, tmp_path: Path, monke
             require_available(PlantChoice(PlantKind.PACKAGE, package=name))
     package(tmp_path, "other", "other:make", "", plant=example.NAME)
     monkeypatch.syspath_prepend(str(tmp_path))
-    with pytest.raises(PlantError, match=r"more than one package brings a plant two-springs: .*other.*uninstall"):
+    with pytest.raises(PlantError, match=r"more than one package provides a plant two-springs: .*other.*uninstall"):
         require_available(PlantChoice(PlantKind.PACKAGE, package=example.NAME))
 
 
@@ -121,7 +121,9 @@ def test_a_name_that_no_run_could_remember_is_refused_at_the_start(
     if length <= NAME_MAX:
         require_available(choice)
     else:
-        with pytest.raises(PlantError, match=r"^the plant x{20}\.\.\. has a name of 101 characters, 100 are the most"):
+        with pytest.raises(
+            PlantError, match=r"^the plant x{20}\.\.\. has a name of 101 characters, 100 " r"are the maximum"
+        ):
             require_available(choice)
 
 

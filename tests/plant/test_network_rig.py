@@ -81,7 +81,7 @@ def test_a_round_trip_that_leaves_no_time_is_refused_with_its_figure(registers: 
     """Seven calls a cycle, each 2 ms later: no machine is quick enough to make good for that."""
     with served(virtual(registers), delay_s=2e-3) as address:
         far = network_rig(address)
-        with pytest.raises(PlantError, match="run Sinew on the machine with the card") as refused:
+        with pytest.raises(PlantError, match="run Sinew on the machine that contains the card") as refused:
             far.open()
         found = re.search(r"takes ([\d.]+) ms \(median of 50 cycles at zero volts.* leaves 0\.7 ms", str(refused.value))
         assert found is not None
@@ -124,7 +124,9 @@ def test_an_address_where_nobody_answers_is_told_in_one_line(monkeypatch: pytest
     with socket.create_server(("127.0.0.1", 0)) as nobody:
         address = f"127.0.0.1:{nobody.getsockname()[1]}"
     plant = make_plant(PlantChoice(PlantKind.RIG, address=address), PARAMETERS, 0)
-    with pytest.raises(PlantError, match=rf"nothing answers at {address} .*: start NI's gRPC device server") as refused:
+    with pytest.raises(
+        PlantError, match=rf"no server answers at {address} .*: start NI's gRPC device " rf"server"
+    ) as refused:
         plant.open()
     assert "\n" not in str(refused.value)
     with pytest.raises(PlantError, match="give HOST:PORT"):

@@ -130,7 +130,7 @@ def test_one_side_may_differ(tmp_path: Path) -> None:
         (
             '[identified_A]\npoints = { value = [[0.0065, 0.0], [0.02, 7.0], [0.0625, 30.0]], unit = "m, N", '
             'source = "x" }\nk = { value = [-2.0, 300.0, 8000.0], unit = "N/m^i", source = "x" }',
-            r"identified_A must give the spring once, by the polynomial k or by points",
+            r"identified_A must define the spring either by the polynomial k or by points",
         ),
         (
             '[identified_A]\npoints = { value = [[0.0065, 0.0], [0.02, 12.0], [0.04, 24.0], [0.0625, 37.0]], '

@@ -204,12 +204,12 @@ def each(change: Callable[[np.ndarray], np.ndarray], *names: str) -> Callable[[C
         (at("u_A", 7, 10.1), r"u_A is 10\.1 at t = 0\.007 s, beyond 10 V"),
         (at("u_B", 8, -10.1), r"u_B is -?10\.1 at t = 0\.008 s, beyond 10 V"),
         (each(np.degrees, "q"), r"q is 5\.7\d* at t = 0\.000 s, beyond 3\.142\srad: the column must be in rad"),
-        (each(lambda values: 10.0 * values, "t"), "its period is 10 ms, it must be 1 ms"),
+        (each(lambda values: 10.0 * values, "t"), "its period is 10 ms, but must be 1 ms"),
         (
             each(lambda values: np.delete(values, slice(60, 72))),
             r"after t = 0\.059 s the next sample comes 13 ms later",
         ),
-        (each(lambda values: values[:1]), "it holds 1 samples: two are the least"),
+        (each(lambda values: values[:1]), "it holds 1 samples, but at least two are required"),
     ],
 )
 def test_a_file_that_is_no_recording_is_refused_with_the_place(
@@ -227,7 +227,7 @@ def test_files_of_other_kinds_are_refused(columns: Columns, tmp_path: Path) -> N
         ("run.mat", to_mat(columns), "only .csv and .parquet are read"),
         ("run.parquet", b"PAR1 junk", "cannot be played"),
         ("run.csv", b"t,q\n1,2\n3\n", "cannot be played"),
-        ("text.csv", to_csv(columns).replace(b",0.1,", b",far,"), "the column q holds something else than numbers"),
+        ("text.csv", to_csv(columns).replace(b",0.1,", b",far,"), "the column q contains values that are not numbers"),
     ):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(PlantError, match=said) as error:
@@ -241,7 +241,7 @@ def test_a_unit_that_the_file_names_has_to_be_the_right_one(columns: Columns, tm
     table = pa.parquet.read_table(pa.BufferReader(to_parquet(columns)))
     fields = [field.with_metadata({"unit": "deg"}) if field.name == "q" else field for field in table.schema]
     pa.parquet.write_table(pa.table(table.columns, schema=pa.schema(fields)), tmp_path / "run.parquet")
-    with pytest.raises(PlantError, match="the column q is in deg, it must be in rad"):
+    with pytest.raises(PlantError, match="the column q is in deg, but must be in rad"):
         load_replay(tmp_path / "run.parquet")
 
 

@@ -235,7 +235,7 @@ def test_a_line_that_is_on_while_hands_are_at_the_rig_is_no_start() -> None:
     card = VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers := Card.create(), has_clock=False)
     registers.set_drives(on=True)
     card.faults.enable_held = True
-    with pytest.raises(PlantError, match="did not go off"):
+    with pytest.raises(PlantError, match="did not switch off"):
         Rig(WIRING, Daq(WIRING, card.options), drives_off=True).open()
 
 

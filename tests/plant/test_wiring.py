@@ -64,13 +64,13 @@ WRONG = {
         replaced(LINE_A, 'table = { value = [[0.5, 5], [9, 90]], unit = "V, N", source = "weights" }'),
         "[[0.5, 5], [9, 90]]",
         "load_cell_A.table",
-        "it goes from 5 to 90 N; measure 0 N too",
+        "it covers 5 to 90 N; measure 0 N too",
     ),
     "table that goes up and down": (
         replaced(LINE_A, 'table = { value = [[0, 0], [5, 60], [9, 50]], unit = "V, N", source = "weights" }'),
         "[[0, 0], [5, 60], [9, 50]]",
         "load_cell_A.table",
-        "its newtons go up and down",
+        "its forces are not monotonic",
     ),
     "not a direction": (
         replaced("direction = { value = 1,", "direction = { value = 2,"),

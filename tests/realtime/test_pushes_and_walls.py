@@ -174,7 +174,7 @@ def test_the_plant_is_pushed_from_the_first_tick_of_a_segment_on_and_the_sample_
     assert said[1:] == done[:-1]  # a sample says what acted on the period that it ends
 
 
-# A wall in the joint's way, by an operator's order and by a program: angle of the wall, when, and who takes it away.
+# An obstacle, commanded by an operator and by a program: when it acts, and who removes it.
 
 ABOVE, BELOW = Obstacle(1.0, 0.15, 2e4, 1.0), Obstacle(-1.0, -0.15, 1e4, 1.0)
 THERE = Segment(0.4, 0.3, 10.0, shape=Shape.RAMP)
@@ -219,7 +219,7 @@ def test_what_cannot_stand_is_refused_with_its_reason_and_nothing_trips(ideal: P
     for wall, told in (
         (ABOVE._replace(q_wall=-0.1), "the joint is at"),
         (ABOVE._replace(k_wall=1e6), "1e+06 N/m is outside 100 to"),
-        (ABOVE._replace(q_wall=math.nan), f"angle of the wall: {Angle(math.nan)}"),
+        (ABOVE._replace(q_wall=math.nan), f"angle of the obstacle: {Angle(math.nan)}"),
     ):
         refused = bench.send(Obstruct(wall))
         assert isinstance(refused, Refused)
@@ -290,7 +290,7 @@ def test_a_program_whose_wall_meets_the_joint_trips_and_says_what_to_do(ideal: P
     bench.advance(2.2)
     stop = next(event for event in bench.events if isinstance(event, Stopped))
     assert stop.fault is Fault.PLANT_ERROR
-    assert f"in a wall at {Angle(0.15)}: bring it below that first" in stop.detail
+    assert f"inside the obstacle at {Angle(0.15)}: move it below that first" in stop.detail
     assert standing(bench) is None
 
 

@@ -123,10 +123,13 @@ def test_what_a_run_lacks_is_said_and_the_others_are_compared(database: Database
     assert told.runs[0].not_aligned == f"the reference cannot be aligned: {why}"
     second = asked.model_copy(update={"number": 2})
     with database.reading() as session:
-        assert compare_runs(session, second).runs[0].not_aligned == f"run {plain} has 1 step of q_ref, not 2"
+        assert (
+            compare_runs(session, second).runs[0].not_aligned
+            == f"run {plain} has 1 step of q_ref; alignment requires at least 2"
+        )
     with pytest.raises(UnknownSignalError):
         compute_differences(database, asked.model_copy(update={"signal": "nonsense"}))
-    with pytest.raises(RequestRejectedError, match="none of those that are compared"):
+    with pytest.raises(RequestRejectedError, match="is not among the compared runs"):
         compute_differences(database, asked.model_copy(update={"reference": 10**6}))
 
 

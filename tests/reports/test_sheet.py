@@ -23,7 +23,7 @@ from backend.schemas.run import LONGEST_SHEET
 
 MM_PER_POINT = 25.4 / 72.0
 WIDTH_MM, HEIGHT_MM = 180.0, 123.46
-FOOT = "run 12 · SIM (simulator) · λ_q 0.5 s · λ_S 0.8 s · gains from geometry"
+FOOT = "run 12 · SIM (simulator) · λ_q 0.5 s · λ_S 0.8 s · geometric gains"
 SPAN = "0:00.000 to 0:12.500 since the start · saved 1 March 2026"
 TICKS = ("−20", "−10", "0", "10", "0:05")
 HEADING = "Joint position [°]"
@@ -154,7 +154,7 @@ def test_what_is_no_sheet_is_refused_with_what_is_wrong_and_what_to_do(hostile: 
         read_sheet(hostile)
     message = str(refused.value)
     assert said in message
-    assert message.startswith("this is not a sheet of charts: ")
+    assert message.startswith("this is not a chart sheet: ")
     assert message.endswith("Send the SVG as the charts save it, or convert it with a drawing program")
     assert len(message) < 400
 

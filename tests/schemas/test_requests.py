@@ -126,10 +126,15 @@ REFUSED: list[tuple[str, Any, list[str | int] | None, str]] = [
         "preferences",
         {**DEFAULT_PREFERENCES.model_dump(mode="json"), "camera": "from above"},
         ["camera"],
-        "name of the camera that the 3D view is seen from: it has characters that are not taken here",
+        "name of the camera of the 3D view: it has characters that are not taken here",
     ),
     ("trial", {"duration_s": "x"}, ["duration_s"], "duration of the trial: “x” is not a number; give one in s"),
-    ("trial", {"duration_s": 5, "interpolate": "maybe"}, ["interpolate"], "gain scheduling instead of switching: “may"),
+    (
+        "trial",
+        {"duration_s": 5, "interpolate": "maybe"},
+        ["interpolate"],
+        "whether gains are interpolated between bank entries instead of switched: “may",
+    ),
     ("push", {"F_push": 1, "duration_s": None}, ["duration_s"], "time after which the loop releases the joint: a numb"),
     ("references", {"q_ref": 1}, ["S_ref"], "joint stiffness reference: it is missing"),
     (
@@ -156,7 +161,7 @@ REFUSED: list[tuple[str, Any, list[str | int] | None, str]] = [
         "entry 2, K of G_q: “a” is",
     ),
     ("bank", {"name": "n", "entries": [{"S_nominal": 10}]}, ["entries", 0, "K_q"], "entry 1, K of G_q: it is missing"),
-    ("bank", {"name": "n", "entries": [ENTRY | {"q": 2}]}, ["entries", 0, "q"], "entry 1, “q”: it is not known here"),
+    ("bank", {"name": "n", "entries": [ENTRY | {"q": 2}]}, ["entries", 0, "q"], "entry 1, “q”: it is unknown here"),
     (
         "build",
         {"name": "n", "identifications": [0]},

@@ -88,7 +88,7 @@ def test_events_above_the_bound_are_counted(database: Database) -> None:
 
     asyncio.run(happen())
     first = [f"event {tick}" for tick in range(5)]
-    assert texts(database) == [*first, "4 events that followed could not be kept", "afterwards"]
+    assert texts(database) == [*first, "4 later events could not be stored", "afterwards"]
 
 
 def test_invalid_event_does_not_block_others(database: Database) -> None:

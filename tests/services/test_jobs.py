@@ -273,7 +273,7 @@ def test_the_next_tension_waits_for_a_pause_to_be_over_and_no_run_is_under_way_m
             if task.phase is RunPhase.PROGRAM and task.number == 1 and not task.pause_wanted:
                 pause.request(True)
             if task.phase is RunPhase.PROGRAM and task.number == 2:
-                with pytest.raises(RequestRejectedError, match="no run of the same order follows"):
+                with pytest.raises(RequestRejectedError, match="no further run of this request follows"):
                     pause.request(True)
             state = parts.state()
             if task.phase is RunPhase.PAUSED:
@@ -325,8 +325,8 @@ def test_an_order_that_is_aborted_in_its_pause_ends_there_with_what_it_has(tmp_p
         await asyncio.gather(*stopping)
         assert {task.run for task in seen.tasks} == {seen.run}
         assert parts.ordered_runs.problems == [
-            f"The order ended after run {seen.run}: it was stopped softly in its pause; 1 run was not started."
-            " Order it again."
+            f"The request ended after run {seen.run}: the actuator was stopped softly during the pause; 1 run "
+            f"was not started. Request it again."
         ]
         evaluated = [task for task in seen.tasks if task.phase is RunPhase.EVALUATION]
         assert {(task.following, task.pause_wanted) for task in evaluated} == {(0, False)}
@@ -409,7 +409,7 @@ def test_next_run_starts_at_once_without_pause() -> None:
     pause.request(False)
     loop = FakeLoop()
     assert (wait(pause, loop), loop.advanced, pause.remaining_runs) == (0, 0, 0)
-    with pytest.raises(RequestRejectedError, match="no run of the same order follows"):
+    with pytest.raises(RequestRejectedError, match="no further run of this request follows"):
         pause.request(True)  # the last run is being prepared: what is shown is still the one before it
     assert not pause.is_requested
 
@@ -417,9 +417,9 @@ def test_next_run_starts_at_once_without_pause() -> None:
 @pytest.mark.parametrize(
     ("mode", "why"),
     [
-        (Mode.OFF, "the motors were switched off in its pause"),
-        (Mode.STOPPING, "it was stopped softly in its pause"),
-        (Mode.TRIPPED, "a fault or STOP took the motors in its pause"),
+        (Mode.OFF, "the motors were switched off during the pause"),
+        (Mode.STOPPING, "the actuator was stopped softly during the pause"),
+        (Mode.TRIPPED, "a fault or STOP stopped the motors during the pause"),
     ],
 )
 def test_pause_ends_the_request_if_the_motors_are_switched_off(mode: Mode, why: str) -> None:
@@ -440,7 +440,7 @@ def test_pause_is_refused_without_a_remaining_run() -> None:
     pause, live_state = paused(1)
     pause.begin(0)
     assert not pause.is_requested
-    with pytest.raises(RequestRejectedError, match="no run of the same order follows"):
+    with pytest.raises(RequestRejectedError, match="no further run of this request follows"):
         pause.request(True)
     live_state.task = None
     with pytest.raises(RequestRejectedError, match="nothing is in progress"):
@@ -449,7 +449,7 @@ def test_pause_is_refused_without_a_remaining_run() -> None:
 
 def test_runs_not_started_are_counted() -> None:
     assert describe_runs_not_started(7, LoopExitedError("it died."), 2) == (
-        "The order ended after run 7: it died; 2 runs were not started. Order them again."
+        "The request ended after run 7: it died; 2 runs were not started. Request them again."
     )
 
 
@@ -458,7 +458,7 @@ async def at_once(_station: ExperimentRig, _plan: Any, _run: Run) -> Evaluation:
 
 
 def ended_behind_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, dies: bool) -> tuple[list[str], Mode]:
-    """What is said of an order whose loop dies in its pause, or whose second run is refused; the mode that is left."""
+    """What is said of an order whose loop dies during the pause, or whose second run is refused; the mode left."""
     database = open_database(tmp_path)
     created: list[Run] = []
 
@@ -511,7 +511,7 @@ def test_end_between_two_runs_leaves_the_first_complete_and_stops_nothing(
     (said, *_of_results), mode = ended_behind_the_first(tmp_path, monkeypatch, dies=dies)
     assert mode is Mode.PRETENSION
     why = "the loop process was killed" if dies else OutOfRangeError("q", 1.2, -1.0, 1.0, "rad")
-    assert said == f"The order ended after run 1: {why}; 2 runs were not started. Order them again."
+    assert said == f"The request ended after run 1: {why}; 2 runs were not started. Request them again."
 
 
 # What the state says of a run that goes: an experiment that is data by its title, the paper's by their kind.

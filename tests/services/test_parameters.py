@@ -121,7 +121,9 @@ def test_nothing_changes_unless_the_actuator_is_off(database: Database, restarte
         applied = applied_with(parts, [])
         await parts.actuator.set_mode(Mode.PRETENSION, "Ana")
         before = parts.live_state.tuning
-        with pytest.raises(RequestRejectedError, match=r"parameters are applied in off only; the mode is pretension"):
+        with pytest.raises(
+            RequestRejectedError, match=r"parameters can be applied only in mode off; the " r"mode is pretension"
+        ):
             await applied.apply(found.id, "Ana")
         assert len(applied.build_view().versions) == 1
         assert (parts.live_state.parameters, parts.live_state.tuning) == (IDEAL, before)
@@ -166,10 +168,10 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
             await refused(homing)
         with monkeypatch.context() as during:
             during.setattr(live_state, "overridden_tuning", live_state.tuning)
-            await refused("a run is in progress: change the parameters when it has ended")
+            await refused("a run is in progress: change the parameters after its end")
         before = live_state.tuning
         await parts.actuator.tuning_service.start_trial(TrialRequest(lam_q=0.9, duration_s=60.0), "Ana")
-        await refused("a tuning is on trial: keep it or revert it first")
+        await refused("a trial is in progress: keep or revert its tuning first")
         await parts.actuator.tuning_service.end_trial(keep=False, who="Ana")
 
         choose_for_parameters = parts.tuning_store.choose_for_parameters
@@ -183,7 +185,7 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
             await refused("the tuning was changed meanwhile")
         live_state.tuning = before
         parts.supervisor.dead = True
-        with pytest.raises(RequestRejectedError, match="the control loop is not running: reset starts it again"):
+        with pytest.raises(RequestRejectedError, match="the control loop is not running: press Reset to start it"):
             await applied.apply(found.id, "Ana")
         assert restarted == []
 
@@ -201,7 +203,7 @@ def test_of_two_who_apply_or_undo_at_once_the_second_is_told(database: Database,
         assert [one.number for one in applied.build_view().versions] == [1, 0]
         both = await asyncio.gather(*(applied.undo(1, who) for who in ("Ana", "Ben")), return_exceptions=True)
         (refusal,) = (one for one in both if isinstance(one, RequestRejectedError))
-        assert "version 2 is active by now, not 1: check its changes" in str(refusal)
+        assert "version 2 is now active, not 1: check its changes" in str(refusal)
         assert parts.live_state.parameters == IDEAL
         assert len(restarted) == 2
 
@@ -223,7 +225,9 @@ def test_a_loop_that_does_not_start_leaves_all_with_what_was_applied_and_undo_is
 
         with monkeypatch.context() as during:
             during.setattr(Supervisor, "restart", dies)
-            with pytest.raises(LoopExitedError, match=r"takes effect at the next start of the loop: .* SIGKILL"):
+            with pytest.raises(
+                LoopExitedError, match=r"takes effect at the next start of the control " r"loop: .* SIGKILL"
+            ):
                 await applied.apply(found.id, "Ana")
         then = parts.live_state.parameters
         newest = applied.build_view().versions[0]

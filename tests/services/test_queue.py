@@ -103,7 +103,7 @@ def test_experiment_removed_during_its_refusal_leaves_the_queue_unchanged() -> N
         await refused(queue)
         view = queue.view()
         assert (view.items, view.running) == ([], False)
-        assert view.problem.endswith("there is no bank 99; nothing waits any more")
+        assert view.problem.endswith("there is no bank 99; the queue is empty")
 
     held(session, start)
 
@@ -121,7 +121,7 @@ def test_empty_queue_is_not_paused() -> None:
         await queue.add(SHORT, "Ana")
         await queue.run()
         queue.handle_run_end(5, EndState.STOPPED)
-        assert queue.view().problem.endswith("nothing waits any more")
+        assert queue.view().problem.endswith("the queue is empty")
         await queue.add(SHORT, "Ana")
         assert queue.view().problem == ""
 

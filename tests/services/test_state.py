@@ -45,7 +45,7 @@ def behind(kind: PlantKind, fault: Fault = Fault.NONE) -> tuple[ChainLinkView, C
 def test_links_follow_the_registers_of_a_card(kind: PlantKind) -> None:
     watchdog, module = behind(kind)
     assert (watchdog.good, watchdog.says) == (False, "disarmed, drive-enable off, zero volts")
-    assert (module.good, module.says) == (True, "watching")
+    assert (module.good, module.says) == (True, "monitoring")
 
 
 @pytest.mark.parametrize("planned", [True, False])
@@ -60,24 +60,24 @@ def test_a_planned_restart_is_no_fault_of_the_chain(planned: bool) -> None:
     links = {one.name: one for one in build_safety_chain(cast(Supervisor, stand_in), None, link, Fault.NONE)}
     assert list(links) == ["page", "service", "loop", "watchdog", "safety_module"]
     assert [one.good for one in links.values()] == [True, planned, planned, planned, True]
-    assert links["loop"].says == ("is restarted: applying run 3" if planned else "does not tick")
+    assert links["loop"].says == ("is restarted: applying run 3" if planned else "no ticks; last sample")
 
 
 def test_links_of_a_package_are_unknown() -> None:
     for link in behind(PlantKind.PACKAGE):
-        assert (link.good, link.says) == (False, "not seen from here: servo-bench has to bring its own")
+        assert (link.good, link.says) == (False, "not monitored by Sinew: servo-bench must provide its own")
 
 
 def test_recording_needs_no_watchdog() -> None:
     for link in behind(PlantKind.REPLAY):
-        assert (link.good, link.says) == (True, "not needed: a recording is played, nothing moves")
+        assert (link.good, link.says) == (True, "not needed: the plant is a replay, nothing moves")
 
 
 @pytest.mark.parametrize("kind", PlantKind)
 def test_tripped_safety_module_is_shown_for_each_plant(kind: PlantKind) -> None:
     watchdog, module = behind(kind, Fault.SAFETY_MODULE)
     assert (watchdog.name, module.name) == ("watchdog", "safety_module")
-    assert (module.good, module.says) == (False, "tripped: the motors are cut")
+    assert (module.good, module.says) == (False, "tripped: motor power is cut")
 
 
 @pytest.mark.parametrize("kind", [PlantKind.SIMULATOR, PlantKind.VIRTUAL_CARD])
@@ -86,7 +86,7 @@ def test_registers_of_a_simulated_card_are_read_without_a_loop(kind: PlantKind) 
     card.expire()
     watchdog, module = build_downstream_links(PlantChoice(kind), card.state(), WatchdogMonitor(card), False, Fault.NONE)
     assert (watchdog.good, watchdog.says) == (False, "expired after 0 s without a write: drive-enable off, zero volts")
-    assert (module.good, module.says) == (True, "watching")
+    assert (module.good, module.says) == (True, "monitoring")
 
 
 def test_last_known_registers_of_a_rig_are_shown_without_a_loop() -> None:
@@ -95,14 +95,14 @@ def test_last_known_registers_of_a_rig_are_shown_without_a_loop() -> None:
     guard = WatchdogMonitor(card)
     rig = PlantChoice(PlantKind.RIG)
     for link in build_downstream_links(rig, card.state(), guard, False, Fault.NONE):
-        assert (link.good, link.says) == (False, "not seen: no loop has run yet")
+        assert (link.good, link.says) == (False, "unknown: no control loop has run yet")
     card.mirror(CardState(0, 0, True, True, False, False, False, True, 0.05, 1.0, 2.0))
     watchdog, module = build_downstream_links(rig, card.state(), guard, True, Fault.NONE)
     assert (watchdog.good, module.good) == (True, True)
     asyncio.run(asyncio.wait_for(guard.run(None), PATIENCE_S))
     assert "which the service cannot observe" in guard.problem
     links = build_downstream_links(rig, card.state(), guard, False, Fault.NONE)
-    since = "not seen since the loop ended; last known: "
+    since = "unknown since the control loop ended; last state: "
     assert [(link.good, link.says) for link in links] == [
         (False, f"{since}armed, drive-enable on"),
         (False, f"{since}watching"),
@@ -231,5 +231,5 @@ def test_reset_starts_a_new_loop_after_a_mistake_of_the_loop(tmp_path: Path, mon
         told = [event.text for event in events.find(session, limit=100)]
     database.close()
     assert len(started) == 1
-    assert "loop started again" in told
+    assert "control loop restarted" in told
     assert any("ZeroDivisionError" in text for text in told)

@@ -121,7 +121,7 @@ def test_default_after_other_parameters_is_moved_into_range(
     assert restored.choice == replace(TuningSettings(), lam_q=restored.choice.lam_q, u_plan=restored.choice.u_plan)
     assert restored.choice.u_plan > 0.0
     assert said == (
-        "defaults active: the tuning of last time was for other parameters; the method's default is not offered for "
+        "defaults active: the last tuning belongs to other parameters; the method's default is not offered for "
         f"these models, the nearest that is: λ_q 0.5 → {restored.choice.lam_q:g} s"
     )
 
@@ -192,7 +192,7 @@ def test_temporary_tuning_is_used_stored_and_reported_and_then_restored(database
         assert (shown.tuning.b, shown.tuning.bank) == (1.0, None)
         assert shown.own_tuning is not None
         assert (shown.own_tuning.b, shown.own_tuning.bank and shown.own_tuning.bank.id) == (0.0, bank_lent.id)
-        with pytest.raises(RequestRejectedError, match="part of its record"):
+        with pytest.raises(RequestRejectedError, match="its record contains the tuning"):
             await parts.actuator.tuning_service.apply(TuningRequest(lam_q=0.9), WHO)
         await parts.ended()
         assert parts.live_state.tuning.choice == own(bank_lent)
@@ -220,7 +220,7 @@ def test_temporary_tuning_is_used_stored_and_reported_and_then_restored(database
     facts = {fact.label: fact.text for fact in build_report(source).facts}
     assert facts["Tuning"] == "λ_q = 0.7 s, λ_S = 0.6 s, λ_motor = 0.0854 s, b = 1"
     law = "motion time-optimal within U_plan = 6 V"
-    assert facts["Controller"] == f"cascade, gains from geometry, 20 N point; {law}"
+    assert facts["Controller"] == f"cascade, geometric gains, 20 N point; {law}"
 
 
 def test_restart_during_an_experiment_uses_the_operators_tuning(database: Database, bank_lent: Bank) -> None:
@@ -270,7 +270,7 @@ def test_failed_restore_is_reported_until_it_succeeds(database: Database, bank_l
         parts.supervisor.refuses = "a gain is not a finite number"
         told = await until(True, parts)
         assert told == [
-            "The operator's tuning (λ_q 0.7 → 0.55 s) is not active again: a gain is not a finite "
+            "The operator's tuning (λ_q 0.7 → 0.55 s) could not be restored yet: a gain is not a finite "
             "number. The service retries every 0.5 s. If this persists, abort softly and restart the "
             "service : it starts with the operator's tuning."
         ]
@@ -283,7 +283,7 @@ def test_failed_restore_is_reported_until_it_succeeds(database: Database, bank_l
         await parts.actuator.tuning_service.start_trial(TrialRequest(lam_q=0.8, duration_s=1.0), WHO)
         parts.supervisor.refuses = "a gain is not a finite number"
         told = await until(True, parts)
-        assert told[0].startswith("The tuning before the trial (λ_q 0.8 → 0.55 s) is not active again: a gain")
+        assert told[0].startswith("The tuning before the trial (λ_q 0.8 → 0.55 s) could not be restored yet: a gain")
         parts.supervisor.refuses = ""
         await until(False, parts)
         assert parts.live_state.tuning.choice == own(bank_lent)
@@ -353,7 +353,7 @@ def test_paused_queue_explains_how_to_continue(database: Database, bank_lent: Ba
         await parts.supervisor.send(Stop())
         await parts.ended()
         assert queue.view().problem == (
-            f"held because run {run} ended as stopped; start the queue again to go on with the first that waits"
+            f"held because run {run} ended as stopped; start the queue again to continue with the next experiment"
         )
         await parts.actuator.reset(WHO)
         await queue.run()
@@ -425,7 +425,7 @@ def test_undo_and_redo_of_each_part_of_a_tuning(database: Database, bank_walk: B
     async def work(parts: Parts) -> None:
         tuning_service = parts.actuator.tuning_service
         assert earlier(parts) is None
-        with pytest.raises(RequestRejectedError, match="left to undo"):
+        with pytest.raises(RequestRejectedError, match="no change of the tuning to undo"):
             await tuning_service.undo(WHO)
         await tuning_service.use_bank(bank_walk, WHO)
         for change in CHANGES:
@@ -527,7 +527,7 @@ def test_temporary_tuning_is_no_undo_step(database: Database, bank_walk: Bank) -
         tuning_service = parts.actuator.tuning_service
         await tuning_service.apply(TuningRequest(lam_q=0.6), WHO)
         await tuning_service.apply_temporary(TuningSettings(lam_q=0.9, b=1.0), None, WHO)
-        with pytest.raises(RequestRejectedError, match="its tuning is part of its record"):
+        with pytest.raises(RequestRejectedError, match="its record contains the tuning"):
             await tuning_service.undo(WHO)
         await asyncio.gather(tuning_service.restore_operator_tuning(), tuning_service.restore_operator_tuning())
         assert (in_force(parts), earlier(parts)) == (replace(DEFAULT, lam_q=0.6), DEFAULT)

@@ -146,7 +146,7 @@ def test_check_finds_references_to_nothing(sqlite: Database, tmp_path: Path) -> 
     careless.execute(f"INSERT INTO recording ({names}) VALUES (77, '[]', 0.001, 0, '', 0)")
     careless.commit()
     careless.close()
-    assert find_database_errors(sqlite.engine) == ["table recording refers to rows that are not there"]
+    assert find_database_errors(sqlite.engine) == ["table recording refers to rows that do not exist"]
 
 
 def test_check_finds_a_damaged_file(tmp_path: Path) -> None:
@@ -387,7 +387,7 @@ def test_a_longer_text_is_refused_with_column_and_length(sqlite: Database, colum
     table, _, name = column.partition(".")
     (row,) = (mapper.class_ for mapper in Base.registry.mappers if mapper.class_.__tablename__ == table)
     longer = "x" * (BOUNDED[column] + 1)
-    refused = rf"^{table}\.{name} .* {len(longer)} characters, {BOUNDED[column]} are the most"
+    refused = rf"^{table}\.{name} .* {len(longer)} characters, {BOUNDED[column]} are the maximum"
     with sqlite.session() as session, pytest.raises(UnfitError, match=refused), session.begin_nested():
         session.add(row(**{name: longer}))
     with pytest.raises(UnfitError, match=refused), sqlite.session() as session:

@@ -305,13 +305,13 @@ def test_what_holds_no_more_is_marked_where_it_stands(database: Database) -> Non
         recordings.remove_chunks(session, source, 10)
     found = boxes(database, run)
     assert found[f"identification-{estimate.id}"].out_of_date == f"identified again in run {again}"
-    assert found[f"bank-{bank.id}"].out_of_date == "version 2 of it is newer; an entry was identified again"
+    assert found[f"bank-{bank.id}"].out_of_date == "version 2 of this bank is newer; an entry was identified again"
     data = found[f"data-{source}"]
     assert data.out_of_date == "the samples were deleted"
     assert data.sha256 is None
     assert "deleted" in data.no_sha256
     marks = {node.id: node.out_of_date for node in found.values() if node.kind is LineageKind.PARAMETERS}
-    assert sorted(marks.values()) == ["", "the plant has others now: geometry.r_j 0.08, now 0.075"]
+    assert sorted(marks.values()) == ["", "the active parameters differ: geometry.r_j 0.08, now 0.075"]
 
 
 def test_calibrations_are_those_of_the_station_when_the_run_began(database: Database) -> None:
@@ -335,7 +335,7 @@ def test_calibrations_are_those_of_the_station_when_the_run_began(database: Data
             {"at": (datetime.now(UTC) + timedelta(hours=1)).replace(tzinfo=None), "id": later.id},
         )
     (box,) = [node for node in boxes(database, run).values() if node.kind is LineageKind.CALIBRATION]
-    assert box.out_of_date == "done again since: tare"
+    assert box.out_of_date == "repeated since: tare"
 
 
 def test_a_recording_has_the_same_digest_however_it_is_cut(database: Database) -> None:
@@ -353,7 +353,7 @@ def test_a_recording_has_the_same_digest_however_it_is_cut(database: Database) -
         row = 3 * 4
         gap = head + struct.pack("<q", 0) + raw[: 7 * row] + struct.pack("<q", 9) + raw[9 * row :]
         assert compute_recording_digest(session, missing) == hashlib.sha256(gap).hexdigest()
-    assert boxes(database, missing)[f"run-{missing}"].no_sha256 == "the run is not over"
+    assert boxes(database, missing)[f"run-{missing}"].no_sha256 == "the run is still in progress"
 
 
 @pytest.mark.parametrize("largest", [10**9, 1])

@@ -205,7 +205,7 @@ def test_what_is_said_of_a_run_is_changed_at_its_station(stations: tuple[Databas
         lambda session: runs.set_note(session, run, "overwritten"),
     )
     for change in changes:
-        with pytest.raises(UnknownRecordError, match="run 1 is one of station rig-a"), b.session() as session:
+        with pytest.raises(UnknownRecordError, match="run 1 belongs to station rig-a"), b.session() as session:
             change(session)
     with a.reading() as session:
         assert (runs.get(session, run).note, tags.of_runs(session, [run])) == ("", {run: ["worn"]})
@@ -288,7 +288,7 @@ def test_names_of_stations_stay_as_they_are(name: str) -> None:
 def test_one_service_for_each_station_of_a_server(postgres: str) -> None:
     engines = [create_engine(postgres, poolclass=NullPool) for _ in range(3)]
     first, other = HeldStation(engines[0], "rig-a"), HeldStation(engines[1], "rig-b")
-    with pytest.raises(StationTakenError, match="another service works on this database as station rig-a"):
+    with pytest.raises(StationTakenError, match="another service uses this database as station rig-a"):
         HeldStation(engines[2], "rig-a")
     first.release()
     HeldStation(engines[2], "rig-a").release()

@@ -108,7 +108,7 @@ def test_two_stations_at_work_at_once_mix_nothing(services: dict[str, Service], 
         assert b.get("/api/saved-searches").json()["searches"] == []
         require_own_trip(a, b, of["rig-a"][0])
         refused = client_of_a_third(url, tmp_path)
-        assert "another service works on this database as station rig-a" in refused
+        assert "another service uses this database as station rig-a" in refused
 
 
 def require_own_samples(url: str, tmp_path: Path, of: dict[str, list[int]]) -> None:

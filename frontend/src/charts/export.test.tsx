@@ -35,5 +35,5 @@ it.each([
 });
 
 it("leaves the service's own words for all else", async () => {
-  expect(await words(refused(422, "this is not a sheet of charts"))).toBe("this is not a sheet of charts");
+  expect(await words(refused(422, "this is not a chart sheet"))).toBe("this is not a chart sheet");
 });

@@ -2231,27 +2231,27 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "wall.q_wall",
     "term": "angle of the wall",
-    "meaning": "angle of the wall",
+    "meaning": "angle of the obstacle",
     "unit": "rad"
   },
   "setting:wall.side": {
     "kind": "setting",
     "name": "wall.side",
     "term": "side",
-    "meaning": "the side of that angle that the wall blocks"
+    "meaning": "side of this angle that the obstacle blocks"
   },
   "setting:wall.k_wall": {
     "kind": "setting",
     "name": "wall.k_wall",
     "term": "stiffness of the wall",
-    "meaning": "its stiffness, at the joint pulley",
+    "meaning": "stiffness of the obstacle at the joint pulley",
     "unit": "N/m"
   },
   "setting:wall.c_wall": {
     "kind": "setting",
     "name": "wall.c_wall",
     "term": "damping of the wall",
-    "meaning": "its damping, at the joint pulley",
+    "meaning": "damping of the obstacle at the joint pulley",
     "unit": "s/m"
   },
   "setting:touch.contact_N": {
@@ -2265,25 +2265,25 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "touch.learn",
     "term": "learn",
-    "meaning": "take the present estimate as the bias at this stiffness"
+    "meaning": "calibrate: use the present estimate as the bias at the present stiffness"
   },
   "setting:touch.forget": {
     "kind": "setting",
     "name": "touch.forget",
     "term": "forget",
-    "meaning": "forget what was learned; with learn, all but that"
+    "meaning": "discard the calibrated bias; with learn, all points except the new one"
   },
   "setting:touch.sweep": {
     "kind": "setting",
     "name": "touch.sweep",
     "term": "sweep",
-    "meaning": "calibrate over the whole stiffness range, point by point, with no person at the joint; no other field with it"
+    "meaning": "calibrate over the whole stiffness range, point by point, with no person at the joint; not permitted together with another field"
   },
   "setting:trigger.signal": {
     "kind": "setting",
     "name": "trigger.signal",
     "term": "signal",
-    "meaning": "name of a signal of the sample, of a combined one, or of a formula"
+    "meaning": "name of a sample column, of a combined signal or of a derived signal"
   },
   "setting:trigger.condition": {
     "kind": "setting",
@@ -2307,7 +2307,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "trigger.before_s",
     "term": "before s",
-    "meaning": "time kept before the trigger",
+    "meaning": "time to capture before the trigger",
     "unit": "s",
     "more": [
       [
@@ -2320,7 +2320,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "trigger.after_s",
     "term": "after s",
-    "meaning": "time kept from the trigger on",
+    "meaning": "time to capture from the trigger on",
     "unit": "s",
     "more": [
       [
@@ -2333,7 +2333,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "trigger.captures",
     "term": "captures",
-    "meaning": "how many are made before it disarms itself",
+    "meaning": "number of captures after which the trigger disarms itself",
     "more": [
       [
         "Accepted",
@@ -2372,7 +2372,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "tuning.interpolate",
     "term": "interpolate",
-    "meaning": "gain scheduling instead of switching"
+    "meaning": "whether gains are interpolated between bank entries instead of switched"
   },
   "setting:tuning.motion": {
     "kind": "setting",
@@ -2384,14 +2384,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "tuning.u_plan",
     "term": "voltage limit of time-optimal motion",
-    "meaning": "voltage limit of time-optimal motion; without a motion it also chooses that motion, and 0 chooses lambda",
+    "meaning": "voltage limit of time-optimal motion; if motion is omitted, a value above 0 also selects time-optimal, and 0 selects lambda",
     "unit": "V"
   },
   "setting:tuning.k_ext": {
     "kind": "setting",
     "name": "tuning.k_ext",
     "term": "gain of the disturbance rejection",
-    "meaning": "share of the external force that is fed forward, 0 for none"
+    "meaning": "compensated share of the estimated external force, 0 for none"
   },
   "setting:tuning.duration_s": {
     "kind": "setting",

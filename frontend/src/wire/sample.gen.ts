@@ -203,7 +203,7 @@ export const FIELDS = [
 
 export type SignalName = (typeof FIELDS)[number]["name"];
 
-/** Signals that are stored nowhere: sums of columns, some times a length of the joint's geometry. */
+/** Signals that are not stored: sums of columns, some multiplied by a length of the joint's geometry. */
 export const COMBINED = [
   {
     "name": "q - q_ref",
@@ -388,10 +388,10 @@ export const LAMBDAS = {
   "lam_motor": 0.0854
 } as const;
 
-/** Largest number of samples that are read one by one quickly; more take longer. */
+/** Largest number of samples that the service reads quickly one by one; more take longer. */
 export const AT_HAND_SAMPLES = 1000000;
 
-/** External force below which rejection does not act [N]: a number of standard deviations of the estimate. */
+/** External force below which disturbance rejection does not act [N]: at least DEVIATIONS standard deviations of the estimate. */
 export const UNSEEN_F = 0.3;
 export const DEVIATIONS = 6.0;
 

@@ -192,7 +192,7 @@ def banks(moment: Moment) -> Findings:
     is_after_run = said.startswith(BANKS["activeAfterRun"].split("{")[0].strip())
     found.same("of when the tuning is", is_after_run, state["own_tuning"] is not None)
     bank = own["bank"]
-    words = "gains from geometry" if bank is None else f"bank {bank['name']} v{bank['version']}"
+    words = "geometric gains" if bank is None else f"bank {bank['name']} v{bank['version']}"
     found.holds("bank in force", said, words)
     template = f"λ_q {own['lam_q']:.4g} s, λ_S {own['lam_S']:.4g} s"
     found.holds("λ in force", said, template)

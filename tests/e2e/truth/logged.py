@@ -103,7 +103,7 @@ def _is_told_otherwise(name: str, new: Sequence[Line]) -> bool:
     """Whether a change has a line without its values: a program's own changes, and a rejection that ends by itself."""
     begins = ["by the program: ", "as before the program: "]
     if name == "k_ext":
-        begins.append("pushes are not rejected any more")
+        begins.append("disturbance rejection disabled")
     return any(line["text"].startswith(tuple(begins)) for line in new)
 
 
