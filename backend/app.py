@@ -99,7 +99,7 @@ from plant import ParameterError, PlantKind, PlantParameters, load_parameters
 
 
 SEED = 0
-_CLAIM_PART = Part("The sign of life on the database", "Another service may take the database over.")
+_CLAIM_PART = Part("The renewal of the database claim", "Another service may claim the database.")
 
 _log = logging.getLogger(__name__)
 
@@ -194,14 +194,14 @@ def load_parameter_version(database: Database, base: PlantParameters) -> tuple[A
         version = list_parameter_versions(database, base)[0]
         last = find_last_applicant(database)
     except (UnreadableDocumentError, ParameterError) as error:
-        _log.exception("The service cannot read the parameters that were applied.")
-        return AppliedVersion(0, base), f"the parameters are those of the file: {error}"
+        _log.exception("The service cannot read the applied parameters.")
+        return AppliedVersion(0, base), f"the active parameters are those of the file: {error}"
     if version.number:
         return (
             version,
             f"parameters of {version.who} restored: version {version.number} over {base.name}",
         )
-    other = f"the parameters are those of the file {base.name}: what {last} applied last was over other ones"
+    other = f"the active parameters are those of the file {base.name}: what {last} applied last belong to another file"
     return version, other if last else ""
 
 
@@ -298,7 +298,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     control = ControlLease(events, actuator.stop_after_operator_loss, actuator.log_control_change)
     events.subscribe(ControlReleased, lambda _: actuator.release_push())
     events.subscribe(
-        HolderChanged, lambda _: actuator.tuning_service.cancel_trial("as the holder of control has changed")
+        HolderChanged, lambda _: actuator.tuning_service.cancel_trial("because the holder of control changed")
     )
 
     def log_handover(text: str, who: str) -> None:

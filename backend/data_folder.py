@@ -64,7 +64,7 @@ class LockedFolder:
             except OSError as error:
                 return self._describe_loss(path, error.strerror or str(error))
             if (found.st_dev, found.st_ino) != (opened.st_dev, opened.st_ino):
-                return self._describe_loss(path, "another one has replaced it")
+                return self._describe_loss(path, "it was replaced")
         return ""
 
     def _describe_loss(self, path: Path, why: str) -> str:
@@ -88,7 +88,8 @@ def lock_for_service(data: Path) -> Iterator[LockedFolder]:
             path.bind(_lock_socket_name(data))
         except OSError:
             raise AlreadyRunningError(
-                f"another service works on the folder {data}, or on one that was there before: stop it or choose --data"
+                f"another service works on the folder {data}, or on an earlier folder at this path: stop "
+                f"it or choose --data"
             ) from None
         try:
             data.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -150,7 +151,7 @@ def describe_missing_address(data: Path) -> str:
     except OSError:
         is_starting = False
     if is_starting:
-        return f"the service on the folder {data} is still starting: try again once it has printed where it answers"
+        return f"the service on the folder {data} is still starting: try again after it has printed its address"
     return f"no service works on the folder {data}: start it with `sinew serve`, or choose --data"
 
 
@@ -280,5 +281,5 @@ def _restrict_mode(path: Path, mode: int) -> str | None:
     try:
         path.chmod(mode)
     except PermissionError:
-        return f"{path} can be used by other accounts and belongs to another one: change its mode to {mode:o}"
+        return f"{path} is accessible to other accounts and is owned by another account: change its mode to {mode:o}"
     return None

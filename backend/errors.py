@@ -34,10 +34,10 @@ QUANTITY_LABELS = {
     "q_ref": "position reference",
     "S_ref": "stiffness reference",
     "F_push": "push",
-    "q_wall": "angle of the wall",
-    "k_wall": "stiffness of the wall",
-    "c_wall": "damping of the wall",
-    "load": "load of a motor's shaft",
+    "q_wall": "angle of the obstacle",
+    "k_wall": "stiffness of the obstacle",
+    "c_wall": "damping of the obstacle",
+    "load": "load on a motor's shaft",
     "lam_q": "λ_q",
     "lam_S": "λ_S",
     "lam_motor": "λ_motor",
@@ -48,7 +48,7 @@ QUANTITY_LABELS = {
     "period_s": "period",
     "shape": "shape",
     "u": "voltage step",
-    "theta_start": "motor position where a step starts",
+    "theta_start": "motor position at the start of a step",
 }
 """Labels of quantities that several modules check."""
 
@@ -162,14 +162,14 @@ def describe_out_of_range(
     given, read_in = append_marked_unit(*convert_to_text(value, unit, angles)), get_display_unit(unit, angles).unit
     if minimum is not None and maximum is not None:
         ends = " to ".join(format_bounds(minimum, maximum, unit, angles))
-        return f"{given} is outside {append_marked_unit(ends, read_in)}", "choose a value between the two"
+        return f"{given} is outside {append_marked_unit(ends, read_in)}", "choose a value in this range"
     if maximum is not None:
         most = append_marked_unit(format_bound(maximum, unit, angles, upper=True), read_in)
         return f"{given} is more than {most}", f"choose {most} at most"
     if minimum is not None:
         least = append_marked_unit(format_bound(minimum, unit, angles, upper=False), read_in)
         return f"{given} is less than {least}", f"choose {least} at least"
-    return f"{given} is not a finite number", "choose a finite one"
+    return f"{given} is not a finite number", "choose a finite number"
 
 
 def format_bounds(minimum: float, maximum: float, unit: str, angles: AngleUnit) -> tuple[str, str]:

@@ -60,7 +60,7 @@ EXPLANATIONS: dict[Fault, Explanation] = {
     Fault.NONE: Explanation("No fault.", "Nothing to do."),
     Fault.STOP_PRESSED: Explanation("STOP was pressed.", "Make sure that the rig is clear, then reset."),
     Fault.FORCE_LIMIT: Explanation(
-        "A tendon pulled harder than its limit.",
+        "The tension of a tendon exceeded its limit.",
         "Check for a blocked joint or a tendon off its reel; reset, then use smaller or slower references.",
     ),
     Fault.JOINT_LIMIT: Explanation(
@@ -71,13 +71,13 @@ EXPLANATIONS: dict[Fault, Explanation] = {
         "Check both tendons and load cells; reset, go through pretension again, then use a higher stiffness.",
     ),
     Fault.SENSOR_INVALID: Explanation(
-        "A sensor gave no number.", "Check its cable and supply; reset once the reading is back."
+        "A sensor returned no valid value.", "Check its cable and supply; reset when the reading is valid again."
     ),
     Fault.SENSOR_STUCK: Explanation(
         "A sensor did not change while the rig moved.", "Check the encoder or load cell and its cable, then reset."
     ),
     Fault.SENSOR_JUMP: Explanation(
-        "A sensor jumped further than the rig can move.", "Check connectors and shielding, then reset."
+        "A sensor changed faster than the rig can move.", "Check connectors and shielding, then reset."
     ),
     Fault.IMPLAUSIBLE: Explanation(
         "Tension and motor positions contradict each other.",
@@ -88,33 +88,34 @@ EXPLANATIONS: dict[Fault, Explanation] = {
         "Close other programs on this machine and check the loop timing; then reset.",
     ),
     Fault.SERVICE_LOST: Explanation(
-        "The loop lost the service and stopped softly.", "See the service's log, then reset."
+        "The control loop lost the heartbeat of the service and stopped softly.", "See the service's log, then reset."
     ),
     Fault.OPERATOR_LOST: Explanation(
-        "The browser that held control was lost.", "Open the dashboard again, take control, then reset."
+        "The connection to the page that held control was lost.", "Open the dashboard again, take control, then reset."
     ),
     Fault.SAFETY_MODULE: Explanation(
-        "The independent safety module cut the motors.",
+        "The independent safety module disabled the motors.",
         "Remove the cause it shows, acknowledge it at the rig, then reset.",
     ),
     Fault.PLANT_ERROR: Explanation(
         "The plant could not be read or written.", "Check the DAQ card and its connections, then reset."
     ),
     Fault.WATCHDOG: Explanation(
-        "The card's watchdog cut the drives.",
-        "The loop did not write for too long: close other programs on this machine, then reset.",
+        "The card's watchdog disabled the drives.",
+        "The control loop did not write in time: close other programs on this machine, then reset.",
     ),
     Fault.WATCHDOG_DEAD: Explanation(
-        "The card's watchdog is dead.",
-        "Reset: it starts a new loop with a new watchdog, which is tried first. If this comes back, do not go on.",
+        "The card's watchdog has failed.",
+        "Reset: this starts a new control loop with a new watchdog after its proof test. If the fault "
+        "recurs, do not continue.",
     ),
     Fault.SERVICE_ENDED: Explanation(
-        "The service shut down and stopped the loop.", "Start the service again; it comes up without the fault."
+        "The service shut down and stopped the loop.", "Start the service again; it starts without the fault."
     ),
     Fault.SENSOR_SATURATED: Explanation(
-        "A load cell is beyond what its input can read.",
+        "The signal of a load cell exceeds the range of its input.",
         "Check for a blocked joint, then check the load cell's amplifier, supply and calibration; "
-        "reset once the reading is back.",
+        "reset when the reading is valid again.",
     ),
     Fault.MOTOR_REVERSED: Explanation(
         "A motor turns against its command.",
@@ -123,8 +124,8 @@ EXPLANATIONS: dict[Fault, Explanation] = {
     ),
     Fault.INTERNAL_ERROR: Explanation(
         "The control loop failed because of an error in its own code.",
-        "Reset: it starts a new loop. Keep the flight record and the log, and report them; "
-        "if this comes back, do not go on.",
+        "Reset: this starts a new control loop. Keep the flight record and the log, and report them; "
+        "if the fault recurs, do not continue.",
     ),
 }
 

@@ -41,7 +41,7 @@ def test_a_folder_that_was_replaced_is_told_and_takes_no_second_service(data: Pa
         assert not data.exists()
         data.mkdir()
         (data / "service.lock").touch()
-        assert "another one has replaced it" in held.problem()
+        assert "it was replaced" in held.problem()
         assert refused(data)
     assert not refused(data)
 

@@ -30,7 +30,7 @@ def test_a_segment_is_named_as_it_was_numbered() -> None:
         find_experiment("sequence").make_plan({"segments": json.dumps(segments)})
     assert refused.value.path == ("segments", 2, "q_ref")
     assert said(refused.value) == (
-        "segment 3, position reference: 120° is outside -80.2 to 80.2°; choose a value between the two"
+        "segment 3, position reference: 120° is outside -80.2 to 80.2°; choose a value in this range"
     )
     assert said(refused.value, RAD).startswith("segment 3, position reference: 2.0944 rad is outside -1.4 to 1.4 rad; ")
     assert format_text(str(refused.value), RAD) == said(refused.value, RAD)
@@ -51,7 +51,7 @@ def test_a_setting_is_named_as_its_form_labels_it() -> None:
     [
         (1.0, None, "tension: 0.5 N is less than 1 N; choose 1 N at least"),
         (None, 0.25, "tension: 0.5 N is more than 0.25 N; choose 0.25 N at most"),
-        (1.0, 2.0, "tension: 0.5 N is outside 1 to 2 N; choose a value between the two"),
+        (1.0, 2.0, "tension: 0.5 N is outside 1 to 2 N; choose a value in this range"),
     ],
 )
 def test_one_bound_or_two(minimum: float | None, maximum: float | None, sentence: str) -> None:
@@ -96,7 +96,7 @@ def test_what_is_no_number_is_called_that_where_there_is_no_bound() -> None:
     for figure in (math.nan, math.inf):
         with pytest.raises(OutOfRangeError) as refused:
             check_range("F_push", figure, None, None, "N")
-        assert said(refused.value) == f"push: {figure} N is not a finite number; choose a finite one"
+        assert said(refused.value) == f"push: {figure} N is not a finite number; choose a finite number"
 
 
 def test_a_refusal_comes_whole_from_one_process_to_another() -> None:

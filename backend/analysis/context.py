@@ -70,9 +70,9 @@ class EvaluationContext:
             raise PredictionUnavailableError(f"of the law {self.plan.law} no prediction is made")
         choice = self.get_tuning_at(sample)
         if choice.bank != self.tuning.bank:
-            raise PredictionUnavailableError("a bank was in use that the run did not begin with")
+            raise PredictionUnavailableError("the bank was changed during the run")
         if choice.bank and not self.points:
-            raise PredictionUnavailableError("the bank that was in use is not stored with the run, or cannot be read")
+            raise PredictionUnavailableError("the active bank is not stored with the run or cannot be read")
         try:
             return make_cascade_tuning(
                 parameters=self.parameters,

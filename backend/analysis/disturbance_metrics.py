@@ -65,19 +65,19 @@ class ComplianceMetrics:
         "N", "RMSE, raw", "F_A − F_B against −S_ref q/r_j as measured; the paper: 2.239 N"
     )
     rmse_aligned_N: float | None = declare_metric(
-        "N", "RMSE, aligned", "the same without sensor delay, each minus its mean before"
+        "N", "RMSE, aligned", "as RMSE, raw, but without the sensor delay and the means at rest"
     )
     rmse_estimated_N: float | None = declare_metric(
-        "N", "RMSE, estimated", "F_ext_hat against F_B − F_A, aligned, each minus its mean before"
+        "N", "RMSE, estimated", "F_ext_hat against F_B − F_A, without the sensor delay and the means at rest"
     )
     delay_s: float | None = declare_metric(
-        "s", "Sensor delay", "of the load cells behind the encoder, that which aligns best"
+        "s", "Sensor delay", "delay of the load cells relative to the encoder that minimizes the RMSE"
     )
     stiffness_felt: float | None = declare_metric(
-        "N·m/rad", "Stiffness felt", "slope of −r_j (F_A − F_B) over q, aligned"
+        "N·m/rad", "Apparent stiffness", "slope of −r_j (F_A − F_B) over q, aligned"
     )
     largest_push_N: float = declare_metric("N", "Strongest push", "largest |F_A − F_B|, aligned")
-    deviation_S: float = declare_metric("N·m/rad", "Stiffness deviation", "max |S − S_ref| while pushed")
+    deviation_S: float = declare_metric("N·m/rad", "Stiffness deviation", "max |S − S_ref| from the first push on")
     min_tension_N: float = declare_metric("N", "Smallest tension", "of both load cells from the start of the program")
     max_tension_N: float = declare_metric("N", "Largest tension", "of both load cells from the start of the program")
     peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
@@ -94,12 +94,13 @@ def compute_compliance_metrics(columns: ComplianceColumns, r_j: float, first_pus
     pushed = round(first_push_s / T_s)
     if pushed < round(COMPLIANCE_REST_S / T_s):
         raise NoSamplesError(
-            f"the first push begins at {first_push_s:g} s: forces are counted from {COMPLIANCE_REST_S:g} s of rest"
+            f"the first push begins at {first_push_s:g} s: the offset of the forces needs "
+            f"{COMPLIANCE_REST_S:g} s of rest"
             " before it"
         )
     longest = round(MAX_DELAY_S / T_s)
     if columns["q"].size < pushed + 10 * longest:
-        raise NoSamplesError(f"the run ended before the pushes began at {first_push_s:g} s")
+        raise NoSamplesError(f"the run ended before or too soon after the first push at {first_push_s:g} s")
     measured = columns["F_A"] - columns["F_B"]
     expected = -columns["S_ref"] * columns["q"] / r_j
     rest = slice(pushed - round(COMPLIANCE_REST_S / T_s), pushed)
@@ -113,7 +114,7 @@ def compute_compliance_metrics(columns: ComplianceColumns, r_j: float, first_pus
     reasons = _find_reasons(largest_push_N, delay == longest)
     estimated = _select_estimated_force(columns, rest, slice(pushed, F.size - delay))
     if estimated is None:
-        reasons["rmse_estimated_N"] = "this recording has no estimate of the external force"
+        reasons["rmse_estimated_N"] = "this recording has no complete estimate of the external force"
     return ComplianceMetrics(
         rmse_raw_N=rms(measured[pushed:] - expected[pushed:]),
         rmse_aligned_N=None if "rmse_aligned_N" in reasons else errors[delay],
@@ -141,12 +142,12 @@ def _select_estimated_force(columns: ComplianceColumns, rest: slice, pushed: sli
 def _find_reasons(largest_push_N: float, delay_at_end: bool) -> dict[str, str]:
     if largest_push_N < PUSH_MIN_N:
         reason = (
-            f"the strongest push was {largest_push_N:.1f} N: below {PUSH_MIN_N:g} N any stiffness keeps the bound of "
+            f"the strongest push was {largest_push_N:.1f} N: below {PUSH_MIN_N:g} N, any stiffness meets the bound of "
             f"{ALIGNED_RMSE_MAX_N:g} N"
         )
         return dict.fromkeys(("rmse_aligned_N", "rmse_estimated_N", "delay_s", "stiffness_felt"), reason)
     if delay_at_end:
-        return {"delay_s": f"the forces agree best at {1000 * MAX_DELAY_S:.0f} ms, where the search ends"}
+        return {"delay_s": f"the RMSE is smallest at {1000 * MAX_DELAY_S:.0f} ms, the upper limit of the search"}
     return {}
 
 
@@ -172,7 +173,7 @@ class DisturbanceMetrics(WholeMetrics):
     )
     push_back_s: float | None = declare_metric(
         "s",
-        "Back after a push",
+        "Recovery time after a push",
         f"longest time from the end of a push until |q − q_ref| stays below {Angle(REST_TOLERANCES['q'])}",
     )
     reasons: Mapping[str, str] = field(default_factory=dict)
@@ -186,20 +187,22 @@ def compute_disturbance_metrics(columns: Columns, program: Program) -> Disturban
     """
     pushed = find_pushes(program)
     if not pushed or columns["q"].size < pushed[-1].stop:
-        raise NoSamplesError("the run ended before the pushes were over" if pushed else "nothing pushes the joint")
+        raise NoSamplesError(
+            "the run ended before the pushes were completed" if pushed else "the experiment contains no push"
+        )
     off_q, off_S = (np.abs(columns[name] - columns[f"{name}_ref"]) for name in ("q", "S"))
     times: list[float] = []
     reasons: dict[str, str] = {}
     for push in pushed:
         after = off_q[push.stop : min(find_undisturbed_end(program, push.stop), off_q.size)]
         if after.size == 0:
-            reasons["push_back_s"] = f"nothing was held after the push that ended at {push.stop * T_s:g} s"
+            reasons["push_back_s"] = f"no hold followed the push that ended at {push.stop * T_s:g} s"
             continue
         away = np.flatnonzero(~(after <= REST_TOLERANCES["q"]))
         if away.size and away[-1] == after.size - 1:
             reasons["push_back_s"] = (
-                f"after the push that ended at {push.stop * T_s:g} s the joint was still {Angle(after[-1]):.3g} off "
-                f"when something moved again after {after.size * T_s:g} s"
+                f"after the push that ended at {push.stop * T_s:g} s the joint was still "
+                f"{Angle(after[-1]):.3g} from its reference when the hold ended after {after.size * T_s:g} s"
             )
             continue
         times.append(0.0 if away.size == 0 else float(away[-1] + 1) * T_s)
@@ -252,16 +255,23 @@ class HoldMetrics(WholeMetrics):
     """Largest values over all holds; ``reasons`` by name for those not measured."""
 
     held_q_swing_counts: float | None = declare_metric(
-        "1", "Swing of q, in counts", "max − min of q while held, in counts of the joint encoder (4000 where exact)"
+        "1",
+        "Swing of q, in counts",
+        "max − min of q during a hold, in counts of the joint encoder (4000 per turn for an ideal sensor)",
     )
-    held_q_swing: float | None = declare_metric("rad", "Swing of q", "max − min of q while held")
+    held_q_swing: float | None = declare_metric("rad", "Swing of q", "max − min of q during a hold")
     held_off_counts: float | None = declare_metric(
-        "1", "Off the reference, in counts", "max |q − q_ref| during a hold, minus half a count of the encoder"
+        "1",
+        "Deviation from the reference, in counts",
+        "max |q − q_ref| during a hold, minus half a count of the encoder",
     )
-    held_u_swing_V: float | None = declare_metric("V", "Swing of the voltages", "max − min of u_A or u_B while held")
-    held_S_swing: float | None = declare_metric("N·m/rad", "Swing of S", "max − min of S while held")
+    held_u_swing_V: float | None = declare_metric("V", "Swing of the voltages", "max − min of u_A or u_B during a hold")
+    held_S_swing: float | None = declare_metric("N·m/rad", "Swing of S", "max − min of S during a hold")
     held_moving_percent: float | None = declare_metric(
-        "%", "Motors moving", "ticks in which the count of a motor's encoder changed while held (8000 where exact)"
+        "%",
+        "Motors moving",
+        "share of the control steps of a hold in which the count of a motor's "
+        "encoder changed (8000 per turn for an ideal sensor)",
     )
     reasons: Mapping[str, str] = field(default_factory=dict)
 
@@ -274,7 +284,7 @@ def compute_hold_metrics(columns: Columns, program: Program, parameters: PlantPa
     """
     found = measure_holds(columns, program, parameters)
     if not found:
-        raise NoSamplesError("nothing was held to its end")
+        raise NoSamplesError("no hold was completed")
     worst = {
         "held_q_swing_counts": max(item.q_swing_counts for item in found),
         "held_q_swing": max(item.q_swing for item in found),
@@ -379,31 +389,41 @@ class Hit(NamedTuple):
 class ImpactMetrics(WholeMetrics):
     """Metrics over all hits; ``reasons`` by name for those not measured."""
 
-    hits: float = declare_metric("1", "Hits", "contacts with the wall at least 0.3 s after the one before")
+    hits: float = declare_metric("1", "Hits", "collisions with the obstacle at least 0.3 s after the previous one")
     peak_force_N: float = declare_metric("N", "Largest contact force", "largest |F_wall| of all hits")
     impulse_Ns: float = declare_metric(
         "N·s", "Largest impulse", "largest time integral of |F_wall| over a hit, bounces included"
     )
     soft_to_stiff_peak: float | None = declare_metric(
-        "1", "Peak force, soft over stiff", "mean over the speeds: peak at the lowest S_ref over that at the highest"
+        "1",
+        "Peak force ratio, soft to stiff",
+        "mean over the speeds of the peak at the lowest S_ref divided by that at the highest",
     )
     soft_to_stiff_impulse: float | None = declare_metric(
-        "1", "Impulse, soft over stiff", "mean over the speeds: impulse at the lowest S_ref over that at the highest"
+        "1",
+        "Impulse ratio, soft to stiff",
+        "mean over the speeds of the impulse at the lowest S_ref divided by that at the highest",
     )
     reaction_peak: float | None = declare_metric(
-        "1", "Peak force, with over without reaction", "mean over stiffness and speed of the peaks' ratio"
+        "1",
+        "Peak force ratio, with to without reaction",
+        "mean over stiffness and speed of the peak with reaction divided by that without",
     )
     reaction_impulse: float | None = declare_metric(
-        "1", "Impulse, with over without reaction", "mean over stiffness and speed of the impulses' ratio"
+        "1",
+        "Impulse ratio, with to without reaction",
+        "mean over stiffness and speed of the impulse with reaction divided by that without",
     )
     felt_after_s: float | None = declare_metric(
-        "s", "Longest time to detect", "from the touch until the estimated force passes the threshold"
+        "s",
+        "Longest time to detect",
+        "from the start of the collision until the estimated external force exceeds the threshold",
     )
     gave_way_after_s: float | None = declare_metric(
-        "s", "Longest time to react", "from the threshold to the start of the contact reaction"
+        "s", "Longest time to react", "from the detection to the start of the contact reaction"
     )
     fell_after_s: float | None = declare_metric(
-        "s", "Longest time to the peak", "from the threshold until the force is at its largest, from where on it falls"
+        "s", "Longest time to the peak", "from the detection until |F_wall| reaches its peak"
     )
     reasons: Mapping[str, str] = field(default_factory=dict)
 
@@ -480,7 +500,7 @@ def compute_impact_metrics(columns: Columns, program: Program | None = None) -> 
     """
     hits = find_hits(columns, program)
     if not hits:
-        raise NoSamplesError("no wall was hit")
+        raise NoSamplesError("the joint did not hit an obstacle")
     plain, reacting = [hit for hit in hits if not hit.reacts], [hit for hit in hits if hit.reacts]
     pairs, reason = _pair_by_stiffness(plain or hits)
     paired, why = pair_hits(hits)
@@ -508,7 +528,7 @@ def compute_impact_metrics(columns: Columns, program: Program | None = None) -> 
     )
 
 
-_NO_REACTION = "the contact reaction was enabled for none of the hits"
+_NO_REACTION = "the contact reaction was not enabled for any hit"
 
 
 def pair_hits(hits: Sequence[Hit]) -> tuple[tuple[tuple[Hit, Hit], ...], str]:
@@ -538,17 +558,21 @@ def _pair_by_stiffness(hits: Sequence[Hit]) -> tuple[list[tuple[Hit, Hit]], str]
     """Return pairs of hits at lowest and highest stiffness with equal speed, or the reason for none."""
     low, high = min(hit.S_ref for hit in hits), max(hit.S_ref for hit in hits)
     if high - low < _S_TOLERANCE:
-        return [], f"all hits were at {low:.4g} N·m/rad"
+        return [], f"all hits have the same S_ref, {low:.4g} N·m/rad"
     soft = [hit for hit in hits if hit.S_ref - low < _S_TOLERANCE]
     stiff = [hit for hit in hits if high - hit.S_ref < _S_TOLERANCE]
     if len(soft) != len(stiff):
-        return [], f"{len(soft)} hits were soft and {len(stiff)} stiff: they are compared one by one"
+        return (
+            [],
+            f"{len(soft)} hits were at the lowest stiffness and {len(stiff)} at the highest: the "
+            f"comparison needs equal numbers",
+        )
     for item, other in zip(soft, stiff, strict=True):
         if not _is_equally_fast(item, other):
             return (
                 [],
                 f"hits at {Quantity(item.speed, 'rad/s'):.3g} and {Quantity(other.speed, 'rad/s'):.3g} "
-                "cannot be compared",
+                "cannot be compared: their speeds differ too much",
             )
     return list(zip(soft, stiff, strict=True)), ""
 
@@ -621,14 +645,16 @@ class PushMetrics(WholeMetrics):
     )
     pushed_back_s: float | None = declare_metric(
         "s",
-        "Back after a push",
+        "Recovery time after a push",
         f"longest time from a push's end until |q − q_ref| stays below {Angle(REST_TOLERANCES['q'])}",
     )
     pushed_off_percent: float | None = declare_metric(
-        "%", "Peaks off their prediction", "largest |measured/predicted − 1| of the peaks of q, gains in use"
+        "%",
+        "Prediction error of the peaks",
+        "largest |measured/predicted − 1| of the peaks of q, with the active gains",
     )
     pushed_static_ratio: float | None = declare_metric(
-        "1", "Largest share of the static deviation", "largest peak of q over r_j F/S, impulses left out"
+        "1", "Largest ratio to the static deviation", "largest peak deviation of q divided by r_j F/S, without impulses"
     )
     reasons: Mapping[str, str] = field(default_factory=dict)
 
@@ -642,7 +668,9 @@ def compute_push_metrics(columns: Columns, program: Program, context: Evaluation
     found = measure_pushes(columns, program, context)
     if not found:
         raise NoSamplesError(
-            "the run ended before the pushes were over" if find_push_windows(program) else "nothing pushes the joint"
+            "the run ended before the pushes were completed"
+            if find_push_windows(program)
+            else "the experiment contains no push"
         )
     back = [item.back_s for item in found]
     off = [item.off_percent for item in found]
@@ -650,7 +678,7 @@ def compute_push_metrics(columns: Columns, program: Program, context: Evaluation
     reasons = {
         "pushed_back_s": next((item.reason for item in found if item.reason), ""),
         "pushed_off_percent": next((item.unpredicted for item in found if item.unpredicted), ""),
-        "pushed_static_ratio": "" if ratios else "there were impulses alone",
+        "pushed_static_ratio": "" if ratios else "all pushes were impulses",
     }
     return PushMetrics(
         **compute_whole_metrics(columns),
@@ -733,12 +761,12 @@ def _measure_push(
 def _find_return_time(off: Array, stop: int) -> tuple[float | None, str]:
     """Return the time [s] until the joint stays near its reference, or the reason why it is unknown."""
     if off.size == 0:
-        return None, f"nothing was held after the push that ended at {stop * T_s:g} s"
+        return None, f"no hold followed the push that ended at {stop * T_s:g} s"
     away = np.flatnonzero(~(off <= REST_TOLERANCES["q"]))
     if away.size and away[-1] == off.size - 1:
         return None, (
-            f"after the push that ended at {stop * T_s:g} s the joint was still {Angle(off[-1]):.3g} off when "
-            f"something moved again after {off.size * T_s:g} s"
+            f"after the push that ended at {stop * T_s:g} s the joint was still {Angle(off[-1]):.3g} "
+            f"from its reference when the hold ended after {off.size * T_s:g} s"
         )
     return (0.0 if away.size == 0 else float(away[-1] + 1) * T_s), ""
 
@@ -795,15 +823,15 @@ class RobustnessMetrics:
     """Metrics over all load steps; ``reasons`` by name for those not measured."""
 
     deviation_A_rad: float = declare_metric(
-        "rad", "Deviation of motor A", "max |θ_A − θ_A,ref| after its load steps on or off"
+        "rad", "Deviation of motor A", "max |θ_A − θ_A,ref| after its load is applied or removed"
     )
     deviation_B_rad: float = declare_metric(
-        "rad", "Deviation of motor B", "max |θ_B − θ_B,ref| after its load steps on or off"
+        "rad", "Deviation of motor B", "max |θ_B − θ_B,ref| after its load is applied or removed"
     )
     back_s: float | None = declare_metric(
         "s",
-        "Back on the reference",
-        "longest time from a step of the load until |θ_ref − θ| stays within 5 % of its largest",
+        "Recovery time",
+        "longest time from a load step until |θ_ref − θ| stays within 5 % of its maximum",
     )
     error_integral_A: float = declare_metric(
         "rad·s", "Integral of the error of A", "of θ_A,ref − θ_A while its load is on"
@@ -839,7 +867,7 @@ def compute_robustness_metrics(
             reasons["back_s"] = reasons[f"deviation_{side}_rad"] = f"no angle of motor {side} was measured"
             continue
         if not size.max() > _COUNTS_MIN * motor_step_rad:  # negated, so that it includes nan
-            reasons["back_s"] = f"motor {side} moved by less than {_COUNTS_MIN:g} encoder counts: load it more"
+            reasons["back_s"] = f"motor {side} moved by less than {_COUNTS_MIN:g} encoder counts: increase its load"
             continue
         away = np.flatnonzero(size > RETURN_SHARE * size.max())
         if away[-1] == size.size - 1:
@@ -872,11 +900,12 @@ def _integrate_error(error: Array, side: Side, steps: Sequence[LoadStep]) -> flo
 
 def _format_not_returned(off: float, side: str, to_both_sides: bool, ticks: int) -> str:
     why = (
-        ", to both sides: a limit cycle, caused by Coulomb friction under integral action"
+        ", in both directions: a limit cycle, caused by Coulomb friction and integral action"
         if to_both_sides
-        else ", to one side: hold the load longer, or check what blocks the motor"
+        else ", in one direction: hold the load longer, or check whether something blocks the motor"
     )
     return (
-        f"motor {side} was not back on its reference when the load changed again after {ticks * T_s:g} s: in the "
-        f"second half of it the motor was off by up to {100.0 * off:.0f} % of its largest deviation{why}"
+        f"motor {side} had not returned to its reference when the load changed again after "
+        f"{ticks * T_s:g} s: in the second half of that time the error was up to {100.0 * off:.0f} % of "
+        f"its largest deviation{why}"
     )

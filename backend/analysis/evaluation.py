@@ -194,11 +194,12 @@ def require_measurable(experiment: Experiment, values: Mapping[str, Value], line
         if bound.figure not in legal:
             given = ", ".join(experiment.measures)
             why = (
-                f"{bound.figure!r} is not a measured figure of this experiment ({given}); there are {', '.join(legal)}"
+                f"{bound.figure!r} is not a metric that this experiment measures ({given}); choose one "
+                f"of {', '.join(legal)}"
             )
             raise ExperimentError(why, (*path, "figure"), find_line((*path, "figure"), lines))
         if (bound.below is None) is (bound.above is None):
-            raise ExperimentError("it needs a bound, either below or above", path, find_line(path, lines))
+            raise ExperimentError("a criterion needs exactly one bound: below or above", path, find_line(path, lines))
         try:
             require_known(get_limit(bound), known)
         except ExpressionError as error:
@@ -254,7 +255,7 @@ def _compute_measure(
         case Measure.COMPLIANCE:
             pushes = find_pushes(program)
             if not pushes:
-                raise NoSamplesError("nothing pushes the joint")
+                raise NoSamplesError("the experiment contains no push")
             figures = compute_compliance_metrics(columns, parameters.geometry.r_j, pushes[0].start * T_s)
         case Measure.LOADS:
             figures = compute_robustness_metrics(columns, list_load_steps(program), parameters.sensors.motor_step)
@@ -307,7 +308,7 @@ def evaluate_criteria(
         try:
             limit = evaluate_number(get_limit(bound), known)
         except ExpressionError as error:  # nothing passes a bound without a value
-            limit, value, why = 0.0, None, f"its bound could not be had: {error}"
+            limit, value, why = 0.0, None, f"the bound cannot be evaluated: {error}"
         title = bound.title or found.label
         criteria.append(
             evaluate_criterion(
@@ -381,7 +382,7 @@ def compute_result(
         case ExperimentPlan():
             outline = _build_outline(columns, plan, run)
             if columns["t"].size == 0:
-                raise NoSamplesError("the run holds no samples of its program")
+                raise NoSamplesError("the run contains no samples of its program")
             context = EvaluationContext(parameters, plan, load_initial_tuning(run.set_to.loop), points)
             metrics, criteria = evaluate_experiment(columns, context, outline, missed)
     metrics = replace(metrics, missing_samples=missed, problem=problem)
@@ -490,9 +491,9 @@ def _is_pending(run: Run) -> bool:
 def require_evaluable(run: Run) -> None:
     """Raise NotEvaluableError for a run without a result."""
     if run.kind == RunKind.SESSION:
-        raise NotEvaluableError(f"run {run.id} is a session: it has samples and no result")
+        raise NotEvaluableError(f"run {run.id} is a session: it has samples but no result")
     if run.end_state == EndState.RUNNING:
-        raise NotEvaluableError(f"run {run.id} is not over yet: it is evaluated when it is")
+        raise NotEvaluableError(f"run {run.id} has not ended: the service evaluates it at its end")
 
 
 # Used settings -------------------------------------------------------------------------------------

@@ -73,19 +73,23 @@ class ResponseMetrics(WholeMetrics):
     """Metrics of both responses; ``reasons`` by name for those not measured."""
 
     bandwidth_q_Hz: float | None = declare_metric(
-        "Hz", "Bandwidth of q", "where |q/q_ref| falls to 0.707; at rest it is 1"
+        "Hz", "Bandwidth of q", "frequency at which |q/q_ref| falls to 0.707 of its static value 1"
     )
     bandwidth_S_Hz: float | None = declare_metric(
-        "Hz", "Bandwidth of S", "where |S/S_ref| falls to 0.707; at rest it is 1"
+        "Hz", "Bandwidth of S", "frequency at which |S/S_ref| falls to 0.707 of its static value 1"
     )
     resonance_q_dB: float | None = declare_metric(
-        "dB", "Resonance of q", "largest |q/q_ref| over that at rest, which is 1"
+        "dB", "Resonance of q", "largest |q/q_ref| relative to its static value 1"
     )
     resonance_S_dB: float | None = declare_metric(
-        "dB", "Resonance of S", "largest |S/S_ref| over that at rest, which is 1"
+        "dB", "Resonance of S", "largest |S/S_ref| relative to its static value 1"
     )
-    lag_q_deg: float | None = declare_metric("°", "Lag of q at its bandwidth", "phase of q behind q_ref there")
-    lag_S_deg: float | None = declare_metric("°", "Lag of S at its bandwidth", "phase of S behind S_ref there")
+    lag_q_deg: float | None = declare_metric(
+        "°", "Phase lag of q at its bandwidth", "phase lag of q behind q_ref at the bandwidth"
+    )
+    lag_S_deg: float | None = declare_metric(
+        "°", "Phase lag of S at its bandwidth", "phase lag of S behind S_ref at the bandwidth"
+    )
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -97,7 +101,7 @@ def compute_response_metrics(columns: Columns, program: Program) -> ResponseMetr
     """
     found = compute_responses(columns, program)
     if not found:
-        raise NoSamplesError("no excitation of one reference alone was played to its end")
+        raise NoSamplesError("no excitation of a single reference was completed")
     values: dict[str, Any] = {}
     reasons: dict[str, str] = {}
     for signal in ("q", "S"):
@@ -105,7 +109,7 @@ def compute_response_metrics(columns: Columns, program: Program) -> ResponseMetr
         names = (f"bandwidth_{signal}_Hz", f"resonance_{signal}_dB", f"lag_{signal}_deg")
         if response is None:
             values |= dict.fromkeys(names)
-            reasons |= dict.fromkeys(names, f"the reference of {signal} alone was not excited to the end")
+            reasons |= dict.fromkeys(names, f"the reference of {signal} has no completed excitation of its own")
             continue
         if unmeasurable := find_problem(response):
             values |= dict.fromkeys(names)
@@ -125,7 +129,10 @@ def find_problem(response: Response) -> str:
     if not np.isfinite(response.H).all():
         return NO_NUMBER
     if abs(response.H[0]) < GAIN_MIN:
-        return f"{response.signal} did not follow its reference at the lowest line: its gain there was below {GAIN_MIN}"
+        return (
+            f"{response.signal} did not follow its reference at the lowest frequency line: the gain "
+            f"was below {GAIN_MIN}"
+        )
     return ""
 
 
@@ -146,10 +153,10 @@ def compute_bandwidth(response: Response) -> tuple[float | None, str]:
     f, gain = response.f, response.gain
     below = np.flatnonzero(gain < MINUS_3_DB)
     if below.size == 0:
-        return None, f"it is still above −3 dB at {f[-1]:.3g} Hz, the highest line: excite it higher"
+        return None, f"the gain is still above −3 dB at {f[-1]:.3g} Hz, the highest line: excite higher frequencies"
     k = int(below[0])
     if k == 0 and gain[0] < LOW_GAIN_MIN:
-        return None, f"its gain is {gain[0]:.2g} already at {f[0]:.3g} Hz, the lowest line: take a longer period"
+        return None, f"the gain is {gain[0]:.2g} at {f[0]:.3g} Hz, already the lowest line: choose a longer period"
     used = slice(0, k + 2 if k + 1 < f.size and gain[k + 1] > 0.0 else k + 1)
     x, inverse = np.append(0.0, f[used] ** 2), np.append(1.0, gain[used] ** -2)
     crossings = PchipInterpolator(x, inverse).solve(MINUS_3_DB**-2, extrapolate=False)
@@ -254,7 +261,7 @@ def predict_response(
         asked = compute_required_voltage(tuning, S, references)
         if asked > budget:
             raise PredictionUnavailableError(
-                f"the excitation needs a feed-forward voltage of {asked:.1f} V of its {budget:g} V: "
+                f"the excitation needs a feed-forward voltage of {asked:.1f} V, the limit is {budget:g} V: "
                 "choose a smaller amplitude"
             )
     return PredictedResponse(excitation.signal, S, tuning, context)
@@ -284,10 +291,10 @@ VARIATION_MAX = 0.1
 _LIMIT_REASONS = {
     Limit.VOLTAGE_A: "the voltage of motor A was clipped",
     Limit.VOLTAGE_B: "the voltage of motor B was clipped",
-    Limit.GOVERNOR: "the governor held the reference back",
-    Limit.TENSION_FLOOR: "a tendon was kept from going slack",
-    Limit.TENSION_CEILING: "a tendon was kept below its largest tension",
-    Limit.JOINT_RANGE: "the joint was kept within its range",
+    Limit.GOVERNOR: "the reference governor limited the reference",
+    Limit.TENSION_FLOOR: "the lower tension limit was active",
+    Limit.TENSION_CEILING: "the upper tension limit was active",
+    Limit.JOINT_RANGE: "the limit of the joint range was active",
 }
 
 
@@ -327,48 +334,68 @@ class BodeMetrics(WholeMetrics):
     """Metrics of both responses; ``reasons`` by name for those not measured."""
 
     bandwidth_q_Hz: float | None = declare_metric(
-        "Hz", "Bandwidth of q", "where |q/q_ref| falls to 0.707; at rest it is 1"
+        "Hz", "Bandwidth of q", "frequency at which |q/q_ref| falls to 0.707 of its static value 1"
     )
     bandwidth_q_predicted_Hz: float | None = declare_metric(
-        "Hz", "Bandwidth of q, predicted", "the same of the response that models and gains in use let expect"
+        "Hz", "Bandwidth of q, predicted", "the same, of the response predicted from the models and the active gains"
     )
     gain_off_q_dB: float | None = declare_metric(
         "dB",
-        "Gain of q off its prediction",
-        "largest difference of both gains at the measured lines up to the predicted bandwidth",
+        "Prediction error of the gain of q",
+        "largest difference between measured and predicted gain at the lines up to the predicted bandwidth",
     )
-    phase_off_q_deg: float | None = declare_metric("°", "Phase of q off its prediction", "the same of the phase")
+    phase_off_q_deg: float | None = declare_metric(
+        "°",
+        "Prediction error of the phase of q",
+        "largest difference between measured and predicted phase at the same lines",
+    )
     resonance_q_dB: float | None = declare_metric(
-        "dB", "Resonance of q", "largest |q/q_ref| over that at rest, which is 1"
+        "dB", "Resonance of q", "largest |q/q_ref| relative to its static value 1"
     )
-    lag_q_deg: float | None = declare_metric("°", "Lag of q at its bandwidth", "phase of q behind q_ref there")
+    lag_q_deg: float | None = declare_metric(
+        "°", "Phase lag of q at its bandwidth", "phase lag of q behind q_ref at the bandwidth"
+    )
     unlike_q_percent: float | None = declare_metric(
-        "%", "Repeatability of q", "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)"
+        "%",
+        "Repeatability of q",
+        "largest change of a measured line from one period to the next; for a sweep √(1 − γ²)",
     )
     residual_q_percent: float | None = declare_metric(
-        "%", "Residual of q", "RMS of q outside the excited lines divided by that at them, last period: friction, noise"
+        "%",
+        "Residual of q",
+        "RMS of q outside the excited lines divided by that at the lines, last period: caused by friction and noise",
     )
     bandwidth_S_Hz: float | None = declare_metric(
-        "Hz", "Bandwidth of S", "where |S/S_ref| falls to 0.707; at rest it is 1"
+        "Hz", "Bandwidth of S", "frequency at which |S/S_ref| falls to 0.707 of its static value 1"
     )
     bandwidth_S_predicted_Hz: float | None = declare_metric(
-        "Hz", "Bandwidth of S, predicted", "the same of the response that models and gains in use let expect"
+        "Hz", "Bandwidth of S, predicted", "the same, of the response predicted from the models and the active gains"
     )
     gain_off_S_dB: float | None = declare_metric(
         "dB",
-        "Gain of S off its prediction",
-        "largest difference of both gains at the measured lines up to the predicted bandwidth",
+        "Prediction error of the gain of S",
+        "largest difference between measured and predicted gain at the lines up to the predicted bandwidth",
     )
-    phase_off_S_deg: float | None = declare_metric("°", "Phase of S off its prediction", "the same of the phase")
+    phase_off_S_deg: float | None = declare_metric(
+        "°",
+        "Prediction error of the phase of S",
+        "largest difference between measured and predicted phase at the same lines",
+    )
     resonance_S_dB: float | None = declare_metric(
-        "dB", "Resonance of S", "largest |S/S_ref| over that at rest, which is 1"
+        "dB", "Resonance of S", "largest |S/S_ref| relative to its static value 1"
     )
-    lag_S_deg: float | None = declare_metric("°", "Lag of S at its bandwidth", "phase of S behind S_ref there")
+    lag_S_deg: float | None = declare_metric(
+        "°", "Phase lag of S at its bandwidth", "phase lag of S behind S_ref at the bandwidth"
+    )
     unlike_S_percent: float | None = declare_metric(
-        "%", "Repeatability of S", "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)"
+        "%",
+        "Repeatability of S",
+        "largest change of a measured line from one period to the next; for a sweep √(1 − γ²)",
     )
     residual_S_percent: float | None = declare_metric(
-        "%", "Residual of S", "RMS of S outside the excited lines divided by that at them, last period: friction, noise"
+        "%",
+        "Residual of S",
+        "RMS of S outside the excited lines divided by that at the lines, last period: caused by friction and noise",
     )
     reasons: Mapping[str, str] = field(default_factory=dict)
 
@@ -381,13 +408,13 @@ def compute_bode_metrics(columns: Columns, program: Program, context: Evaluation
     """
     found = build_bode_lines(columns, program, context)
     if not found:
-        raise NoSamplesError("no excitation of one reference alone was played to its end")
+        raise NoSamplesError("no excitation of a single reference was completed")
     values: dict[str, Any] = {}
     reasons: dict[str, str] = {}
     for signal in ("q", "S"):
         lines = next((item for item in found if item.signal == signal), None)
         named, missing = (
-            ({}, dict.fromkeys(_NAMES, f"the reference of {signal} alone was not excited to the end"))
+            ({}, dict.fromkeys(_NAMES, f"the reference of {signal} has no completed excitation of its own"))
             if lines is None
             else _compute_metrics(lines)
         )
@@ -419,7 +446,7 @@ def _compute_metrics(lines: Lines) -> tuple[dict[str, float | None], dict[str, s
     else:
         values[_EXPECTED] = lines.predicted.compute_bandwidth()
         if values[_EXPECTED] is None:
-            missing[_EXPECTED] = "it is expected to stay above −3 dB wherever a response can be sampled"
+            missing[_EXPECTED] = "the predicted gain stays above −3 dB over the whole frequency range of the prediction"
     selected = lines.measured
     problem = lines.reasons[0] or find_problem(lines.response)
     if problem:  # all metrics need the lowest line
@@ -441,13 +468,13 @@ def _compute_metrics(lines: Lines) -> tuple[dict[str, float | None], dict[str, s
             values[_GAIN_OFF] = float(np.abs(20.0 * np.log10(np.abs(off))).max())
             values[_PHASE_OFF] = float(np.degrees(np.abs(np.angle(off))).max())
         else:
-            reason = f"no line lies below the predicted bandwidth, the lowest is {response.f[0]:.3g} Hz"
-            missing |= {_GAIN_OFF: f"{reason}: take a longer period", _PHASE_OFF: f"{reason}: take a longer period"}
+            reason = f"no line lies below the predicted bandwidth: the lowest is {response.f[0]:.3g} Hz"
+            missing |= {_GAIN_OFF: f"{reason}; choose a longer period", _PHASE_OFF: f"{reason}; choose a longer period"}
     known = lines.variation[selected & np.isfinite(lines.variation)]
     if known.size:
         values[_UNLIKE] = 100.0 * float(known.max())
     else:
-        missing[_UNLIKE] = "it needs three periods: the first one holds how the motion begins"
+        missing[_UNLIKE] = "the excitation needs three periods: the first one contains the initial transient"
     if np.isfinite(lines.residual):
         values[_RESIDUAL] = 100.0 * lines.residual
     else:
@@ -480,7 +507,7 @@ def _build_lines(columns: Columns, excitation: ReferenceExcitation, context: Eva
     active_limit = _find_active_limit(columns, last, context.get_tuning_at(window.start).budget > 0.0)
     reasons = tuple(
         active_limit
-        or (f"it differs by {100.0 * part:.0f} % from one period to the next" if part > VARIATION_MAX else "")
+        or (f"the line differs by {100.0 * part:.0f} % from one period to the next" if part > VARIATION_MAX else "")
         for part in variation
     )
     try:

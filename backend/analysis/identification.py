@@ -117,7 +117,7 @@ def find_excitation_start(columns: ActuatorColumns, excitation: Excitation) -> i
     ticks = excitation.periods * len(excitation.levels) * chip_ticks
     start = columns["t"].size - ticks
     if start < 0:
-        raise NoSamplesError(f"the run holds {columns['t'].size} samples, fewer than the {ticks} of its excitation")
+        raise NoSamplesError(f"the run contains {columns['t'].size} samples, fewer than the {ticks} of its excitation")
     return start
 
 
@@ -274,14 +274,10 @@ class MotorMetrics:
     K_m_B: float = declare_metric("rad/(V·s)", "K_m of motor B", "least squares on position over all steps")
     T_m_A: float = declare_metric("s", "T_m of motor A", "least squares on position over all steps")
     T_m_B: float = declare_metric("s", "T_m of motor B", "least squares on position over all steps")
-    u_c_A: float = declare_metric(
-        "V", "Coulomb voltage of motor A", "part of the voltage that overcomes Coulomb friction"
-    )
-    u_c_B: float = declare_metric(
-        "V", "Coulomb voltage of motor B", "part of the voltage that overcomes Coulomb friction"
-    )
-    turn_rad: float = declare_metric("rad", "Largest turn", f"largest |θ| of both motors, of ±{Angle(15.7)}")
-    load_N: float = declare_metric("N", "Largest load", "largest tendon force of both load cells during the steps")
+    u_c_A: float = declare_metric("V", "Coulomb voltage of motor A", "voltage that overcomes Coulomb friction")
+    u_c_B: float = declare_metric("V", "Coulomb voltage of motor B", "voltage that overcomes Coulomb friction")
+    turn_rad: float = declare_metric("rad", "Largest rotation", f"largest |θ| of both motors, of ±{Angle(15.7)}")
+    load_N: float = declare_metric("N", "Largest load", "largest tendon force at both load cells during the steps")
     peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest step of both motors")
 
 
@@ -321,7 +317,7 @@ def extract_side_steps(columns: MotorColumns, side: Side, parameters: PlantParam
         except RecordError as error:
             refused.append((voltage, str(error)))
     if not steps and not refused:
-        raise NoSamplesError("the run holds no voltage step")
+        raise NoSamplesError("the run contains no voltage step")
     return SideSteps(tuple(steps), tuple(refused))
 
 
@@ -471,7 +467,7 @@ class SpringMetrics:
     rms_B_N: float = declare_metric("N", "Error of spring B", "RMS of measured minus fitted force, recommended order")
     max_error_N: float = declare_metric("N", "Largest error", "of both springs, recommended order")
     hysteresis_N: float = declare_metric(
-        "N", "Hysteresis", "largest mean force difference between the ways up and down"
+        "N", "Hysteresis", "largest mean force difference between loading and unloading"
     )
     min_tension_N: float = declare_metric("N", "Smallest tension", "of both load cells during the sweep")
     max_tension_N: float = declare_metric("N", "Largest tension", "of both load cells during the sweep")
@@ -567,7 +563,7 @@ def fit_spring_table(
         except PlainTextError as error:
             raise IdentificationError(f"{what}: {error}") from None
     if "\ufffd" in text:
-        raise DataFileError(f"{name} is not text in UTF-8: save it as CSV in UTF-8", FileFault.ENCODING)
+        raise DataFileError(f"{name} is not UTF-8 text: save it as CSV in UTF-8", FileFault.ENCODING)
     mark = None if decimal is None else DecimalMark(decimal)
     x, F, columns = read_load_sweep(text, header=header, decimal=mark)
     reading = TableReading(
@@ -659,12 +655,15 @@ def _is_usable(result: SpringIdentification) -> bool:
 def _verdict(sweep: LoadSweep, result: SpringIdentification) -> str:
     best = result.best
     if not best.rising:
-        return f"not usable, the polynomial of order {best.order} falls somewhere between the measured elongations."
+        return f"not usable: the polynomial of order {best.order} decreases between the measured elongations."
     if best.max_N > MAX_ERROR_N:
-        return f"not usable, order {best.order} misses a pair by {best.max_N:.2f} N, more than {MAX_ERROR_N:g} N."
+        return (
+            f"not usable: the polynomial of order {best.order} deviates from a measured pair by "
+            f"{best.max_N:.2f} N, more than {MAX_ERROR_N:g} N."
+        )
     hysteresis = sweep.hysteresis()
-    hysteresis_text = f", the ways up and down differ by {_max_magnitude(hysteresis):.2f} N" if hysteresis.size else ""
-    return f"usable with order {best.order}, largest error {best.max_N:.2f} N{hysteresis_text}."
+    hysteresis_text = f", loading and unloading differ by {_max_magnitude(hysteresis):.2f} N" if hysteresis.size else ""
+    return f"usable with a polynomial of order {best.order}, largest error {best.max_N:.2f} N{hysteresis_text}."
 
 
 def _find_sweep(columns: SpringColumns, plan: SpringIdentificationPlan) -> slice:
@@ -672,7 +671,7 @@ def _find_sweep(columns: SpringColumns, plan: SpringIdentificationPlan) -> slice
     ticks = 2 * plan.cycles * round(plan.sweep_s / T_s)
     start = columns["t"].size - ticks
     if start < 0:
-        raise NoSamplesError(f"the run holds {columns['t'].size} samples, fewer than the {ticks} of its sweep")
+        raise NoSamplesError(f"the run contains {columns['t'].size} samples, fewer than the {ticks} of its sweep")
     return slice(start, None)
 
 
@@ -700,7 +699,7 @@ def _round_values_7(values: Array) -> tuple[float, ...]:
 # estimate is not stored.
 
 
-MOTOR_B = "motor B is held still in this experiment, so its friction is not measured"
+MOTOR_B = "motor B is held at rest in this experiment, so its friction is not measured"
 
 
 def estimate_run_friction(played: Sequence[tuple[Run, Columns]]) -> LoadFrictionResult:
@@ -716,7 +715,7 @@ def estimate_run_friction(played: Sequence[tuple[Run, Columns]]) -> LoadFriction
     left_out: list[str] = []
     for run, columns in identification_runs:
         if _get_rig_identity(run) != _get_rig_identity(newest):
-            left_out.append(f"run {run.id}: plant, station or parameters are not those of run {newest.id}")
+            left_out.append(f"run {run.id}: its plant, station or parameters differ from those of run {newest.id}")
             continue
         try:
             usable.append(_build_tension_run(run, columns))
@@ -753,10 +752,10 @@ def _get_rig_identity(run: Run) -> tuple[str, str, Document]:
 def _build_tension_run(run: Run, columns: Columns) -> TensionRun:
     plan = parse_stored_plan(run.kind, run.set_to.plan or {})
     if not isinstance(plan, ActuatorIdentificationPlan):
-        raise NoSamplesError("it has no excitation")
+        raise NoSamplesError("the run has no excitation")
     if run.end_state != EndState.COMPLETED:
-        raise NoSamplesError(f"it ended as {run.end_state}")
+        raise NoSamplesError(f"the run ended as {run.end_state}")
     start = find_excitation_start(columns, plan.excitation())
     if count_missing_ticks({"t": columns["t"][start:]}):
-        raise NoSamplesError("samples of its excitation are missing")
+        raise NoSamplesError("samples of the excitation are missing")
     return TensionRun(run.id, T_s, {name: columns[name][start:] for name in COLUMNS if name in columns})

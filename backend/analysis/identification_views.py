@@ -77,7 +77,7 @@ def build_curves(found: Identification) -> Document:
         case "spring":
             curves["springs"] = [_build_spring_curves(name, spring.quality) for name, spring in found.springs.items()]
         case _:
-            raise ValueError(f"identification {found.id} is of unknown kind {found.kind!r}: it has no curves")
+            raise ValueError(f"identification {found.id} has the unknown kind {found.kind!r}: it has no curves")
     return curves
 
 
@@ -183,8 +183,8 @@ def validate_on_run(database: Database, run_id: int, of: int) -> Document:
     kind = source.kind.removesuffix("_identification")
     if estimate.kind != kind or kind not in ("actuator", "motor"):
         raise NotComparableError(
-            f"identification {run_id} is of kind {estimate.kind}, run {of} of kind {source.kind}: a model is compared "
-            "with the record of an actuator or motor identification of its own kind"
+            f"identification {run_id} is of kind {estimate.kind}, run {of} of kind {source.kind}: a "
+            f"model can only be compared with an actuator or motor identification of the same kind"
         )
     columns, _ = read_recorded_columns(database, of)
     parameters = parse_parameters(source.parameters_name, source.parameters)
@@ -244,7 +244,7 @@ def _compare_step(
     else:
         fitted = estimate.motors.side(side).model.parameters
         if fitted.K_m is None or fitted.T_m is None or fitted.u_c is None:
-            raise IdentificationError(f"K_m, T_m or u_c of motor {side} was not found: evaluate that run again")
+            raise IdentificationError(f"K_m, T_m or u_c of motor {side} was not estimated: evaluate that run again")
         known = fitted.K_m, fitted.T_m, fitted.u_c
     comparison = validate_motor_step(step, *known)
     return _ComparedInterval(f"{step.voltage:.3g} V", np.asarray(np.arange(comparison.measured.size) * T_s), comparison)
@@ -252,7 +252,7 @@ def _compare_step(
 
 def _build_output(name: str, signal: str, unit: str, intervals: list[_ComparedInterval]) -> Document:
     if not intervals:
-        return _build_failed_output(name, signal, unit, "the record holds nothing to compare with")
+        return _build_failed_output(name, signal, unit, "the recording contains no data to compare with")
     each = [interval.comparison for interval in intervals]
     error = np.concatenate([item.measured - item.predicted for item in each])
     motion = np.concatenate([item.measured - np.mean(item.measured) for item in each])
@@ -322,7 +322,9 @@ def predict_point(parameters: PlantParameters, lam_motor: float, S: float) -> Po
 def _build_row(found: Identification, run: Run) -> Document:
     lam_motor = run.set_to.loop.lam_motor
     if lam_motor is None:
-        raise ValueError("λ of the motor loops was not kept with it, so that no lag can be predicted")
+        raise ValueError(
+            "λ of the motor loops is not stored with the identification, so no time constant can be predicted"
+        )
     S = found.actuator.model.S_nominal
     point = predict_point(parse_parameters(run.parameters_name, run.parameters), lam_motor, S)
     return {

@@ -46,7 +46,7 @@ def evaluate_criterion(
             figure=None,
             unit=unit,
             passed=None,
-            reason=reason or "the signal holds no number",
+            reason=reason or "the signal has no valid value",
         )
     holds = figure < bound if relation == "<" else figure > bound
     if holds and reason:
@@ -78,9 +78,9 @@ REST_TOLERANCES = {"q": 0.01, "S": 0.05}
 """Largest deviation from the reference at rest: q [rad], six counts of the paper's encoder; S [N·m/rad], half of the
 smallest deviation that a criterion rejects."""
 
-NO_NUMBER = "a sample of it holds no number"
-NOT_SETTLED = "it was not within ±2 % of its reference when its time was over"
-STILL_MOVING = "it still moved when its time was over"
+NO_NUMBER = "a sample of the signal has no valid value"
+NOT_SETTLED = "the signal was not within ±2 % of its reference at the end of the step's duration"
+STILL_MOVING = "the signal still moved at the end of the step's duration"
 BOTH_STEP = "both references step at once"
 
 _UNITS = {"q": "rad", "S": "N·m/rad"}
@@ -280,7 +280,7 @@ SETTLED_DELAY_S = 1.0
 REST_MIN_S = 1.0
 """Least duration of rest [s]."""
 
-NO_SUCH_STEP = "no such step was played to its end"
+NO_SUCH_STEP = "no such step was completed"
 
 
 def declare_metric(unit: str, label: str, definition: str) -> Any:
@@ -292,29 +292,35 @@ def declare_metric(unit: str, label: str, definition: str) -> Any:
 class OverallMetrics:
     """Metrics of a whole run. A maximum over steps is None if a step lacks it, except LOWER_BOUND_METRICS."""
 
-    rise_q_s: float | None = declare_metric("s", "Rise time of q", "longest 10-90 % time of all q steps")
-    rise_S_s: float | None = declare_metric("s", "Rise time of S", "longest 10-90 % time of all S steps")
+    rise_q_s: float | None = declare_metric("s", "Rise time of q", "longest 10–90 % rise time of all q steps")
+    rise_S_s: float | None = declare_metric("s", "Rise time of S", "longest 10–90 % rise time of all S steps")
     settling_q_s: float | None = declare_metric(
-        "s", "Settling time of q", "latest last exit from ±2 % of the step and half a count, q steps"
+        "s",
+        "Settling time of q",
+        "longest time until the signal stays within ±2 % of the step plus half a count, q steps",
     )
     settling_S_s: float | None = declare_metric(
-        "s", "Settling time of S", "latest last exit from ±2 % of the step, S steps"
+        "s", "Settling time of S", "longest time until the signal stays within ±2 % of the step, S steps"
     )
     reach_q_s: float | None = declare_metric(
         "s",
-        "Largest q step alone, to 90 %",
-        "longest time to 90 %, less half a count, of the largest q steps that are made while S_ref stays",
+        "Time to 90 % of the largest q step",
+        "longest time to 90 %, less half a count, of the largest q steps at constant S_ref",
     )
     reach_bound_q_s: float | None = declare_metric(
         "s",
-        "Bound of the motors for it",
-        "90 % of the same turn by one motor at full voltage, unloaded: K_m, T_m alone",
+        "Lower bound from the motors",
+        "time to 90 % of the same rotation by the slower motor, unloaded at full voltage, from K_m and T_m",
     )
     reach_ratio_q: float | None = declare_metric(
-        "1", "Times the bound of the motors", "time to 90 % divided by the bound of the motors; none can be below 1"
+        "1", "Ratio to the lower bound", "time to 90 % divided by the lower bound from the motors; at least 1"
     )
-    overshoot_q_percent: float | None = declare_metric("%", "Overshoot of q", "largest, in per cent of its step")
-    overshoot_S_percent: float | None = declare_metric("%", "Overshoot of S", "largest, in per cent of its step")
+    overshoot_q_percent: float | None = declare_metric(
+        "%", "Overshoot of q", "largest overshoot, in percent of its step"
+    )
+    overshoot_S_percent: float | None = declare_metric(
+        "%", "Overshoot of S", "largest overshoot, in percent of its step"
+    )
     deviation_S: float | None = declare_metric("N·m/rad", "Stiffness deviation", "max |S − S_ref| while q alone steps")
     deviation_q: float | None = declare_metric("rad", "Joint deviation", "max |q − q_ref| while S alone steps")
     rmse_q: float = declare_metric("rad", "RMSE of q", "root mean square of q − q_ref, whole run, steps included")
@@ -325,8 +331,8 @@ class OverallMetrics:
     u_rest_rms_V: float | None = declare_metric(
         "V",
         "Voltage at rest",
-        f"root mean square of u_A or u_B about its mean, the larger one, from {SETTLED_DELAY_S:g} s after each step "
-        "has settled to its end",
+        f"root mean square of u_A or u_B about its mean, the larger one, from {SETTLED_DELAY_S:g} s "
+        f"after settling to the end of each step",
     )
 
 
@@ -425,7 +431,7 @@ def _compute_overall(
     if largest_turns and reach_bound is not None:
         bound = reach_bound(abs(largest_turns[0].step.after - largest_turns[0].step.before))
     if bound is None:
-        reasons["reach_bound_q_s"] = reasons["reach_q_s"] or "no bound is known for these motors"
+        reasons["reach_bound_q_s"] = reasons["reach_q_s"] or "no lower bound is known for these motors"
     reasons["reach_ratio_q"] = reasons["reach_q_s"] or reasons.get("reach_bound_q_s", "")
     u_rest, reasons["u_rest_rms_V"] = _compute_voltage_at_rest(columns, steps)
     tensions = np.concatenate([columns["F_A"], columns["F_B"]])
@@ -479,7 +485,10 @@ def _compute_voltage_at_rest(columns: Columns, steps: Sequence[StepMetrics]) -> 
             u = columns[name][inside]
             found.append(u - u.mean())
     if not by_motor["u_A"]:
-        return None, f"no step was followed by {REST_MIN_S:g} s of rest, {SETTLED_DELAY_S:g} s after it had settled"
+        return (
+            None,
+            f"no step was followed by {REST_MIN_S:g} s of rest that began {SETTLED_DELAY_S:g} s after it settled",
+        )
     found_V = max(rms(np.concatenate(found)) for found in by_motor.values())
     return (found_V, "") if np.isfinite(found_V) else (None, NO_NUMBER)
 

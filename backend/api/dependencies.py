@@ -85,14 +85,18 @@ def require_stop_permission(connection: HTTPConnection) -> User:
     """
     person = find_authentication(connection).authenticate_for_stop(read_credentials(connection))
     if person is None:
-        raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, f"not signed in, nothing was stopped: {_SIGN_IN}")
+        raise RequestRejectedError(
+            ErrorCode.NOT_SIGNED_IN, f"nothing was stopped, because you are not signed in: {_SIGN_IN}"
+        )
     return person
 
 
 # Declared for the documentation only: the generated schema lists both ways of authentication.
 _bearer = HTTPBearer(auto_error=False, description="token from the data folder")
 _cookie = APIKeyCookie(
-    name=f"{COOKIE}8000", auto_error=False, description="from signing in; its name ends with the port of the address"
+    name=f"{COOKIE}8000",
+    auto_error=False,
+    description="cookie from the sign-in; its name ends with the port of the address",
 )
 
 # These are coroutines, because commands whose dependencies run in threads could change their order.
@@ -121,7 +125,8 @@ async def _get_operator(request: Request, person: SignedInUser) -> User:
         if request.method not in ("GET", "HEAD"):
             request.state.commanding = person, b""  # for the log; values of viewers are not logged
         raise RequestRejectedError(
-            ErrorCode.NOT_ALLOWED, f"{person.name} is signed in as {person.role}; this needs the operator's token"
+            ErrorCode.NOT_ALLOWED,
+            f"{person.name} is signed in as {person.role}; this request needs the operator's token",
         )
     return person
 
@@ -169,7 +174,7 @@ async def _close_with_reason(websocket: WebSocket) -> None:
     """Close the websocket with a reason, after all other messages."""
     with suppress(TimeoutError, RuntimeError, WebSocketDisconnect):
         async with asyncio.timeout(SEND_TIMEOUT_S):
-            await websocket.close(1008, "only pings are understood here, and they have to come")
+            await websocket.close(1008, "this connection accepts only pings and needs them regularly")
 
 
 async def _send(websocket: WebSocket, client: StreamClient, first: Iterable[str | bytes]) -> None:
@@ -282,7 +287,10 @@ CurrentService = Annotated[Service, Depends(_get_current_service)]
 
 
 CommandTokenHeader = Annotated[
-    str | None, Header(alias=CONTROL_HEADER, max_length=40, description="page.sequence of the page that holds control")
+    str | None,
+    Header(
+        alias=CONTROL_HEADER, max_length=40, description="command token of the page that holds control: key.sequence"
+    ),
 ]
 
 
@@ -336,7 +344,7 @@ async def load_angle_unit(connection: HTTPConnection) -> AngleUnit:
 async def _get_angle_unit(
     request: Request,
     angles: Annotated[
-        AngleUnit | None, Query(description="unit in which angles are printed; what the person prefers if left out")
+        AngleUnit | None, Query(description="unit of printed angles; default: the person's preference")
     ] = None,
 ) -> AngleUnit:
     return await load_angle_unit(request) if angles is None else angles

@@ -49,13 +49,13 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
         400: "the body cannot be parsed",
         401: "not signed in",
         403: "the role, the host or the origin does not allow it",
-        404: "no such thing",
-        409: "not possible in the present state",
-        411: "the length of the body is missing",
+        404: "the resource does not exist",
+        409: "not possible in the current state",
+        411: "the request does not state the length of its body",
         413: "the body is too large",
-        422: "a value is refused",
+        422: "a value is not valid",
         429: "too many wrong tokens, or too many requests at once",
-        503: "the loop process does not answer",
+        503: "the control loop or another part of the service is not available",
     }.items()
 }
 """Errors that any route can return, for the documentation."""
@@ -115,7 +115,11 @@ def install_handlers(
     async def handle_unexpected_error(request: Request, error: Exception) -> JSONResponse:
         _log.error("An unexpected error ended %s %s.", request.method, request.url.path, exc_info=error)
         return _build_json_response(
-            500, ErrorDetail(code="internal_error", message="the service failed on this request; see its log")
+            500,
+            ErrorDetail(
+                code="internal_error",
+                message="the request failed because of an internal error; see the log of the service",
+            ),
         )
 
 

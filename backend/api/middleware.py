@@ -84,7 +84,7 @@ class AuthenticationMiddleware:
         """
         pause_s = self._websocket_throttle.wait_s(f"{person.role} {person.session}", asyncio.get_running_loop().time())
         if pause_s is None:
-            message = "too many websockets were opened by this session: it may open a few in a second"
+            message = "this session opens websockets too fast: try again in a few seconds"
             raise RequestRejectedError(ErrorCode.TOO_MANY, message, retry_after_s=math.ceil(LONGEST_WAIT_S))
         if pause_s > 0.0:
             await asyncio.sleep(pause_s)

@@ -185,12 +185,12 @@ class ActiveUsers:
         """
         if user.session in (BEARER, OPEN):
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "a script has its role as its name: only a browser that signed in has its own name"
+                ErrorCode.NOT_NOW, "a script is named after its role: only a signed-in browser can change its name"
             )
         given_name = clean_name(name)
         if given_name == "" or given_name.casefold() in set(Role):
             raise RequestRejectedError(
-                ErrorCode.BAD_VALUE, "a name needs a letter, and must not be a role: enter your own name"
+                ErrorCode.BAD_VALUE, "a name must not be empty or the name of a role: enter your own name"
             )
         renamed = replace(user, name=self.make_display_name(given_name, user.role, user.session), given_name=given_name)
         for connection in self._connections.values():
@@ -213,7 +213,7 @@ def clean_name(name: str) -> str:
 
 
 AUTHENTICATION_PART = Part(
-    "The watch over the token files", "Tokens that are changed by the command line come into force at the next start."
+    "The monitor of the token files", "Tokens that are replaced on the command line take effect at the next start."
 )
 
 MAX_TOKEN_LENGTH = 200
@@ -369,7 +369,7 @@ class Authentication:
         """
         if self._files is None:
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "this service runs without tokens: there is nothing to rotate"
+                ErrorCode.NOT_NOW, "this service runs without tokens: it has no tokens to replace"
             )
         async with self._rotation_lock:
             self._previous = _PreviousTokens(self._files.tokens, user.session, self._clock() + GRACE_S)
@@ -380,7 +380,7 @@ class Authentication:
                     ErrorCode.UNAVAILABLE, f"the new tokens cannot be written: {error.strerror or error}"
                 ) from error
             await self._reload_tokens(except_session=user.session)
-        self._events.publish(AccessChanged(f"new tokens for {' and '.join(roles)}", user.name))
+        self._events.publish(AccessChanged(f"replaced the tokens for {' and '.join(roles)}", user.name))
         await self.sessions.save()
         return self._files.tokens
 

@@ -54,13 +54,13 @@ class CommandSequencer:
         if number <= self._last_executed or number in self._waiting:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                "this command is older than one that was obeyed already: nothing done",
+                "nothing was done: the command is a repetition or older than one that was executed",
                 code="stale_command",
             )
         if len(self._waiting) >= WAITING:
             raise RequestRejectedError(
                 ErrorCode.TOO_MANY,
-                f"{WAITING} commands of this page wait already: nothing done",
+                f"{WAITING} commands of this page are already waiting: nothing was done",
                 code="too_many_commands",
             )
         self._waiting.add(number)
@@ -69,7 +69,7 @@ class CommandSequencer:
         finally:
             self._waiting.discard(number)
         if number <= self._last_executed:
-            raise InvariantError(f"command {number} got its turn after command {self._last_executed}")
+            raise InvariantError(f"command {number} became due after command {self._last_executed}")
         self._last_executed = number
         self._busy_since = started = _now_s()
         try:
@@ -117,7 +117,7 @@ CONTROL_HEADER = "Sinew-Control"
 """HTTP header that carries the command token."""
 
 CONTROL_LEASE_PART = Part(
-    "The watch over lost pages", "Any motion was stopped softly: check the service's log, take control, then reset."
+    "The monitor of lost pages", "Any motion was stopped softly: check the service's log, take control, then reset."
 )
 
 LOST_S = 2.0
@@ -236,7 +236,7 @@ class ControlLease:
         if holder is not None and not take_over and not holder.is_lost:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                f"{_describe_holder(holder, user)} holds control: take it over to command",
+                f"{_describe_holder(holder, user)} holds control: take over control to send commands",
                 code="control_held",
             )
         self._epoch += 1
@@ -365,11 +365,11 @@ class ControlLease:
         if holder is None:
             return
         if holder.epoch != self._epoch:
-            raise InvariantError(f"a holder of epoch {holder.epoch} in a lease of epoch {self._epoch}")
+            raise InvariantError(f"the holder of epoch {holder.epoch} does not match the lease of epoch {self._epoch}")
         if not 0.0 <= holder.silent_s <= LOST_S + HOLD_S + SCRIPT_S:
-            raise InvariantError(f"the holder of control is silent for {holder.silent_s} s")
+            raise InvariantError(f"the silence of the holder of control is out of range: {holder.silent_s} s")
         if holder.user.session != self._last_session:
-            raise InvariantError("the holder of control has a session that did not take it")
+            raise InvariantError("the session of the holder is not the one that took control")
 
     def _require_holder(self, user: User, page_key: str) -> LeaseHolder:
         self.require_consistent()
@@ -382,7 +382,7 @@ class ControlLease:
             who = _describe_holder(holder, user)
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                f"this page does not hold control any more, {who} does: nothing done",
+                f"this page no longer holds control, {who} does: nothing was done",
                 code="control_lost",
             )
         return holder
@@ -396,7 +396,7 @@ class ControlLease:
         if user.session not in (BEARER, OPEN):
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                f"a page takes control first and stamps its commands ({CONTROL_HEADER})",
+                f"a page must take control first and send its command token ({CONTROL_HEADER})",
                 code="control_needed",
             )
         self.require_consistent()
@@ -405,7 +405,7 @@ class ControlLease:
         if holder.is_page or holder.user != user:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                f"{_describe_holder(holder, user)} holds control: take it over to command",
+                f"{_describe_holder(holder, user)} holds control: take over control to send commands",
                 code="control_held",
             )
         holder.silent_s = 0.0
@@ -414,5 +414,5 @@ class ControlLease:
 def _describe_holder(holder: LeaseHolder, user: User) -> str:
     """Return how a message to ``user`` names the holder."""
     if holder.user.session == user.session:
-        return "another page of yours" if holder.is_page else "a script of yours"
+        return "another of your pages" if holder.is_page else "one of your scripts"
     return holder.user.name

@@ -139,7 +139,7 @@ class ControlHandover:
         self.update()
         handover = self._find_open(number)
         if handover.recipient.session != user.session or handover.status is HandoverStatus.ASKED:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "control was not handed over to this page: nothing done")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, "control was not handed over to this page: nothing was done")
         why = f": {escape_quantities(handover.reason)}" if handover.reason else ""
         holder = self._control.take(
             user, is_page=True, take_over=True, handed=f"control handed over by {self._get_name(handover.giver)}{why}"
@@ -181,17 +181,17 @@ class ControlHandover:
             self._close(handover, HandoverStatus.WITHDRAWN)  # taken over, which the lease has logged
         elif handover.status is HandoverStatus.ASKED and holder.user.session != handover.giver.session:
             handover.giver = holder.user  # the request now goes to the new holder
-            self._on_change(f"{name}'s request for control is for {holder.user.name} now", "")
+            self._on_change(f"{name}'s request for control goes to {holder.user.name} now", "")
         elif holder.user.session != handover.giver.session:
-            text = f"{self._get_name(handover.giver)} does not hold control any more"
+            text = f"{self._get_name(handover.giver)} no longer holds control"
             self._close(handover, HandoverStatus.FREED, text)
         elif now - handover.seen > GONE_S:
             self._close(handover, HandoverStatus.LEFT, f"{name} has left: the request for control is closed")
         elif now > handover.expires:
             text = {
-                HandoverStatus.ASKED: f"{name}'s request for control was not answered in {ANSWER_S:.0f} s",
-                HandoverStatus.OFFERED: f"{name} did not take the control offered in {ANSWER_S:.0f} s",
-            }.get(handover.status, f"{name} did not take the control handed over in {TAKE_S:.0f} s")
+                HandoverStatus.ASKED: f"{name}'s request for control was not answered within {ANSWER_S:.0f} s",
+                HandoverStatus.OFFERED: f"{name} did not take the offered control within {ANSWER_S:.0f} s",
+            }.get(handover.status, f"{name} did not take the control that was handed over within {TAKE_S:.0f} s")
             self._close(handover, HandoverStatus.LAPSED, text)
 
     def _answer_as_recipient(self, handover: _Handover, answer: HandoverAnswer, reason: str) -> None:
@@ -203,7 +203,7 @@ class ControlHandover:
         if handover.status is not HandoverStatus.OFFERED:
             self._close(handover, HandoverStatus.WITHDRAWN, "withdrew the request for control", name)
             return
-        text = _append_reason(f"did not take control from {self._get_name(handover.giver)}", reason)
+        text = _append_reason(f"declined the control offered by {self._get_name(handover.giver)}", reason)
         handover.answer = _to_one_line(reason)
         self._close(handover, HandoverStatus.DECLINED, text, name)
 
@@ -229,7 +229,7 @@ class ControlHandover:
     def _open(self, recipient: User, giver: User, status: HandoverStatus, reason: str, text: str) -> HandoverView:
         if sum(handover.status in _OPEN for handover in self._handovers.values()) >= WAITING:
             raise RequestRejectedError(
-                ErrorCode.TOO_MANY, f"{WAITING} requests for control wait already: try again later"
+                ErrorCode.TOO_MANY, f"{WAITING} requests for control are already open: try again later"
             )
         now = self._clock()
         handover = _Handover(
@@ -263,7 +263,7 @@ class ControlHandover:
         if holder is None or holder.is_lost:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "no one holds control: take control directly")
         if not holder.is_page or holder.user.session == user.session:
-            whose = "another page of yours" if holder.is_page else "a script"
+            whose = "another of your pages" if holder.is_page else "a script"
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"{whose} holds control: take it over")
         return holder
 
@@ -285,14 +285,16 @@ class ControlHandover:
     def _require_command_token(self, command_token: CommandToken | None) -> None:
         if command_token is None:
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "only the page that holds control can do that", code="control_needed"
+                ErrorCode.NOT_NOW,
+                "only the page that holds control can do this: take control first",
+                code="control_needed",
             )
 
     def _find_open(self, number: int) -> _Handover:
         handover = self._handovers.get(number)
         if handover is None or handover.status not in _OPEN:
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "this request for control is over: nothing done", code="wish_over"
+                ErrorCode.NOT_NOW, "this request for control is closed: nothing was done", code="wish_over"
             )
         return handover
 

@@ -115,7 +115,7 @@ class Sessions:
             except OSError as error:
                 self.problem = (
                     f"sessions cannot be written ({error.strerror or error}): "
-                    "after a restart of the service those who sign out now are signed in again"
+                    "users who sign out now are signed in again after a restart of the service"
                 )
                 _log.exception("The service cannot write the sessions to its file.")
             else:
@@ -237,7 +237,7 @@ def _read_or_create(path: Path) -> str:
         path.chmod(0o600)
         token = _read_token(path)
         if token is None:
-            raise TokenError(f"{path} holds no usable token; delete the file and start again") from None
+            raise TokenError(f"{path} contains no usable token; delete the file and start again") from None
         return token
     token = secrets.token_urlsafe(32)
     with os.fdopen(descriptor, "w") as file:

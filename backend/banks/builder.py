@@ -106,7 +106,7 @@ def _require_apart(below: NamedEntry, above: NamedEntry) -> None:
     if distance < MIN_STIFFNESS_DISTANCE:
         raise BankError(
             f"{below.name} and {above.name} are {distance:.2f} N·m/rad apart, less than {MIN_STIFFNESS_DISTANCE:g}: "
-            "they describe the same point, choose one of them"
+            "they describe the same operating point; choose one of them"
         )
 
 
@@ -115,8 +115,8 @@ def _require_tension_rises(below: NamedEntry, above: NamedEntry) -> None:
     if low is not None and high is not None and not low < high:
         raise BankError(
             f"{above.name} is stiffer than {below.name} ({above.entry.S_nominal:.2f} and {below.entry.S_nominal:.2f} "
-            f"N·m/rad) at a tension that is not higher ({high:g} and {low:g} N): one of them cannot be right, "
-            "identify both again"
+            f"N·m/rad) at a tension that is not higher ({high:g} and {low:g} N): at least one of them is "
+            f"wrong; identify both again"
         )
 
 
@@ -130,7 +130,8 @@ def _require_gain_of_geometry(parameters: PlantParameters, item: NamedEntry) -> 
         error = 100.0 * (value / geometric - 1.0)
         if abs(error) > MAX_GAIN_ERROR_PERCENT:
             raise BankError(
-                f"{item.name} has {name} = {value:.4g}, {error:+.0f} % from the {geometric:.4g} of geometry, more than "
+                f"{item.name} has {name} = {value:.4g}, {error:+.0f} % from the value {geometric:.4g} "
+                f"given by the geometry, more than "
                 f"{MAX_GAIN_ERROR_PERCENT:g} %: identify again with more motion"
             )
 
@@ -157,7 +158,7 @@ class HasEntries(Protocol):
 def format_source(identification: Identification) -> str:
     """Return the name of an identification in messages: its run, or its kind if it has no run."""
     if identification.run_id is None:
-        return f"{identification.kind} identification from elsewhere (estimate {identification.id})"
+        return f"{identification.kind} identification without a run (estimate {identification.id})"
     return f"identification {identification.run_id}"
 
 
@@ -252,8 +253,8 @@ class OuterLoopFigures:
 class BankEntryFigures:
     """Both outer loops of one entry, at its stiffness [N·m/rad] and tension [N]."""
 
-    S_nominal: float = field(metadata=describe_field("stiffness of the point", "N·m/rad"))
-    tension_N: float | None = field(metadata=describe_field("tendon tension of the point", "N"))
+    S_nominal: float = field(metadata=describe_field("stiffness at the operating point", "N·m/rad"))
+    tension_N: float | None = field(metadata=describe_field("tendon tension at the operating point", "N"))
     estimate: int | None = field(metadata=describe_field("number of the stored estimate; null for an imported entry"))
     position: OuterLoopFigures
     stiffness: OuterLoopFigures
@@ -367,7 +368,7 @@ def parse_bank_file(text: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise BankError(f"the file is not JSON: {error}") from None
     if not isinstance(document, dict):
-        raise BankError("the file is not a bank: it holds no JSON object")
+        raise BankError("the file is not a bank: it contains no JSON object")
     return document
 
 

@@ -88,9 +88,9 @@ class TuningSettings:
         symbol="b",
         meaning="weight of the reference in the outer loops' proportional part",
     )
-    bank: int = integer_setting(0, 0, 2**53, "bank", "number of the controller bank, 0 for gains from geometry at 20 N")
+    bank: int = integer_setting(0, 0, 2**53, "bank", "number of the controller bank, 0 for geometric gains at 20 N")
     interpolate: bool = boolean_setting(
-        False, "interpolate", "gain scheduling between bank entries instead of switching"
+        False, "interpolate", "interpolation of the gains between the operating points of the bank instead of switching"
     )
     motion: str = choice_setting(
         LAMBDA,
@@ -266,7 +266,10 @@ def compute_default_tuning(
         u_plan=usual_budget(parameters),
     )
     moved = replace(tuning, u_plan=method.u_plan).list_differences(method)  # a limit has no effect in ``lambda``
-    reason = f"the method's default is not offered for these models, the nearest that is: {', '.join(moved)}"
+    reason = (
+        f"the method's default is outside the safe range of these models; the nearest safe tuning "
+        f"is: {', '.join(moved)}"
+    )
     return DefaultTuning(tuning, reason if moved else "", known)
 
 
@@ -352,7 +355,7 @@ def load_tuning_of_plant(session: Session, parameters: PlantParameters) -> Tunin
 
 
 def _parse_stored(stored: StoredSetting) -> StoredTuning:
-    return ACTIVE_TUNING.read(stored.value, f"the data folder, left by {stored.who}")
+    return ACTIVE_TUNING.read(stored.value, f"the tuning in the data folder, stored by {stored.who}")
 
 
 def compute_parameters_digest(parameters: PlantParameters) -> str:

@@ -120,7 +120,7 @@ def diff(
     from backend.storage import banks, identifications
 
     if (after is None) == (not again):
-        fail("give either a second bank or --with identifications", status=2)
+        fail("specify either a second bank or --with identifications", status=2)
     lambdas = build_plan(LoopSettings, parse_values(values or [])).lambdas
     settings = load_settings(data=data, params=params, station=station)
     with open_configured_database(settings, read_only=True) as database, database.reading() as session:
@@ -243,6 +243,4 @@ def _print_bank(bank: "Bank", runs: "Mapping[int, int | None]", fits: "Fits", *,
     for entry in bank.entries:
         entry_fits = fits.get(entry.identification_id or 0, {})
         texts = [f"{name} {entry_fits[name].in_words()}" for name in CHANNELS if name in entry_fits]
-        console.print(
-            f"{stored_entry_name(entry)}: {'; '.join(texts) or 'imported, its fit is not known'}", highlight=False
-        )
+        console.print(f"{stored_entry_name(entry)}: {'; '.join(texts) or 'imported, fit unknown'}", highlight=False)

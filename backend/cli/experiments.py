@@ -115,12 +115,18 @@ def load_active_tuning(settings: Settings) -> BaseTuning:
         try:
             stored = tuning_settings.load_last_tuning(database, parameters)
         except (SettingError, OutOfRangeError, UnreadableDocumentError) as error:
-            error_console.print(f"defaults: the active tuning is rejected, {error}", highlight=False, markup=False)
+            error_console.print(
+                f"using the default tuning, because the active tuning is not valid: {error}",
+                highlight=False,
+                markup=False,
+            )
             return _build_default_tuning(parameters)
     if stored is None:
         return _build_default_tuning(parameters)
     if not stored.same_plant:
-        error_console.print("defaults: the active tuning is for other parameters of the plant", highlight=False)
+        error_console.print(
+            "using the default tuning, because the active tuning belongs to other plant parameters", highlight=False
+        )
         return _build_default_tuning(parameters)
     return BaseTuning(stored.tuning.to_document(), "active")
 
@@ -302,7 +308,7 @@ def experiment(
         list[str],
         typer.Argument(
             metavar="NAME...",
-            help="Name from sinew experiments list, name@2 for a version, or a file; several run one after the other.",
+            help="Name from sinew experiments list, name@2 for a version, or a file; several are run in sequence.",
         ),
     ],
     values: SetWords = None,
@@ -656,13 +662,11 @@ def _print_queue(service: RunningService, queue: "QueueView", *, as_json: bool) 
     if rows:
         print_table(("place", "item", "experiment", "settings", "by"), rows)
     else:
-        console.print("nothing waits", highlight=False)
+        console.print("the queue is empty", highlight=False)
     task = _request_task(service)
     if task is not None:
         left = _format_time_left(task)
         console.print(f"run {task.run} is in progress: {task.kind}, {left}", highlight=False, markup=False)
-    console.print(
-        "the queue continues automatically" if queue.running else "the queue waits for a start", highlight=False
-    )
+    console.print("the queue continues automatically" if queue.running else "the queue is not started", highlight=False)
     if queue.problem:
         console.print(queue.problem, highlight=False, markup=False, soft_wrap=True)

@@ -119,7 +119,9 @@ def data(
     ] = False,
     gain: Annotated[
         float | None,
-        typer.Option(metavar="K", help="Static gain known from geometry or elsewhere; the verdict compares with it."),
+        typer.Option(
+            metavar="K", help="Static gain known from geometry or elsewhere; the verdict compares the estimate with it."
+        ),
     ] = None,
     resolution: Annotated[
         float | None,
@@ -169,7 +171,7 @@ def _read_columns(file: Path, header: int | None, decimal: "DecimalMark | None")
         return read_csv(decode_text(file.read_bytes(), file.name), header=header, decimal=decimal)
     if header is not None or decimal is not None:
         raise DataFileError(
-            f"{file.name} is not a table of text, which --header and --decimal require",
+            f"{file.name} is not a text table, which --header and --decimal require",
             FileFault.OPTION,
             option="--header" if header is not None else "--decimal",
         )
@@ -239,7 +241,7 @@ def _print_import(summary: "ImportSummary") -> None:
         ("time column", _describe_time_column(summary)),
         ("sample time", f"{summary.sample_time_s:.6g} s, from {summary.sample_time_from}{steps}"),
         ("rows used", f"{summary.rows_used} of {summary.rows_in_file}, {summary.first_row} to {summary.last_row}"),
-        *([("samples, taken at even instants", str(summary.samples))] if summary.resampled else []),
+        *([("samples, resampled to a constant sample time", str(summary.samples))] if summary.resampled else []),
     ]
     print_layout(summary.file, summary.layout, rows, summary.not_read, summary.notes)
 
@@ -305,13 +307,13 @@ def _identify_motor(record: "Record", summary: "ImportSummary", resolution: floa
     _print_import(summary)
     units = dict(zip(NAMES, ("rad/(V·s)", "s", "V", "s", "V"), strict=True))
     rows = [
-        (f"{name} [{units[name]}]", value, std or "left out: does not differ from 0")
+        (f"{name} [{units[name]}]", value, std or "omitted: not significantly different from 0")
         for (name, value), std in zip(estimate.parameters.items(), estimate.std_errors, strict=True)
     ]
     print_table(("parameter", "value", "standard error"), rows)
     results = [
         ("method", estimate.method),
-        ("fit on unseen data [%]", _format_percent(estimate.fit_percent)),
+        ("fit on validation data [%]", _format_percent(estimate.fit_percent)),
         *_build_test_rows(estimate.whiteness, estimate.input_correlation),
     ]
     print_table(("", "result"), results)
@@ -334,7 +336,7 @@ def _print_estimate(estimate: "Estimate") -> None:
         ),
         *_build_friction_rows(estimate),
         *_build_offset_rows(estimate),
-        ("fit on unseen data [%]", _format_percent(estimate.fit_percent)),
+        ("fit on validation data [%]", _format_percent(estimate.fit_percent)),
         *_build_test_rows(tests.whiteness, tests.input_correlation),
     ]
     print_table(("", "result"), rows)
@@ -344,7 +346,7 @@ def _print_estimate(estimate: "Estimate") -> None:
 def _build_test_rows(whiteness: "CorrelationTest", input_correlation: "CorrelationTest") -> list[tuple[str, str]]:
     return [
         ("residuals", _describe_test(whiteness, "white", "coloured")),
-        ("residuals and input", _describe_test(input_correlation, "independent", "correlated")),
+        ("input–residual correlation", _describe_test(input_correlation, "independent", "correlated")),
     ]
 
 
@@ -363,7 +365,7 @@ def _build_friction_rows(estimate: "Estimate") -> list[tuple[str, str]]:
     return [
         ("Coulomb friction u_c", f"{friction.u_c:.4g} ± {friction.u_c_std:.2g}"),
         ("gain K with friction", f"{friction.K:.4g} ± {friction.K_std:.2g}"),
-        ("lag T with friction [s]", f"{friction.T:.4g} ± {friction.T_std:.2g}"),
+        ("time constant T with friction [s]", f"{friction.T:.4g} ± {friction.T_std:.2g}"),
         ("fit with friction [%]", format_percent(friction.fit_percent, 2)),
     ]
 
@@ -460,7 +462,7 @@ def spring(
         plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station
     )
     if table is None and (header is not None or decimal is not None):
-        fail("--header and --decimal are for a --table", status=2)
+        fail("--header and --decimal require --table", status=2)
     elif table is None:
         _run_identification(SpringIdentificationPlan, parse_values(values or []), out, settings, as_json)
     elif values or out:

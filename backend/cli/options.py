@@ -30,7 +30,7 @@ DataFolder = Annotated[
 ]
 StationName = Annotated[
     str | None,
-    typer.Option("--station", help="Name of the rig, where several share one database; also SINEW_STATION."),
+    typer.Option("--station", help="Name of the rig if several share one database; also SINEW_STATION."),
 ]
 ParameterSet = Annotated[
     str | None, typer.Option("--params", help="Parameter set: lab, lab-stick, ideal or a TOML file. [lab]")
@@ -60,7 +60,7 @@ Recording = Annotated[
 
 CACHE_FALLBACK = "SINEW_CACHE_FALLBACK"
 """Environment variable with the folder for compiled code if no cache folder is writable."""
-_INTERRUPTED = "what played it ended while this run was open; found when its folder was opened next"
+_INTERRUPTED = "the process that executed the run ended before the run; detected when the data folder was opened again"
 
 
 def load_settings(**options: object) -> Settings:
@@ -150,8 +150,8 @@ def _open_migrated(settings: Settings, *, owns_folder: bool) -> "Database":
     with nullcontext(True) if owns_folder or settings.database_url else lock_if_unused(settings.data) as is_free:
         if not is_free:
             raise SchemaError(
-                f"a service or command of another version works on {settings.data}, and this version would migrate its "
-                "database: end it first"
+                f"a service or command of another version works on {settings.data}, and this version "
+                f"would migrate its database: stop the other one first"
             )
         return open_database(
             settings.data, settings.database_url, settings.database_password(), settings.station, outdated="migrate"

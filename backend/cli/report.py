@@ -101,7 +101,7 @@ def sign(
     if found.differences:
         fail(f"{file} is not signed: it does not hold, {len(found.differences)} differences")
     if found.left_out:
-        fail(f"{file} is not signed, because it is not verified: {'; '.join(found.left_out)}", status=2)
+        fail(f"{file} is not signed, because it is not completely verified: {'; '.join(found.left_out)}", status=2)
     try:
         private = load_or_make_signing_key(settings.data)
         name = _find_signer_name(settings)
@@ -174,7 +174,7 @@ def verify(
         for difference in () if as_json else found.differences:
             error_console.print(difference.sentence, highlight=False, markup=False, soft_wrap=True)
         if not as_json and len(checked) > 1:
-            text = f"computed from {origin}; compared with it: {', '.join(checked[1:])}"
+            text = f"computed from {origin}; also compared: {', '.join(checked[1:])}"
             error_console.print(text, highlight=False, markup=False, soft_wrap=True)
         if problem:
             error_console.print(f"the rest is not verified: {problem}", highlight=False, markup=False, soft_wrap=True)
@@ -182,9 +182,9 @@ def verify(
     if problem:
         fail(f"{file}: not verified: {problem}", status=2)
     if found.holds is None:
-        fail(f"{file} is not verified: nothing differs, but not all of it was compared", status=2)
+        fail(f"{file} is not completely verified: no difference was found, but parts of it were not compared", status=2)
     if not as_json:
-        text = f"{file} holds: {found.compared}, computed again from {origin}"
+        text = f"{file} holds: {found.compared}, recomputed from {origin}"
         if len(checked) > 1:
             text += f"; so do {', '.join(checked[1:])}"
         console.print(text, highlight=False, markup=False, soft_wrap=True)
@@ -216,9 +216,10 @@ def _print_signature(signed: "SignedPage", expected_key: "PublicKey | None", set
         console.print("not signed", highlight=False, markup=False)
         return
     owners = {
-        KeyOwner.GIVEN: "the key that was given",
+        KeyOwner.GIVEN: "the given key",
         KeyOwner.OWN: "the key of this installation",
-        KeyOwner.UNKNOWN: "an unknown key: that proves nothing of where it comes from; --key names the one to expect",
+        KeyOwner.UNKNOWN: "an unknown key: it does not prove the origin of the report; specify the "
+        "expected key with --key",
     }
     owner = signed.whose(expected_key, load_own_public_key(settings.data))
     name = f" ({signed.signature.name})" if signed.signature.name else ""
@@ -274,7 +275,9 @@ def _verify_against_database(page: str, settings: Settings) -> "Verified":
         return verify_series_report(page, manifest, lambda run: _load_stored_samples(settings, run)[0])
     columns, _ = _load_stored_samples(settings, manifest)
     if columns is None:
-        raise EvidenceError("its run is not stored in this data folder: the installation that has it signs it")
+        raise EvidenceError(
+            "its run is not stored in this data folder: sign the report on the installation that stores the run"
+        )
     return verify_report(page, columns)
 
 
@@ -288,7 +291,10 @@ def _verify(file: Path, page: str, samples: Path | None, settings: Settings) -> 
     manifest = read_manifest(page)
     if isinstance(manifest, SeriesEvidence):
         if is_pdf or samples is not None:
-            raise EvidenceError("a series is verified by its page, from the stored runs")
+            raise EvidenceError(
+                "a report of several runs is verified from its page and the stored runs: "
+                "specify the .html file and no samples"
+            )
         found = verify_series_report(page, manifest, lambda run: _load_stored_samples(settings, run)[0])
         return found, "its stored runs", ("its stored runs",)
     sources = _find_samples(file, samples, settings, manifest)
@@ -343,7 +349,7 @@ def _find_samples(file: Path, samples: Path | None, settings: Settings, manifest
     try:
         stored, number = _load_stored_samples(settings, manifest)
     except CodecError as error:
-        damage = ReportDifference("the stored run", "samples that can be read", str(error)[:200])
+        damage = ReportDifference("the stored run", "readable samples", str(error)[:200])
         return replace(found, problems=(*problems, damage), stored_as="the stored run")
     except (SchemaError, StorageError) as error:
         return replace(found, left_out=(f"the stored run: {error}",))

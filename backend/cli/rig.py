@@ -77,7 +77,7 @@ class Terminal:
         line = None if self._ended else await self._lines.get()
         if line is None:
             self._ended = True
-            raise AbandonedError("no answer: standard input has come to its end")
+            raise AbandonedError("no answer: standard input has ended")
         if line.lower() == QUIT_KEY:
             raise AbandonedError("given up")
         return line
@@ -129,14 +129,17 @@ def check(
         print_json({"wiring": checked.title, "problems": []} | ({} if raw is None else {"read": raw._asdict()}))
         return
     title = escape_line(checked.title)
-    print(f"{title}: channels, units and calibrations are in order")
+    print(f"{title}: channels, units and calibrations are valid")
     if raw is not None:
         counts = f"{raw.n_q:g}, {raw.n_A:g}, {raw.n_B:g}"
         print(f"{title}: {raw.V_A:.4f} V, {raw.V_B:.4f} V; counts {counts}")
         module, switch = "tripped" if raw.tripped else "not tripped", "held" if raw.at_end else "free"
         print(f"safety module {module}, end switch {switch}")
     else:
-        print("Signs and swapped wires show in the bring-up: its wiring test and direction step name the entry")
+        print(
+            "The bring-up detects wrong signs and swapped wires: its wiring test and direction step "
+            "name the entry to correct"
+        )
 
 
 def _read_card(wiring: str) -> "Raw":
@@ -234,7 +237,7 @@ def run_steps(settings: Settings, requests: Sequence[StepRequest], *, as_json: b
             done = asyncio.run(_run_session(settings, database, requests))
     except AlreadyRunningError as error:
         address = read_service_address(settings.data)
-        fail(f"{error}" if not address else f"{error}. Or bring the rig up on its page Bring-up at {address}")
+        fail(f"{error}" if not address else f"{error}. Alternatively, use the page Bring-up at {address}")
     _print_steps(done, as_json=as_json)
     if done.ended:
         fail(done.ended)
@@ -247,7 +250,7 @@ def _require_unblocked(settings: Settings, database: "Database", requests: Seque
     first = STEP[requests[0].step]
     blocked = find_blocking_steps(first, _derive_step_states(settings, database))
     if blocked:
-        fail(f"{first.title}: {blocked}; sinew rig bring-up plays all that is to be done")
+        fail(f"{first.title}: {blocked}; sinew rig bring-up executes all outstanding steps")
 
 
 async def _run_session(settings: Settings, database: "Database", requests: Sequence[StepRequest]) -> "_Commissioning":
@@ -263,9 +266,12 @@ async def _run_session(settings: Settings, database: "Database", requests: Seque
     setup = Setup(choice, settings.params, 0, tuning, find_completed_commissioning(database, choice))
     terminal = Terminal()
     dialog = OperatorDialog(current_user(), terminal.confirm, terminal.show_phase)
-    print_message(f"{choice.name}, {choice.wiring}. Ctrl-C at any time: zero volts; what has not ended is not kept.")
+    print_message(
+        f"{choice.name}, {choice.wiring}. Press Ctrl-C at any time for zero volts; the result "
+        f"of an unfinished step is not saved."
+    )
     if choice.simulated:
-        print_message("Nothing real moves: at each Enter the program simulates the action of the person.")
+        print_message("No hardware moves: at each Enter the program simulates the action of the operator.")
     try:
         await terminal.confirm(
             "Keep clear of the rig: the control loop starts, and the drives are enabled at zero volts"
@@ -278,7 +284,7 @@ async def _run_session(settings: Settings, database: "Database", requests: Seque
             try:
                 result = await _run_step(session, terminal, request)
             except AbandonedError as error:
-                ended = f"{error}: nothing of {STEP[request.step].title} was kept"
+                ended = f"{error}: no result of {STEP[request.step].title} was saved"
                 break
             except BlockedError as error:
                 ended = str(error)
@@ -294,9 +300,14 @@ async def _run_session(settings: Settings, database: "Database", requests: Seque
     if lockout_problem:
         print_message(lockout_problem, style="red")
     elif drives_locked:
-        print_message("The drives stay off where the rig is driven next, until somebody there switches them on.")
+        print_message(
+            "The service or command that drives the rig next keeps the drives off until a person switches them on."
+        )
     if any(request.step in ALTERNATIVES for request in requests):
-        print_message("The zero ends with this command's loop: set it again where the rig is driven next.")
+        print_message(
+            "The zero is lost when the control loop of this command ends: set it again in the "
+            "service or command that drives the rig next."
+        )
     return _build_commissioning(settings, states, database, ended)
 
 
@@ -590,8 +601,8 @@ def conformance(
     if as_json:
         print_json({"plant": choice.name, "findings": [asdict(finding) for finding in findings]})
     if broken:
-        fail(f"{choice.name}: {len(broken)} of {len(findings)} promises are not kept")
-    error_console.print(f"{choice.name}: keeps what a plant promises", highlight=False, markup=False)
+        fail(f"{choice.name}: {len(broken)} of {len(findings)} requirements of the plant interface are not met")
+    error_console.print(f"{choice.name}: meets the requirements of the plant interface", highlight=False, markup=False)
 
 
 def _confirm_drives() -> None:

@@ -71,15 +71,17 @@ def import_run(
         try:
             imported = import_run_file(database, file, current_user(), settings.data)
         except (ImportRefusedError, OSError) as error:
-            fail(f"{file} is not taken in, and nothing of it: {error}", status=2)
+            fail(f"{file} was not imported, not even in part: {error}", status=2)
             raise
     if as_json:
         print_json(vars(imported))
     elif imported.new:
-        console.print(f"run {imported.was} is taken in as run {imported.run}", highlight=False, markup=False)
+        console.print(f"run {imported.was} was imported as run {imported.run}", highlight=False, markup=False)
     else:
         console.print(
-            f"run {imported.was} is here already, as run {imported.run}: nothing is done", highlight=False, markup=False
+            f"run {imported.was} is already stored as run {imported.run}: nothing was imported",
+            highlight=False,
+            markup=False,
         )
 
 
@@ -209,7 +211,7 @@ def history(
         print_json(found.model_dump(mode="json"))
         return
     if found.metric is None:
-        fail(f"no run of kind {kind} that fits has a result")
+        fail(f"no run of kind {kind} that matches the search has a result")
     reading = get_display_unit(found.metric.unit, angle_unit())
     rows = [
         (point.run, f"{point.at:%Y-%m-%d %H:%M}", convert_to_display(point.value, found.metric.unit, angle_unit()))
@@ -217,7 +219,7 @@ def history(
     ]
     print_table(("run", "started (UTC)", f"{found.metric.label} [{reading.unit}]"), rows)
     if found.without or found.left_out:
-        text = f"{found.without} runs have no value of it, {found.left_out} older points are left out"
+        text = f"{found.without} runs have no value of this metric, {found.left_out} older points are omitted"
         console.print(text, highlight=False, markup=False)
 
 
@@ -274,7 +276,7 @@ def tag(
 
 
 def rename_tag(
-    before: Annotated[str, typer.Argument(help="Present name of the tag.")],
+    before: Annotated[str, typer.Argument(help="Current name of the tag.")],
     after: Annotated[str, typer.Argument(help="New name of the tag.")],
     data: DataFolder = None,
     station: StationName = None,
@@ -327,7 +329,7 @@ def _describe_end(run: "RunView") -> str:
 
     if run.evaluation is not EvaluationView.MISSING:
         return run.end_state
-    return f"{run.end_state}, not evaluated: {run.evaluation_problem or 'it was never done'}"
+    return f"{run.end_state}, not evaluated: {run.evaluation_problem or 'no evaluation was attempted'}"
 
 
 def _format_comparison(value: "ComparedValue", unit: str) -> str:

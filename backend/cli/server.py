@@ -79,7 +79,7 @@ def doctor(data: DataFolder = None, as_json: AsJson = False) -> None:
     print_table(("what", "found", "remedy"), [(f.what, f.found, f.remedy) for f in findings])
     open_points = sum(bool(finding.remedy) for finding in findings)
     console.print(
-        "all well" if not open_points else f"{open_points} of {len(findings)} could be better", highlight=False
+        "all well" if not open_points else f"{open_points} of {len(findings)} findings have a remedy", highlight=False
     )
 
 
@@ -115,13 +115,13 @@ def _check_pacing() -> DoctorFinding:
     found = f"late by {late_us[TICKS // 2]:.0f} µs (median), {late_us[int(0.99 * TICKS)]:.0f} µs (99 %)"
     missed = f", {pacer.overruns} deadlines missed" if pacer.overruns else ""
     remedy = "close other programs, or reserve a core for the control loop" if pacer.overruns > TICKS // 100 else ""
-    return DoctorFinding("1 ms beat", f"{found}{missed}; clock {resolution_ns:.0f} ns", remedy)
+    return DoctorFinding("1 ms period", f"{found}{missed}; clock {resolution_ns:.0f} ns", remedy)
 
 
 def _check_cores() -> DoctorFinding:
     cores = len(os.sched_getaffinity(0))
     return DoctorFinding(
-        "processor cores", str(cores), "" if cores >= 2 else "the loop and the dashboard want a core each"
+        "processor cores", str(cores), "" if cores >= 2 else "the control loop and the dashboard need one core each"
     )
 
 
@@ -141,7 +141,7 @@ def _check_card() -> DoctorFinding:
 def _find_browser() -> DoctorFinding:
     found = next((name for name in _BROWSERS if shutil.which(name)), None)
     return DoctorFinding(
-        "browser", found or "none on this machine", "" if found else "open the dashboard from another one"
+        "browser", found or "none on this machine", "" if found else "open the dashboard on another machine"
     )
 
 
@@ -207,7 +207,7 @@ def foxglove(
     try:
         asyncio.run(serve_foxglove(find_source, lambda source: source.token or local_token, port, print_line))
     except OSError as error:
-        fail(f"port {port} of this machine cannot be listened on: {error.strerror}; choose another with --port")
+        fail(f"port {port} of this machine is not available: {error.strerror}; choose another with --port")
     except OtherVersionError as error:
         fail(str(error))
 
@@ -246,7 +246,9 @@ def recordings(
         return
     total, limit = f"{found.total_bytes / 1e9:.3f} GB", f"{settings.recordings_GB:g} GB"
     console.print(
-        found.describe or f"recordings take {total}, limit {limit}: nothing has to go", highlight=False, markup=False
+        found.describe or f"recordings take {total}, limit {limit}: nothing needs to be deleted",
+        highlight=False,
+        markup=False,
     )
     if found.may_go:
         rows = [
@@ -318,11 +320,11 @@ def restore(
 
     settings = load_settings(data=data)
     if settings.database_url is not None:
-        raise BackupError("a database given by SINEW_DATABASE_URL is restored with its own tools")
+        raise BackupError("restore a database given by SINEW_DATABASE_URL with the tools of its database server")
     with lock_for_service(settings.data):
         target = (settings.data / FILE_NAME).resolve()
         if target.exists() and (holder := _describe_claim_holder(settings)):
-            raise BackupError(f"{holder} works on {target}, from another folder: end it first; nothing was changed")
+            raise BackupError(f"{holder} works on {target}, from another folder: stop it first; nothing was changed")
         restore_database(file, target)
     console.print(f"restored {file}", highlight=False, markup=False)
 
@@ -366,7 +368,7 @@ def name_station(
             claim.release()
             station_lock.release()
     with open_configured_database(settings):  # opening it rebuilds the search index
-        console.print(f"{run_count} runs are of station {station} now; start its service with --station {station}")
+        console.print(f"{run_count} runs belong to station {station} now; start its service with --station {station}")
 
 
 @database_app.command()
@@ -397,14 +399,14 @@ def check(data: DataFolder = None, as_json: AsJson = False) -> None:
     if problems:
         fail("; ".join(problems))
     if not as_json:
-        console.print(f"the database is whole; recordings that hold what was recorded: {checked.recordings}")
+        console.print(f"the database is consistent; intact recordings: {checked.recordings}")
 
 
 # sinew serve and link ------------------------------------------------------------------------------
 
 
 NOTICE_DELAY_S = 3.0
-STARTING_NOTICE = "Sinew is starting. The first start after an installation compiles: that takes up to a minute."
+STARTING_NOTICE = "Sinew is starting. The first start after an installation compiles code, which takes up to a minute."
 
 
 def serve(
@@ -605,7 +607,7 @@ def sweep(data: DataFolder = None, as_json: AsJson = False) -> None:
         raise
     _print_touch(touch, as_json=as_json)
     if progress is not None and progress.why:
-        fail(f"learning over S ended at {progress.point} of {progress.points}: {progress.why}")
+        fail(f"the bias calibration over S ended at {progress.point} of {progress.points}: {progress.why}")
 
 
 @touch_app.command()
@@ -629,9 +631,9 @@ def _print_touch(touch: "TouchView", *, as_json: bool) -> None:
         print_json(touch.model_dump(mode="json"))
         return
     for point in touch.learned:
-        console.print(f"{point.S:.2f} N·m/rad reads {point.F:.2f} ± {point.std_N:.2f} N with nothing outside")
+        console.print(f"{point.S:.2f} N·m/rad: estimate {point.F:.2f} ± {point.std_N:.2f} N without external force")
     if not touch.learned:
-        console.print("nothing is learned")
+        console.print("no bias is calibrated")
     armed = touch.contact_N
     console.print(f"contact reaction armed at {armed:g} N" if armed else "contact reaction disabled")
 
@@ -640,13 +642,15 @@ def _print_touch(touch: "TouchView", *, as_json: bool) -> None:
 
 
 wall_app = typer.Typer(
-    help="A simulated wall that blocks the joint of the running service.", no_args_is_help=True, rich_markup_mode=None
+    help="A simulated obstacle that blocks the joint of the running service.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 
 
 @wall_app.command(context_settings={"ignore_unknown_options": True})  # -0.4 is an angle
 def up(
-    q_wall: Annotated[str, typer.Argument(help="Angle of the wall in rad, or as 15deg.")],
+    q_wall: Annotated[str, typer.Argument(help="Angle of the obstacle in rad, or as 15deg.")],
     below: Annotated[bool, typer.Option("--below", help="Block motion below that angle, not above it.")] = False,
     stiffness: Annotated[float, typer.Option(help="Stiffness in N/m, at the joint pulley.")] = 20000.0,
     damping: Annotated[float, typer.Option(help="In s/m: the force grows by 1 + damping times the speed.")] = 1.0,
@@ -658,7 +662,7 @@ def up(
     try:
         at = parse_quantity(q_wall, "rad")
     except ValueError:
-        fail(f"angle of the wall: {q_wall!r} is not a number; give one in rad, or in degrees as 15deg", status=2)
+        fail(f"angle of the obstacle: {q_wall!r} is not a number; specify one in rad, or in degrees as 15deg", status=2)
     wall = {"q_wall": at, "side": side, "k_wall": stiffness, "c_wall": damping}
     _send_wall(wall, data, as_json=as_json)
 

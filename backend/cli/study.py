@@ -53,7 +53,7 @@ def run(
     if (file is None) == (resume is None):
         fail("name the file of a study, or the number of one with --resume", status=2)
     if again and resume is None:
-        fail("--again needs --resume: a study that is begun has nothing that failed", status=2)
+        fail("--again needs --resume: a new study has no failed runs", status=2)
     from backend.services import Studies
     from backend.studies import run_study
 
@@ -147,14 +147,14 @@ def map_metric(
             "--pick", help="Value of a cell with several runs: worst, mean, least, largest, deviation, p5, median, p95."
         ),
     ] = "worst",
-    to: Annotated[Path | None, typer.Option("--out", help="Picture to write: png, svg or pdf.")] = None,
+    to: Annotated[Path | None, typer.Option("--out", help="Image file to write: png, svg or pdf.")] = None,
     data: DataFolder = None,
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
     """Map a metric over two axes of a study, as a table or a picture."""
     if to is not None and to.suffix.lower() not in PICTURE_SUFFIXES:
-        fail(f"{to}: a picture ends in {', '.join(PICTURE_SUFFIXES)}", status=2)
+        fail(f"{to}: the name of an image file ends in {', '.join(PICTURE_SUFFIXES)}", status=2)
     from dataclasses import asdict
 
     from backend.experiments import parse_canonical
@@ -165,13 +165,13 @@ def map_metric(
         found, design = Studies(database).build_map(study, figure, pick, over)
     metrics = list_metric_names(parse_canonical(design.base.experiment)) | SHARES
     if figure not in metrics:
-        fail(f"there is no figure {figure}; known are {', '.join(metrics)}", status=2)
+        fail(f"there is no metric {figure}; choose one of {', '.join(metrics)}", status=2)
     unit = metrics[figure].unit
     statistic = STATISTIC_LABELS.get(found.pick, found.pick)
     label = f"{_format_label(metrics[figure].label, unit)}, {statistic} of the runs in a cell"
     with_number, computed = (sum(map(sum, table)) for table in (found.counts, found.runs))
     if with_number < computed:
-        label += f", {computed - with_number} of {computed} runs without a number"
+        label += f", {computed - with_number} of {computed} runs without a value"
     cells = [
         [None if value is None else convert_to_display(value, unit, angle_unit()) for value in row]
         for row in found.cells
@@ -205,7 +205,7 @@ def map_metric(
         )
 
 
-_NOTES_TITLE = "95 % confidence interval of a share, or runs with a number of those that are computed"
+_NOTES_TITLE = "95 % confidence interval of a share, or number of runs with a value among the computed ones"
 
 
 def _build_notes(found: "Map") -> list[list[str]]:

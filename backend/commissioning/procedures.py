@@ -145,7 +145,7 @@ async def _try_motor(context: ProcedureContext, motor: Side) -> MotorResponse:
     u = rows[:, INDEX[f"u_{motor}"]]
     out = int(np.argmax(u))
     if not 0.0 < u[out] <= TRIAL_MAX_V + 1e-9:
-        raise StepFailedError(f"motor {motor} was not given any voltage: try again")
+        raise StepFailedError(f"motor {motor} received no voltage: try again")
     top = rows[out + round(0.25 * COAST_S / T_s) : out + round(COAST_S / T_s)]
     rest = rows[: round(0.2 / T_s)]
     change = top.mean(axis=0) - rest.mean(axis=0)
@@ -164,7 +164,7 @@ def find_direction_problems(response: MotorResponse) -> list[str]:
     motor, other = response.motor, "B" if response.motor == "A" else "A"
     if not abs(response.F) >= TENSION_MIN_N and not abs(response.q) >= JOINT_MIN_RAD:
         if max(abs(response.own), abs(response.other)) >= TURNED_MIN_RAD:
-            return [f"motor {motor} turned and neither joint nor tension followed: check its tendon"]
+            return [f"motor {motor} turned, but neither joint nor tension followed: check its tendon"]
         return [f"motor {motor} did not turn: check motor_{motor}.channel, its amplifier and the drive-enable line"]
     if not (abs(response.F) >= TENSION_MIN_N and abs(response.q) >= JOINT_MIN_RAD):
         return [
@@ -179,7 +179,9 @@ def find_direction_problems(response: MotorResponse) -> list[str]:
             f"the voltage for motor {motor} turned motor {other}: exchange motor_A.channel and motor_B.channel"
         )
     if not wound:
-        problems.append(f"motor {moved} lets out its tendon at a positive voltage: turn the sign of motor_{moved}.gain")
+        problems.append(
+            f"motor {moved} releases its tendon at a positive voltage: change the sign of motor_{moved}.gain"
+        )
     turned, still = (response.own, response.other) if moved == motor else (response.other, response.own)
     if not math.isfinite(turned):
         problems.append(
@@ -190,7 +192,9 @@ def find_direction_problems(response: MotorResponse) -> list[str]:
     elif abs(turned) < TURNED_MIN_RAD:
         problems.append(f"the encoder of motor {moved} does not move: check encoder_{moved}.counter and its cable")
     elif (turned > 0.0) is not wound:
-        problems.append(f"the encoder of motor {moved} goes backwards: turn the sign of encoder_{moved}.direction")
+        problems.append(
+            f"the encoder of motor {moved} has the wrong sign: change the sign of encoder_{moved}.direction"
+        )
     return problems
 
 
@@ -201,10 +205,10 @@ def find_direction_problems(response: MotorResponse) -> list[str]:
 _REMEDIES = {
     HomingEnd.NOT_REACHED: "turn the joint to its middle, check end_switch.line, its cable and end_switch.position",
     HomingEnd.STUCK_CLOSED: "check the switch, end_switch.line and end_switch.active",
-    HomingEnd.WRONG_WAY: "do the wiring test and the direction step again",
-    HomingEnd.JOINT_HELD: "check what blocks the joint, and encoder_q",
-    HomingEnd.MOTOR_OFF: "do the direction step again",
-    HomingEnd.TENSION: "check what blocks the joint, and calibrate the load cells",
+    HomingEnd.WRONG_WAY: "repeat the wiring test and the direction step",
+    HomingEnd.JOINT_HELD: "check whether something blocks the joint, and check encoder_q",
+    HomingEnd.MOTOR_OFF: "repeat the direction step",
+    HomingEnd.TENSION: "check whether something blocks the joint, and calibrate the load cells",
     HomingEnd.SLACK: "check the tendons on their reels, and the load cells",
     HomingEnd.TOO_LONG: "turn the joint to its middle and try again",
 }
@@ -244,10 +248,10 @@ async def home_joint(context: ProcedureContext) -> StepFinding:
     rows = context.read_since(first)
     motion = rows[rows[:, INDEX["mode"]] == MODE_CODE[Mode.IDENTIFY]]
     figures = (
-        MeasuredNumber("joint was driven over", to_finite(float(np.ptp(motion[:, INDEX["q"]]))), "rad"),
+        MeasuredNumber("motion of the joint", to_finite(float(np.ptp(motion[:, INDEX["q"]]))), "rad"),
         MeasuredNumber("highest tension", to_finite(float(motion[:, [INDEX["F_A"], INDEX["F_B"]]].max())), "N"),
         MeasuredNumber("largest voltage", to_finite(float(np.abs(motion[:, [INDEX["u_A"], INDEX["u_B"]]]).max())), "V"),
-        MeasuredNumber("joint position now", to_finite(float(rows[-1, INDEX["q"]])), "rad"),
+        MeasuredNumber("current joint position", to_finite(float(rows[-1, INDEX["q"]])), "rad"),
     )
     return StepFinding(True, f"the joint's encoder counts from the end switch at {Angle(position):.4g}", figures)
 
@@ -303,12 +307,14 @@ async def tare_load_cells(context: ProcedureContext) -> StepFinding:
         _require_low_noise(tendon, noise_N)
         if not abs(zero_V) <= TARE_MAX_V:
             raise StepFailedError(
-                f"load cell {tendon} reads {zero_V:.2f} V without load, at most {TARE_MAX_V:g} V are a zero: "
-                "slacken its tendon, or set its amplifier"
+                f"load cell {tendon} reads {zero_V:.2f} V without load, at most {TARE_MAX_V:g} V is "
+                f"permitted: slacken its tendon, or adjust its amplifier"
             )
         calibrations.append(CellCalibration(tendon, wiring_line[0], zero_V, _describe_source("tared")))
     if not calibrations:
-        raise StepFailedError("both load cells are calibrated by tables: calibrate them instead")
+        raise StepFailedError(
+            "both load cells are calibrated by tables, which include the zero: renew the calibration instead"
+        )
     await context.request_action(_REMOVE_LOAD)
     which = "both load cells" if len(calibrations) == 2 else f"load cell {calibrations[0].tendon}"
     return StepFinding(True, f"the zero of {which} is set", tuple(figures), tuple(calibrations))
@@ -367,10 +373,10 @@ async def calibrate_load_cells(context: ProcedureContext) -> StepFinding:
                 f"the opposite sign: change the sign of load_cell_{tendon}.slope, or exchange its two leads"
             )
         if len(weights) > 2:
-            figures.append(MeasuredNumber(f"load cell {tendon} off its line by at most", deviation_N, "N"))
+            figures.append(MeasuredNumber(f"load cell {tendon} largest deviation from its line", deviation_N, "N"))
         if not deviation_N <= LINE_DEVIATION_MAX_N:
             raise StepFailedError(
-                f"load cell {tendon} is off its line by {deviation_N:.2f} N, at most "
+                f"load cell {tendon} deviates from its line by {deviation_N:.2f} N, at most "
                 f"{LINE_DEVIATION_MAX_N:g} N are permitted: check the weights, or calibrate it by a "
                 "table in the wiring file"
             )
@@ -389,8 +395,8 @@ def _extract_volts(rows: Rows, tendon: str) -> Signal:
         raise StepFailedError(f"load cell {tendon} has no valid voltage: check its cable, amplifier and channel")
     if not (np.abs(volts) < SATURATED_V).all():
         raise StepFailedError(
-            f"load cell {tendon} reads up to {np.abs(volts).max():.2f} V, {SATURATED_V:.2f} V are the end of its "
-            "input: less load, or less gain of its amplifier"
+            f"load cell {tendon} reads up to {np.abs(volts).max():.2f} V, {SATURATED_V:.2f} V is the end "
+            f"of its input range: reduce the load or the gain of its amplifier"
         )
     return volts
 
@@ -398,7 +404,7 @@ def _extract_volts(rows: Rows, tendon: str) -> Signal:
 def _require_low_noise(tendon: str, noise_N: float) -> None:
     if not noise_N <= NOISE_MAX_N:
         raise StepFailedError(
-            f"load cell {tendon} is unsteady by {noise_N:.2f} N, at most {NOISE_MAX_N:g} N are "
+            f"load cell {tendon} has noise of {noise_N:.2f} N, at most {NOISE_MAX_N:g} N are "
             "permitted: let it come to rest, check shield and ground"
         )
 
@@ -430,7 +436,7 @@ model it is 0.04 rad; a motor with an active drive winds up by at least as much.
 DRIVEN_MIN_V = 0.5
 """Least voltage at the end of the test [V], enough to overcome static friction."""
 
-_SET_BACK = "; set the module's limit back to what it was"
+_SET_BACK = "; restore the limit of the module"
 
 
 async def apply_pretension(context: ProcedureContext) -> StepFinding:
@@ -444,7 +450,7 @@ async def apply_pretension(context: ProcedureContext) -> StepFinding:
         MeasuredNumber("tension of tendon A", to_finite(F_A), "N"),
         MeasuredNumber("tension of tendon B", to_finite(F_B), "N"),
         MeasuredNumber("highest tension during the motion", highest, "N"),
-        MeasuredNumber("most that one was ahead of the other", apart, "N"),
+        MeasuredNumber("largest difference of the tensions", apart, "N"),
     )
     if not is_near_pretension(F):
         raise StepFailedError(
@@ -465,7 +471,7 @@ async def check_safety_module(context: ProcedureContext) -> StepFinding:
     first = context.loop.ring.count
     await context.send(TryModule())
     await context.request_action(
-        f"Lower the tension limit at the safety module below {PRETENSION_N:g} N: it has to trip; then confirm",
+        f"Lower the tension limit at the safety module below {PRETENSION_N:g} N: the module must trip; then confirm",
         ManualInput(F_limit=LOWERED_LIMIT_N),
     )
     context.report_phase("waiting for the trip")
@@ -473,8 +479,9 @@ async def check_safety_module(context: ProcedureContext) -> StepFinding:
         await context.loop.advance_until(lambda: context.mode is Mode.TRIPPED, TRIP_TIMEOUT_S)
     except TimeoutError:
         raise StepFailedError(
-            f"the module did not trip within {TRIP_TIMEOUT_S:g} s below the tension that the tendons "
-            f"held: do not continue; check its limit, its supply, and safety_tripped in the wiring file{_SET_BACK}"
+            f"the module did not trip within {TRIP_TIMEOUT_S:g} s although its limit was below the "
+            f"tension of the tendons: do not continue; check its limit, its supply, and safety_tripped "
+            f"in the wiring file{_SET_BACK}"
         ) from None
     await context.loop.advance(1.0)
     rows = context.read_since(first)
@@ -490,21 +497,21 @@ async def check_safety_module(context: ProcedureContext) -> StepFinding:
     remaining_V = float(np.abs(rows[tripped:, [INDEX["u_A"], INDEX["u_B"]]]).max())
     figures = (
         MeasuredNumber("tension before", to_finite(float(before.mean())), "N"),
-        MeasuredNumber("voltage that motor A was still given", to_finite(float(volts[0])), "V"),
-        MeasuredNumber("voltage that motor B was still given", to_finite(float(volts[1])), "V"),
-        MeasuredNumber("motor A turned by meanwhile", to_finite(float(turned[0])), "rad"),
-        MeasuredNumber("motor B turned by meanwhile", to_finite(float(turned[1])), "rad"),
+        MeasuredNumber("voltage still applied to motor A", to_finite(float(volts[0])), "V"),
+        MeasuredNumber("voltage still applied to motor B", to_finite(float(volts[1])), "V"),
+        MeasuredNumber("rotation of motor A meanwhile", to_finite(float(turned[0])), "rad"),
+        MeasuredNumber("rotation of motor B meanwhile", to_finite(float(turned[1])), "rad"),
         MeasuredNumber("tension 1 s after", to_finite(float(after.mean())), "N"),
     )
-    problem = "" if remaining_V == 0.0 else "the loop did not go to zero volts"
+    problem = "" if remaining_V == 0.0 else "the control loop did not set zero volts"
     problem = problem or find_uncut_drive(volts, turned)
-    problem = problem or ("" if has_tension_fallen(before, after) else "the tension did not fall after it")
+    problem = problem or ("" if has_tension_fallen(before, after) else "the tension did not fall afterwards")
     if problem:
-        return StepFinding(False, f"the module tripped, but {problem}: do not go on{_SET_BACK}", figures)
-    await context.request_action("Set the module's limit back to what it was, acknowledge it there, and confirm")
+        return StepFinding(False, f"the module tripped, but {problem}: do not continue{_SET_BACK}", figures)
+    await context.request_action("Restore the limit of the module, acknowledge the trip there, and confirm")
     await context.release_rig()
     await context.send(Reset())
-    return StepFinding(True, "the module tripped and cut both motors while they were still given voltage", figures)
+    return StepFinding(True, "the module tripped and disabled both motors while voltage was still applied", figures)
 
 
 def find_uncut_drive(volts: Signal, turned: Signal) -> str:
@@ -562,8 +569,9 @@ async def _wind_up(context: ProcedureContext) -> tuple[float, float]:
         if not (highest <= TENSION_MAX_N and apart <= TENSION_DIFFERENCE_MAX_N):
             await context.loop.send(Stop(Fault.STOP_PRESSED, hard=True, detail="the pretension failed"))
             raise StepFailedError(
-                f"stopped: up to {highest:.1f} N, one tendon ahead by up to {apart:.1f} N; at most {TENSION_MAX_N:g} N "
-                f"and {TENSION_DIFFERENCE_MAX_N:g} N belong to a pretension of {PRETENSION_N:g} N: "
+                f"stopped: the tension reached {highest:.1f} N, the difference of the tensions "
+                f"{apart:.1f} N; at most {TENSION_MAX_N:g} N "
+                f"and {TENSION_DIFFERENCE_MAX_N:g} N are permitted for a pretension of {PRETENSION_N:g} N: "
                 "repeat the previous steps"
             )
         if context.mode is not Mode.PRETENSION:
@@ -631,8 +639,8 @@ _MOVEMENTS = (
     (_Q, f"Turn the joint by hand towards +q by {Angle(_Q.least):g} or more, and confirm", ManualInput(q=0.15)),
     (_ENCODERS[1], _WIND.format("A"), ManualInput(theta_A=0.5)),
     (_ENCODERS[2], _WIND.format("B"), ManualInput(theta_B=0.5)),
-    (_CELLS[0], "Pull at load cell A with some 7 N, and confirm", ManualInput(pull_A=7.0)),
-    (_CELLS[1], "Pull at load cell B with some 7 N, and confirm", ManualInput(pull_B=7.0)),
+    (_CELLS[0], "Pull at load cell A with about 7 N, and confirm", ManualInput(pull_A=7.0)),
+    (_CELLS[1], "Pull at load cell B with about 7 N, and confirm", ManualInput(pull_B=7.0)),
 )
 
 
@@ -653,9 +661,9 @@ async def check_wiring(context: ProcedureContext) -> StepFinding:
         figures.append(MeasuredNumber(f"{wanted.words} moved by", to_finite(excursions[wanted]), wanted.unit))
         problems += _find_sensor_problems(context, wanted, excursions)
         if wanted in _ENCODERS:
-            await context.request_action("Put it back to where it was, and confirm", SLACK)
+            await context.request_action("Turn it back to where it was, and confirm", SLACK)
         await context.release_rig()
-    text = "; ".join(dict.fromkeys(problems)) or "every sensor moves as it should"
+    text = "; ".join(dict.fromkeys(problems)) or "every sensor responds correctly"
     return StepFinding(not problems, text, tuple(figures))
 
 
@@ -681,7 +689,8 @@ def _find_sensor_problems(context: ProcedureContext, wanted: _Sensor, excursions
         if others:
             other = others[0]
             return [
-                f"it is the {other.words} that moved, not the {wanted.words}: exchange {wanted.section}.{wanted.place} "
+                f"it is the {other.words} moved instead of the {wanted.words}: exchange "
+                f"{wanted.section}.{wanted.place} "
                 f"and {other.section}.{other.place} in the wiring file"
             ]
         return [f"the {wanted.words} did not move: check its cable and {wanted.section}.{wanted.place} ({at})"]
@@ -692,10 +701,11 @@ def _find_sensor_problems(context: ProcedureContext, wanted: _Sensor, excursions
         ]
     if excursion < 0.0:
         return [
-            f"the {wanted.words} goes backwards: turn the sign of {wanted.section}.{wanted.sign} in the wiring file"
+            f"the {wanted.words} has the wrong sign: change the sign of {wanted.section}.{wanted.sign} "
+            f"in the wiring file"
         ]
     if others and wanted is not _Q:
-        return [f"the {others[0].words} moved too: check for one cable with both signals"]
+        return [f"the {others[0].words} moved too: check whether one cable carries both signals"]
     return []
 
 

@@ -108,7 +108,7 @@ async def run_step(step: StepId, context: ProcedureContext) -> StepFinding:
     except asyncio.CancelledError:
         if not context.has_tried_motors:
             raise
-        finding = StepFinding(False, "it was given up after a motor had been tried: do it again")
+        finding = StepFinding(False, "the step was abandoned after a motor test: repeat it")
     finally:
         await _ensure_safe_end(context)
     is_in_doubt = finding.disproves_directions or step in (StepId.WIRING_TEST, StepId.DIRECTION)
@@ -161,9 +161,11 @@ class DriveLockout:
             async with self._lock:  # in the order in which the loop switched
                 await asyncio.to_thread(self._store, is_locked, who)
         except StorageError as error:
-            _log.exception("The service could not store whether somebody works at the rig.")
+            _log.exception("The service could not store the drive lockout.")
             stays = "off" if is_locked else "on"
-            self.problem = f"That the drives are {stays} could not be kept for the next start of the service ({error})."
+            self.problem = (
+                f"The drives are {stays} now, but the service could not store this for its next start ({error})."
+            )
         else:
             self.problem = ""
 
@@ -246,7 +248,7 @@ class CommissioningSession:
         """Raise BlockedError unless the step can start, PlantError for an unreadable wiring file."""
         file = load_wiring_choice(self.supervisor.setup.plant)
         if {wiring_fingerprint(file), wiring_fingerprint(self._wiring)} != {self.supervisor.started_with.wired}:
-            raise BlockedError("the wiring file has changed since the loop was started: give the command again")
+            raise BlockedError("the wiring file has changed since the loop was started: repeat the command")
         blocked = find_blocking_steps(STEP[step], self.states())
         if blocked:
             raise BlockedError(f"{STEP[step].title}: {blocked}")
@@ -282,8 +284,8 @@ class CommissioningSession:
             self.supervisor.setup, commissioning_results=status.load_commissioning_results(self._database, self._wiring)
         )
         if must_restart:
-            self._dialog.report_phase("starting the loop with what was measured")
-            await self.supervisor.restart("with what the step has measured")
+            self._dialog.report_phase("restarting the control loop with the measured values")
+            await self.supervisor.restart("with the measured values of the step")
             self._started = datetime.now(UTC)
         return lockout
 

@@ -56,19 +56,21 @@ def determine_step_status(
     ``fingerprint`` is that of the current wiring, ``loop_started`` the start of the current control loop.
     """
     if result is None:
-        return StepStatus(StepState.NEVER, "it has never been done")
+        return StepStatus(StepState.NEVER, "this step has never been executed")
     if not result.passed:
-        return StepStatus(StepState.FAILED, "it was done last without success")
+        return StepStatus(StepState.FAILED, "the last execution failed")
     if result.fingerprint != fingerprint:
         return StepStatus(StepState.OUT_OF_DATE, "the wiring file has changed since")
     if step.id in ALTERNATIVES and result.at < loop_started:
-        return StepStatus(StepState.OUT_OF_DATE, "the loop has been started since: the encoders have lost their zero")
+        return StepStatus(
+            StepState.OUT_OF_DATE, "the control loop has been restarted since: the encoders have lost their zero"
+        )
     if step.id is StepId.CALIBRATE and (other := _find_missing_cell(result)):
         return StepStatus(StepState.NEVER, f"load cell {other} has not been calibrated with this wiring")
     days = format_count(step.holds_days, "day")
     if datetime.now(UTC) - result.at > timedelta(days=step.holds_days):
-        return StepStatus(StepState.OUT_OF_DATE, f"it holds good for {days}", aged=True)
-    return StepStatus(StepState.CURRENT, f"it holds good for {days} from when it was done")
+        return StepStatus(StepState.OUT_OF_DATE, f"the result is valid for {days}", aged=True)
+    return StepStatus(StepState.CURRENT, f"the result is valid for {days} after its execution")
 
 
 def determine_statuses(
@@ -93,7 +95,7 @@ def determine_statuses(
         del found[StepId.HOME]
         return found
     return found | {
-        step: StepStatus(StepState.CURRENT, f"{STEP[other].title} has set it")
+        step: StepStatus(StepState.CURRENT, f"{STEP[other].title} has set the zero")
         for step, other in ALTERNATIVES.items()
         if found[step].state in _REPLACEABLE and found[other].state is StepState.CURRENT
     }

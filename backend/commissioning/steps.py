@@ -61,7 +61,7 @@ STEPS: tuple[CommissioningStep, ...] = (
     CommissioningStep(
         StepId.TARE,
         "Tare",
-        "Both tendons slack, nothing touches the load cells: the mean voltage over 1 s becomes their "
+        "Slacken both tendons and remove all load from the load cells: the mean voltage over 1 s becomes their "
         "zero. The control loop restarts, so that the encoders lose their zero: repeat Zero afterwards.",
         holds_days=1.0,
         needs=(StepId.WIRING_TEST,),
@@ -81,8 +81,8 @@ STEPS: tuple[CommissioningStep, ...] = (
     CommissioningStep(
         StepId.ZERO,
         "Zero",
-        "Put the joint where its position is known, at its zero mark or at the end switch: the encoders count from "
-        "there. They forget it at each start of the loop.",
+        "Move the joint to a known position, its zero mark or the end switch: the encoders count from "
+        "there. They lose this zero at each start of the control loop.",
         holds_days=1.0,
         needs=(StepId.WIRING_TEST,),
     ),

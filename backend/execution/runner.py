@@ -175,7 +175,7 @@ def require_ready(loop: LoopClient) -> None:
     """Raise NotReadyError unless a program can start from the current mode."""
     mode = current_mode(loop)
     if mode in (Mode.IDENTIFY, Mode.EXPERIMENT):
-        raise NotReadyError("another program is being played: wait for its end or stop it", mode)
+        raise NotReadyError("another program is running: wait for its end or stop it", mode)
     if mode in (Mode.STOPPING, Mode.TRIPPED):
         raise NotReadyError("the loop is stopped: reset it first", mode)
 
@@ -227,7 +227,7 @@ async def _wait_until_ended(
         notify(RunPhase.PROGRAM, elapsed_s)
         if elapsed_s > longest_s and not monitor.is_stop_sent:
             monitor.is_stop_sent = True
-            await loop.send(Stop(hard=False, detail="the program hung and was stopped"))
+            await loop.send(Stop(hard=False, detail="the program did not end in time and was stopped"))
         await loop.advance(SLICE_S)
 
 
@@ -453,7 +453,7 @@ async def _wait_until_recorded(
     run_id: int,
     fallback: tuple[EndState, str] = (
         EndState.SERVICE_DIED,
-        f"its end was not recorded within {STORING_TIMEOUT_S:g} s",
+        f"the end of the run was not recorded within {STORING_TIMEOUT_S:g} s",
     ),
 ) -> Run:
     """Return the run after the recorder has closed it; close it as ``fallback`` after STORING_TIMEOUT_S."""
@@ -486,7 +486,7 @@ async def evaluate_closed_run(rig: ExperimentRig, plan: Plan, run: Run) -> Evalu
         _store_problem(rig, run.id, "the service ended before the run was evaluated")
         raise
     _store_problem(rig, run.id, problem)
-    return Evaluation(None, None, f"it could not be evaluated: {problem}")
+    return Evaluation(None, None, f"the run could not be evaluated: {problem}")
 
 
 def _store_problem(rig: ExperimentRig, run_id: int, problem: str) -> None:

@@ -78,7 +78,9 @@ def make_headless_loop(
     previewer.require_safe(settings.lambdas, settings.budget)
     actuator = make_plant(plant, parameters, settings.seed)
     if not actuator.stepped:
-        raise PlantError(f"{plant.name}: it runs in real time, start experiments from the dashboard of sinew serve")
+        raise PlantError(
+            f"{plant.name}: this plant runs in real time; start experiments from the dashboard of sinew serve"
+        )
     return SimulatedLoop(actuator, parameters, build_tuning_command(parameters, settings, bank), on_batch)
 
 

@@ -247,14 +247,14 @@ class PlayedPart:
     """
 
     path: Path = field(metadata=describe_field("path in the document"))
-    start_s: float = field(metadata=describe_field("when it begins for the first time", "s"))
-    end_s: float = field(metadata=describe_field("when it ends for the last time", "s"))
-    pieces: int = field(metadata=describe_field("pieces that the loop plays of it, all repetitions counted"))
-    piece_s: float = field(metadata=describe_field("length of its first piece", "s"))
-    q_from: float | None = field(metadata=describe_field("joint reference before its first piece", "rad"))
-    S_from: float | None = field(metadata=describe_field("stiffness reference before its first piece", "N·m/rad"))
-    q_to: float = field(metadata=describe_field("joint reference of its first piece", "rad"))
-    S_to: float = field(metadata=describe_field("stiffness reference of its first piece", "N·m/rad"))
+    start_s: float = field(metadata=describe_field("first start of the part", "s"))
+    end_s: float = field(metadata=describe_field("last end of the part", "s"))
+    pieces: int = field(metadata=describe_field("program segments of the part, including repetitions"))
+    piece_s: float = field(metadata=describe_field("duration of its first segment", "s"))
+    q_from: float | None = field(metadata=describe_field("joint reference before its first segment", "rad"))
+    S_from: float | None = field(metadata=describe_field("stiffness reference before its first segment", "N·m/rad"))
+    q_to: float = field(metadata=describe_field("joint reference of its first segment", "rad"))
+    S_to: float = field(metadata=describe_field("stiffness reference of its first segment", "N·m/rad"))
 
 
 def list_played_parts(compiled: CompiledExperiment) -> list[PlayedPart]:
@@ -312,19 +312,25 @@ class ContactDetectionSequence:
     def add_calibration(self, S: float) -> str:
         """Calibrate the bias of the external force at rest at the stiffness S [N·m/rad]."""
         if self._ends_parts:
-            return "nothing is learned within what a contact ends: learn before it"
+            return "parts that a contact ends cannot contain a part `do: learn`: move it before them"
         self._calibrated_S.append(S)
         return self._append(ContactDetection(0.0, calibrates_bias=True))
 
     def begin_contact_end(self, contact_N: float, S: float) -> str:
         """Let contacts above ``contact_N`` [N] end the following parts, which begin at S [N·m/rad]."""
         if self._ends_parts:
-            return "a contact ends this already: what it ends has no part of its kind"
+            return "parts that a contact ends cannot contain such parts again: remove the inner ones"
         if not self._calibrated_S:
-            return "nothing was learned before it: let the joint rest in a part `do: learn` first, at this stiffness"
+            return (
+                "the bias of the external force is not calibrated before this part: add a part `do: "
+                "learn` before it, at this stiffness"
+            )
         if not min(self._calibrated_S) - NEIGHBOUR <= S <= max(self._calibrated_S) + NEIGHBOUR:
             known = ", ".join(f"{value:.4g}" for value in sorted(set(self._calibrated_S)))
-            return f"at {S:.4g} N·m/rad nothing was learned, only at {known}: let the joint rest in a part `do: learn`"
+            return (
+                f"at {S:.4g} N·m/rad the bias of the external force is not calibrated, only at "
+                f"{known}: add a part `do: learn` at this stiffness"
+            )
         self._ends_parts = True
         return self._append(ContactDetection(contact_N))
 
@@ -347,7 +353,7 @@ class ContactDetectionSequence:
             )
             return ""
         if len(self.items) == MAX_CONTACT_DETECTIONS:
-            return f"{MAX_CONTACT_DETECTIONS} changes of the contact reaction are the limit: split the experiment"
+            return f"{MAX_CONTACT_DETECTIONS} changes of the contact reaction are the maximum: split the experiment"
         self.items.append(detection)
         return ""
 
@@ -401,20 +407,20 @@ class _Compiler(NumberReader):
         for index, section in enumerate(self._experiment.phases):
             path: Path = ("phases", index)
             if any(phase.name == section.name for phase in phases):
-                raise self._build_error("another phase has this name: give each its own", (*path, "name"))
+                raise self._build_error("another phase has this name: choose a unique one", (*path, "name"))
             start_s = self._duration_s
             self._compile_parts(section.parts, (*path, "parts"))
             phases.append(Phase(section.name, section.title, start_s, self._duration_s))
         if self._has_unused_change:
-            raise self._build_error("nothing is played after this change of the tuning: leave it out", self._path)
+            raise self._build_error("no motion follows this change of the tuning: remove it", self._path)
         if self._assigned_walls != len(self._walls):
-            raise self._build_error("nothing is played after this change of the wall: leave it out", self._path)
+            raise self._build_error("no motion follows this change of the obstacle: remove it", self._path)
         if self._detections.has_unused_calibration:
             raise self._build_error(
                 "no motion follows this calibration of the external force: remove the calibration", self._path
             )
         if not self._segments:
-            raise self._build_error("it plays nothing: give it a motion", ("phases",))
+            raise self._build_error("the experiment contains no motion: add one", ("phases",))
         return CompiledExperiment(
             segments=tuple(self._segments),
             paths=tuple(self._paths),
@@ -431,7 +437,7 @@ class _Compiler(NumberReader):
             self._path = (*path, index)
             self._parts += 1
             if self._parts > _PARTS_MAX:
-                raise self._build_error(f"{_PARTS_MAX} parts are the most, all repetitions counted", self._path)
+                raise self._build_error(f"{_PARTS_MAX} parts are the maximum, including repetitions", self._path)
             self._compile_part(part)
 
     @singledispatchmethod
@@ -473,7 +479,9 @@ class _Compiler(NumberReader):
         q, S = self._read_amplitudes(part.q_amplitude, part.S_amplitude)
         for name, amplitude, crest in (("q_amplitude", q, part.q_ref), ("S_amplitude", S, part.S_ref)):
             if amplitude and crest is not None:
-                raise self._build_error("its crest is given twice, by the reference as well", (*self._path, name))
+                raise self._build_error(
+                    "amplitude and reference both define the crest: remove one of them", (*self._path, name)
+                )
         self._q, self._S = q_before + q, S_before + S
         self._set_references(part.q_ref, part.S_ref)
         self._add(Segment(duration_s, self._q, self._S, F, Shape.SINE, period_s))
@@ -511,7 +519,7 @@ class _Compiler(NumberReader):
         periods = self._read_integer("periods", part.periods, 1, 1000)
         self._require_references()
         q, S = self._read_amplitudes(part.q_amplitude, part.S_amplitude)
-        duration_s = self._read_time(periods * (2**bits - 1) * chip_s, "chip_s", "time of all chips")
+        duration_s = self._read_time(periods * (2**bits - 1) * chip_s, "chip_s", "total duration of the chips")
         self._add(Segment(duration_s, self._q + q, self._S + S, shape=Shape.PRBS, period_s=chip_s, count=bits))
 
     @_compile_part.register
@@ -519,7 +527,7 @@ class _Compiler(NumberReader):
         period_s = round(self._read_number("period_s", part.period_s, 0.1, PART_MAX_S, "s"), 3)
         lines = self._read_integer("lines", part.lines, 1, MAX_LINES)
         with error_context((*self._path, "lines"), self._lines):
-            fastest = f"{_FREQUENCY_MAX_HZ:g} Hz is the fastest: take fewer lines or a longer period"
+            fastest = f"{_FREQUENCY_MAX_HZ:g} Hz is the maximum: choose fewer lines or a longer period"
             check_range(
                 "lines",
                 lines / period_s,
@@ -532,7 +540,7 @@ class _Compiler(NumberReader):
         periods = self._read_integer("periods", part.periods, 1, 1000)
         self._require_references()
         q, S = self._read_amplitudes(part.q_amplitude, part.S_amplitude)
-        duration_s = self._read_time(periods * period_s, "periods", "time of all periods")
+        duration_s = self._read_time(periods * period_s, "periods", "total duration of the periods")
         peak, shape = compute_multisine_peak(lines), Shape.MULTISINE
         self._add(
             Segment(
@@ -573,7 +581,7 @@ class _Compiler(NumberReader):
     def _compile_tuning(self, part: schema.Tuning) -> None:
         if len(self._changes) == MAX_TUNINGS:
             raise self._build_error(
-                f"{MAX_TUNINGS} changes of the tuning are the most: split the experiment", self._path
+                f"{MAX_TUNINGS} changes of the tuning are the maximum: split the experiment", self._path
             )
         named: dict[str, Value] = {}
         for name, setting in _TUNING_SETTINGS.items():
@@ -595,8 +603,11 @@ class _Compiler(NumberReader):
         side = 1.0 if part.side == "above" else -1.0
         q_wall = self._read_number("q_wall", part.q_wall, -Q_REF_MAX, Q_REF_MAX, "rad")
         if side * (self._q - q_wall) >= 0.0:
-            why = f"the joint's reference is {Angle(self._q):.4g}, not before a wall at {Angle(q_wall):.4g}"
-            raise self._build_error(f"{why}: bring it away from there first", (*self._path, "q_wall"))
+            why = (
+                f"the joint reference is {Angle(self._q):.4g}, which is not in front of the obstacle "
+                f"at {Angle(q_wall):.4g}"
+            )
+            raise self._build_error(f"{why}: move the reference away from the obstacle first", (*self._path, "q_wall"))
         k_wall = self._read_number("k_wall", part.k_wall, K_LEAST, _K_WALL_MAX, "N/m")
         self._add_wall_change(
             Obstacle(side, q_wall, k_wall, self._read_number("c_wall", part.c_wall, 0.0, _C_WALL_MAX, "s/m"))
@@ -608,13 +619,15 @@ class _Compiler(NumberReader):
 
     def _add_wall_change(self, wall: Obstacle | None) -> None:
         if len(self._walls) == MAX_WALLS:
-            raise self._build_error(f"{MAX_WALLS} changes of the wall are the most: split the experiment", self._path)
+            raise self._build_error(
+                f"{MAX_WALLS} changes of the obstacle are the maximum: split the experiment", self._path
+            )
         self._walls.append(wall)
         self._wall_paths.append(self._path)
 
     @_compile_part.register
     def _compile_learn(self, part: schema.Learn) -> None:
-        words = "time at rest that is learned from"
+        words = "duration of the calibration at rest"
         self._add_hold(
             round(self._read_number("duration_s", part.duration_s, CALIBRATION_MIN_S, PART_MAX_S, "s", words), 3)
         )
@@ -623,11 +636,11 @@ class _Compiler(NumberReader):
     @_compile_part.register
     def _compile_until_contact(self, part: schema.UntilContact) -> None:
         path = self._path
-        contact_N = self._read_number("contact_N", part.contact_N, 0.0, CONTACT_MAX_N, "N", "force of a contact")
+        contact_N = self._read_number("contact_N", part.contact_N, 0.0, CONTACT_MAX_N, "N", "contact threshold")
         if contact_N == 0.0:
             self._compile_parts(part.parts, (*path, "parts"))
             return
-        self._read_number("contact_N", contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "force of a contact (0 for none)")
+        self._read_number("contact_N", contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "contact threshold (0 for none)")
         self._raise_problem(self._detections.begin_contact_end(contact_N, self._S))
         self._compile_parts(part.parts, (*path, "parts"))
         self._raise_problem(self._detections.finish_contact_end())
@@ -643,7 +656,9 @@ class _Compiler(NumberReader):
         if declared is None or declared.kind != "choice":
             raise self._build_error(f"{part.by!r} is not a setting with choices", (*path, "by"))
         if set(part.of) != set(declared.choices):
-            raise self._build_error(f"it needs parts for each of {', '.join(declared.choices)}", (*path, "of"))
+            raise self._build_error(
+                f"define parts for exactly these choices: {', '.join(declared.choices)}", (*path, "of")
+            )
         self._compile_parts(part.of[str(chosen)], (*path, "of", str(chosen)))
 
     @_compile_part.register
@@ -651,7 +666,9 @@ class _Compiler(NumberReader):
         path, outer = self._path, self._names.get(part.index)
         times = self._read_integer("times", part.times, 1, MAX_SEGMENTS)
         if part.index in (*CONSTANTS, *FUNCTIONS) or any(part.index == item.name for item in self._experiment.settings):
-            raise self._build_error(f"{part.index!r} is taken: give the index another name", (*path, "index"))
+            raise self._build_error(
+                f"{part.index!r} is already in use: choose another name for the index", (*path, "index")
+            )
         for iteration in range(times):
             self._names[part.index] = iteration
             self._compile_parts(part.parts, (*path, "parts"))
@@ -670,14 +687,14 @@ class _Compiler(NumberReader):
         F = self._read_number("F_push", F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
         measured = [measure for measure in _MEASURES_FROM_REST if measure in self._experiment.measures]
         if F and measured:
-            why = f"{measured[0]} measures pushes from rest: take a part `do: push`"
+            why = f"{measured[0]} measures pushes from rest: use a part `do: push`"
             raise self._build_error(why, (*self._path, "F_push"))
         return F
 
     def _require_references(self) -> None:
         """Raise ExperimentError for an oscillation before any references are set."""
         if not self._has_references:
-            raise self._build_error("its centre is not defined: begin with a step", self._path)
+            raise self._build_error("the centre of the oscillation is not defined: begin with a step", self._path)
 
     def _add_hold(self, duration_s: float, F_push: float = 0.0) -> None:
         self._add(Segment(duration_s, self._q, self._S, F_push))
@@ -688,7 +705,9 @@ class _Compiler(NumberReader):
             self._F = segment.F_push
         if len(self._segments) == MAX_SEGMENTS:
             raise self._build_error(
-                f"its parts are more than {MAX_SEGMENTS}, all repetitions counted: repeat less, or split it", self._path
+                f"the number of segments exceeds {MAX_SEGMENTS}, including repetitions: repeat less, or "
+                f"split the experiment",
+                self._path,
             )
         if self._has_unused_change:
             segment = replace(segment, tuning=len(self._changes))
@@ -700,14 +719,14 @@ class _Compiler(NumberReader):
             segment = replace(segment, contact_detection=contact_detection)
         self._duration_s += segment.duration_s
         with error_context(self._path, self._lines):
-            words = "time of all parts up to here"
+            words = "total duration up to this part"
             check_range(
                 "duration_s",
                 self._duration_s,
                 minimum=None,
                 maximum=DURATION_MAX_S,
                 unit="s",
-                remedy="leave some out",
+                remedy="remove some parts",
                 label=words,
             )
         self._segments.append(segment)

@@ -445,12 +445,12 @@ class Forecast:
         at, low, high = (math.degrees(q) for q in (self.q_start, self.q_low, self.q_high))
         within = f"{math.floor(low)} to {math.ceil(high)}°".replace("-", "−")
         words = f"the joint is at {at:.0f}° and will move within {within}, then back to 0°".replace("-", "−")
-        return words + ("; nothing holds it while the tendons are slack" if self.let_slack else "")
+        return words + ("; it is free while the tendons are slack" if self.let_slack else "")
 
     def require_within_range(self, parameters: PlantParameters) -> None:
         """Raise OutOfRangeError if joint or tendons would leave their range."""
         bounds = compute_bounds(parameters)
-        remedy = "take a lower tension or a smaller amplitude"
+        remedy = "choose a lower tension or a smaller amplitude"
         # The run may start outside the range, but must not move further away.
         reach = max(self.q_high, -self.q_low, key=abs)
         if reach > bounds.q_trip and reach > abs(self.q_start) + MARGIN_RAD:
@@ -472,7 +472,7 @@ class Forecast:
                 remedy=remedy,
             )
         if self.F_low < bounds.F_slack and not self.let_slack:
-            remedy = "take a higher tension or a smaller amplitude: a tendon would go slack"
+            remedy = "choose a higher tension or a smaller amplitude: a tendon would go slack"
             raise OutOfRangeError(
                 quantity="tension during the motion",
                 value=self.F_low,

@@ -120,10 +120,10 @@ def find_commanded_range(q_ref: Column, S_ref: Column) -> tuple[int, int]:
     """
     has_reference = np.isfinite(q_ref) & np.isfinite(S_ref)
     if not has_reference.any():
-        raise ExperimentError("it has no references: nothing was commanded that could be played again")
+        raise ExperimentError("the recording contains no references, so nothing can be repeated")
     first, end = int(np.argmax(has_reference)), len(has_reference) - int(np.argmax(has_reference[::-1]))
     if not has_reference[first:end].all():
-        raise ExperimentError("its references have a gap: what was commanded within it is not known")
+        raise ExperimentError("the recorded references have a gap: the commands within it are unknown")
     return first, end
 
 
@@ -166,8 +166,8 @@ class _RecordedPartBuilder:
                 self._add_motion(bound)
             if len(self._parts) > MAX_SEGMENTS:
                 raise ExperimentError(
-                    f"its references take more than {MAX_SEGMENTS} holds and ramps, as many as an experiment can have: "
-                    "compose it of parts"
+                    f"the recorded references need more than {MAX_SEGMENTS} holds and ramps, the maximum "
+                    f"of an experiment: build the experiment from parts"
                 )
         return RecordedParts(self._parts, *self._deviations, self._delay_ticks, self._unpushed)
 
@@ -369,7 +369,7 @@ def parse_stored_plan(kind: str, stored_values: Mapping[str, Value]) -> Plan:
         return plan
     if "experiment" not in stored_values:
         if kind not in PAPER_EXPERIMENTS:
-            raise ExperimentError("what it played is kept in no form that is known")
+            raise ExperimentError("the program of the run is not stored in a known form")
         return build_ready_plan(kind, **stored_values)
     experiment = parser.parse_canonical(str(stored_values["experiment"]))
     return build_experiment_plan(
@@ -507,7 +507,7 @@ IDENTIFICATIONS: dict[str, IdentificationEntry] = {
     "actuator": IdentificationEntry(
         ActuatorIdentificationPlan,
         "Actuator",
-        "How joint position and stiffness follow motor A, in closed loop: a binary sequence around a held tension.",
+        "Response of joint position and stiffness to motor A in closed loop: a binary sequence at a held tension.",
     ),
     "motor": IdentificationEntry(
         MotorIdentificationPlan,

@@ -178,9 +178,9 @@ def _require_supported(node: ast.AST, names: Names) -> None:
     match node:
         case ast.Name(id=name) if name not in names and name not in CONSTANTS:
             known = ", ".join((*names, *CONSTANTS))
-            raise ExpressionError(f"{name!r} is not known here; known are {known}")
+            raise ExpressionError(f"{name!r} is not known here; choose one of {known}")
         case ast.Constant(value=value) if not isinstance(value, bool | int | float | str):
-            raise ExpressionError(f"{value!r} is not taken in an expression")
+            raise ExpressionError(f"{value!r} is not supported in an expression")
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
             for argument in arguments:
                 _require_supported(argument, names)
@@ -197,7 +197,9 @@ def _require_supported(node: ast.AST, names: Names) -> None:
             pass
         case _:
             known = ", ".join(FUNCTIONS)
-            raise ExpressionError(f"{ast.unparse(node)[:60]!r} is not taken: + - * / % **, comparisons, {known}")
+            raise ExpressionError(
+                f"{ast.unparse(node)[:60]!r} is not supported; supported are + - * / % **, comparisons, {known}"
+            )
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.expr):
             _require_supported(child, names)
@@ -232,7 +234,7 @@ def _evaluate(node: ast.AST, names: Names) -> Any:
         case ast.Call(func=ast.Name(id=name), args=arguments):
             return FUNCTIONS[name](*(_evaluate(argument, names) for argument in arguments))
         case _:
-            raise ExpressionError("it cannot be evaluated")
+            raise ExpressionError("the expression cannot be evaluated")
 
 
 # Errors --------------------------------------------------------------------------------------------
@@ -310,7 +312,7 @@ def build_settings(experiment: Experiment, lines: Lines) -> tuple[Setting, ...]:
     for index, declared in enumerate(experiment.settings):
         path: Path = ("settings", index)
         if declared.name in _SETTING_TAKEN or any(declared.name == other.name for other in settings):
-            why = f"{declared.name!r} is taken: by the tuning, the seed or another setting"
+            why = f"{declared.name!r} is already the name of a tuning setting, of the seed or of another setting"
             raise ExperimentError(why, (*path, "name"), find_line((*path, "name"), lines))
         try:
             setting = _build_setting(declared)
@@ -327,7 +329,7 @@ def parse_values(settings: tuple[Setting, ...], values: Mapping[str, object]) ->
     for name, value in values.items():
         if name not in known:
             legal = tuple(known)
-            raise SettingError(name, value, f"unknown setting; known are {', '.join(legal)}", legal=legal)
+            raise SettingError(name, value, f"unknown setting; choose one of {', '.join(legal)}", legal=legal)
     return {name: setting.parse(values.get(name, setting.default)) for name, setting in known.items()}
 
 
@@ -355,7 +357,7 @@ def require_rules(
             _raise_for_setting(rule, settings, values)
         settings_text = ", ".join(f"{name} is {value}" for name, value in values.items() if name in names)
         raise ExperimentError(
-            f"{rule.that} does not hold ({settings_text}): {rule.remedy}", path, find_line(path, lines)
+            f"{rule.that} is not satisfied ({settings_text}): {rule.remedy}", path, find_line(path, lines)
         )
 
 
@@ -380,7 +382,7 @@ def _raise_for_setting(rule: Rule, settings: tuple[Setting, ...], values: Mappin
 
 def _build_setting(declared: Declared) -> Setting:
     if declared.kind == "choice" and declared.default not in declared.choices:
-        raise ExpressionError(f"the default {declared.default!r} is none of its choices")
+        raise ExpressionError(f"the default {declared.default!r} is not one of its choices")
     if declared.kind in ("number", "integer") and (declared.minimum is None or declared.maximum is None):
         raise ExpressionError(f"{declared.name} needs a minimum and a maximum")
     numeric = declared.kind in ("number", "integer")
@@ -420,7 +422,7 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML comes without ty
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent) or getattr(self.peek_event(), "anchor", None):
             line = self.peek_event().start_mark.line + 1
-            raise ExperimentError("anchors and aliases are not taken: write it out, or use repeat", (), line)
+            raise ExperimentError("anchors and aliases are not supported: write the parts out, or use repeat", (), line)
         if (tag := getattr(self.peek_event(), "tag", None)) is not None:
             raise ExperimentError(f"the tag {tag} is not taken", (), self.peek_event().start_mark.line + 1)
         return super().compose_node(parent, index)
@@ -452,7 +454,7 @@ def parse_document(text: str, *, stored: bool = False) -> tuple[Any, Lines]:
     In a ``stored`` text, characters that are no longer accepted are replaced by escapes instead of being rejected.
     """
     if len(text) > MAX_CHARACTERS:
-        raise ExperimentError(f"it has {len(text)} characters, at most {MAX_CHARACTERS} are taken: shorten it")
+        raise ExperimentError(f"it has {len(text)} characters, at most {MAX_CHARACTERS} are accepted: shorten it")
     lines: dict[Path, int] = {}
     try:
         node = _Loader(text).get_single_node()
@@ -479,7 +481,7 @@ def validate_document(
 ) -> _T:
     """Validate a document of format ``known`` and return its object. Raises ExperimentError with the path."""
     if document.get("format") != known:
-        why = f"{document.get('format')!r} is not known: this Sinew reads format {known}"
+        why = f"{document.get('format')!r} is not a known format: this version of Sinew reads format {known}"
         raise ExperimentError(why, ("format",), find_line(("format",), lines))
     try:
         return form.validate_json(json.dumps(document), context=STORED_CONTEXT if stored else None)
@@ -518,7 +520,7 @@ def _convert_node(node: Any, path: Path, lines: dict[Path, int], depth: int, *, 
             if not isinstance(key, str):
                 raise ExperimentError(f"the key {key!r} is not a text", path, key_node.start_mark.line + 1)
             if key in mapping:
-                raise ExperimentError("it is given twice", (*path, key), key_node.start_mark.line + 1)
+                raise ExperimentError("the key is given twice", (*path, key), key_node.start_mark.line + 1)
             lines[*path, key] = key_node.start_mark.line + 1
             mapping[key] = _convert_node(value_node, (*path, key), lines, depth + 1, stored=stored)
         return mapping
@@ -544,7 +546,7 @@ def _convert_node(node: Any, path: Path, lines: dict[Path, int], depth: int, *, 
             return node.value == "true"
         case "int":
             if len(node.value) > 18:
-                raise ExperimentError(f"{node.value[:24]}… is not a number that can be meant", path, line)
+                raise ExperimentError(f"{node.value[:24]}… has too many digits for a whole number", path, line)
             return int(node.value)
         case "float" if math.isfinite(float(node.value)):
             return float(node.value)
@@ -584,9 +586,9 @@ def _has_child(here: Any, part: int | str) -> bool:
 _UNKNOWN_KEY = "unexpected_keyword_argument"
 _MESSAGES = {
     "missing": "it is missing",
-    _UNKNOWN_KEY: "it is not known here",
-    "too_short": "it is empty: it needs one at least",
-    "extra_forbidden": "it is not known here",
+    _UNKNOWN_KEY: "this key is not allowed here",
+    "too_short": "it is empty: add at least one item",
+    "extra_forbidden": "this key is not allowed here",
     "string_pattern_mismatch": "a name has letters, digits and _, begins with a letter and is 40 characters at most",
 }
 
@@ -594,7 +596,8 @@ _MESSAGES = {
 def _format_problem(first: Any) -> str:
     if first["type"] == "union_tag_invalid":
         return (
-            f"{first['ctx']['tag']!r} is not a motion; known are {first['ctx']['expected_tags'].replace(chr(39), '')}"
+            f"{first['ctx']['tag']!r} is not a kind of part; choose one of "
+            f"{first['ctx']['expected_tags'].replace(chr(39), '')}"
         )
     if first["type"] == "union_tag_not_found":
         return "a part needs `do`, which names its kind"
@@ -622,14 +625,14 @@ def parse_derived_signal(name: str, unit: str, expression: str) -> Derived:
     """Return the derived signal that a formula defines. Raises ExpressionError."""
     if not _NAME.fullmatch(name) or name in _FORMULA_TAKEN:
         raise ExpressionError(
-            f"{name!r} cannot name a formula: take 1 to 20 letters, digits and _, a letter first, "
-            "and no name of a signal or function"
+            f"{name!r} is not a valid name of a formula: use 1 to 20 letters, digits and _, a letter "
+            f"first, and not the name of a signal or function"
         )
     steps: list[FormulaStep] = []
     _append_steps(parse_expression(expression).body, steps)
     found = Derived(name, unit, tuple(steps))
     if not found.signals:
-        raise ExpressionError(f"{expression!r} speaks of no signal; a formula is made of {', '.join(SIGNAL_NAMES)}")
+        raise ExpressionError(f"{expression!r} contains no signal; choose among {', '.join(SIGNAL_NAMES)}")
     return found
 
 
@@ -672,7 +675,8 @@ def _append_steps(node: ast.AST, steps: list[FormulaStep]) -> None:
         case _:
             known = ", ".join(FUNCTIONS)
             raise ExpressionError(
-                f"{ast.unparse(node)[:60]!r} is not taken: + - * / % **, comparisons, and, or, not, if else, {known}"
+                f"{ast.unparse(node)[:60]!r} is not supported; supported are + - * / % **, comparisons, "
+                f"and, or, not, if else, {known}"
             )
 
 
@@ -697,4 +701,6 @@ def _append_name(name: str, steps: list[FormulaStep]) -> None:
     elif name in SIGNAL_NAMES:
         steps.append(FormulaStep("signal", name=name))
     else:
-        raise ExpressionError(f"there is no signal {name!r}: the nearest is {find_nearest_name(name, SIGNAL_NAMES)}")
+        raise ExpressionError(
+            f"there is no signal {name!r}; the closest name is {find_nearest_name(name, SIGNAL_NAMES)}"
+        )

@@ -78,7 +78,7 @@ class ExperimentPlan:
         """Control law. Raises ExperimentError."""
         named = self.values.get(self.experiment.law, self.experiment.law)
         if named not in LAWS:
-            why = f"{named!r} is not a control law; known are {', '.join(LAWS)}"
+            why = f"{named!r} is not a control law; choose one of {', '.join(LAWS)}"
             raise ExperimentError(why, ("law",), find_line(("law",), self.lines))
         return Law(str(named))
 
@@ -131,7 +131,7 @@ class MotorIdentificationPlan:
         2.0, minimum=0.3, maximum=9.0, unit="V", symbol="u_low", meaning="smallest voltage step"
     )
     u_high: float = number_setting(
-        5.0, minimum=0.5, maximum=9.5, unit="V", symbol="u_high", meaning="largest voltage step, short of saturation"
+        5.0, minimum=0.5, maximum=9.5, unit="V", symbol="u_high", meaning="largest voltage step, below saturation"
     )
     levels: int = integer_setting(4, 2, 8, "n", "number of voltages from the smallest to the largest")
     travel_rad: float = number_setting(
@@ -140,18 +140,18 @@ class MotorIdentificationPlan:
         maximum=12.0,
         unit="rad",
         symbol="Δθ",
-        meaning="a step ends once a motor has turned by this much",
+        meaning="angle of a motor at which a step ends",
     )
     step_s: float = number_setting(
-        2.5, minimum=0.3, maximum=10.0, unit="s", symbol="t_u", meaning="a step ends after this time at the latest"
+        2.5, minimum=0.3, maximum=10.0, unit="s", symbol="t_u", meaning="maximum duration of a step"
     )
     settle_s: float = number_setting(
-        1.0, minimum=0.5, maximum=10.0, unit="s", symbol="t_0", meaning="time the motors are held where a step starts"
+        1.0, minimum=0.5, maximum=10.0, unit="s", symbol="t_0", meaning="hold time of the motors before a step"
     )
 
     def __post_init__(self) -> None:
         if self.u_low >= self.u_high:
-            words, remedy = "smallest voltage step", "keep it below the largest"
+            words, remedy = "smallest voltage step", "keep it below the largest voltage step"
             raise OutOfRangeError(
                 quantity="u_low",
                 value=self.u_low,
@@ -209,19 +209,19 @@ class SpringIdentificationPlan:
         maximum=47.0,
         unit="N",
         symbol="F_high",
-        meaning="tension where the sweep turns, below the solid spring's",
+        meaning="tension where the sweep reverses, below that of the solid spring",
     )
     sweep_s: float = number_setting(
-        15.0, minimum=3.0, maximum=120.0, unit="s", symbol="t_s", meaning="time of one sweep up or down"
+        15.0, minimum=3.0, maximum=120.0, unit="s", symbol="t_s", meaning="duration of one rising or falling sweep"
     )
-    cycles: int = integer_setting(2, 1, 10, "n", "number of times up and down")
+    cycles: int = integer_setting(2, 1, 10, "n", "number of cycles, each with a rising and a falling sweep")
     settle_s: float = number_setting(
         2.0,
         minimum=0.5,
         maximum=30.0,
         unit="s",
         symbol="t_0",
-        meaning="time at the lowest tension before the sweep starts",
+        meaning="hold time at the lowest tension before the sweep starts",
     )
 
     def program(self) -> Program:
@@ -231,7 +231,7 @@ class SpringIdentificationPlan:
 
     def phases(self) -> tuple[Phase, ...]:
         """Return the phases: settling, then each rising and falling sweep."""
-        phases = [Phase("settle", "Lowest tension held", 0.0, self.settle_s)]
+        phases = [Phase("settle", "Hold at the lowest tension", 0.0, self.settle_s)]
         for sweep in range(2 * self.cycles):
             start = self.settle_s + sweep * self.sweep_s
             name = "up" if sweep % 2 == 0 else "down"
@@ -270,7 +270,7 @@ class ActuatorIdentificationPlan:
     )
     bits: int = integer_setting(7, 4, 12, "n", "length of the shift register; a period has 2^n - 1 chips")
     periods: int = integer_setting(
-        2, 1, 10, "p", "periods of the sequence; the last third of all is kept for validation"
+        2, 1, 10, "p", "periods of the sequence; the last third of the excitation is used for validation"
     )
     settle_s: float = number_setting(
         8.0,
@@ -278,13 +278,13 @@ class ActuatorIdentificationPlan:
         maximum=60.0,
         unit="s",
         symbol="t_0",
-        meaning="time the tension is held before the excitation starts",
+        meaning="hold time of the tension before the excitation starts",
     )
     estimator: str = choice_setting(
         Method.DEFAULT,
         (Method.DEFAULT, Method.ARX),
         "estimator",
-        "what makes the models from the record; arx is the paper's, of first order",
+        "method that estimates the models from the recording; arx is the first-order method of the paper",
     )
 
     def program(self) -> Program:
@@ -304,8 +304,8 @@ class ActuatorIdentificationPlan:
             minimum=None,
             maximum=MAX_EXCITATION_S,
             unit="s",
-            remedy="take a shorter chip, fewer bits or fewer periods",
-            label="time of all chips together",
+            remedy="choose a shorter chip, fewer bits or fewer periods",
+            label="total duration of the chips",
         )
         return excitation
 
@@ -313,7 +313,7 @@ class ActuatorIdentificationPlan:
         """Return the phases: settling and excitation."""
         end = self.program().duration_s
         return (
-            Phase("settle", "Tension held, no excitation", 0.0, self.settle_s),
+            Phase("settle", "Hold of the tension without excitation", 0.0, self.settle_s),
             Phase("excitation", "Excitation", self.settle_s, end),
         )
 
@@ -356,7 +356,7 @@ def split_values(
     for name, value in values.items():
         if name not in of_loop | of_plan:
             legal = (*sorted(of_plan), *sorted(of_loop))
-            raise SettingError(name, value, f"unknown setting; known are {', '.join(legal)}", legal=legal)
+            raise SettingError(name, value, f"unknown setting; choose one of {', '.join(legal)}", legal=legal)
     return (
         make({name: value for name, value in values.items() if name in of_plan}),
         build_plan(LoopSettings, {name: value for name, value in values.items() if name in of_loop}),

@@ -45,7 +45,9 @@ class PredictedMotion:
     @property
     def message(self) -> str:
         """The problem, or the expected motion."""
-        return self.problem or f"the excitation alone moves it by {self.q_counts:.0f} encoder counts, peak to peak"
+        return (
+            self.problem or f"the excitation alone moves the joint by {self.q_counts:.0f} encoder counts, peak to peak"
+        )
 
 
 def predict_excitation(
@@ -147,7 +149,7 @@ def predict_motor(plan: MotorIdentificationPlan, parameters: PlantParameters) ->
     u_max = min(parameters.select_motor(side).u_max for side in SIDES)
     figures = (
         Expectation("omega_max", "Fastest speed", float(speed), "rad/s"),
-        Expectation("theta_max", "Largest turn, slack side", turn, "rad"),
+        Expectation("theta_max", "Largest rotation, slack side", turn, "rad"),
         Expectation("u_peak_V", f"Largest step, of {u_max:g} V", plan.u_high, "V"),
         Expectation("step_min_s", "Shortest step", min(lengths), "s"),
     )

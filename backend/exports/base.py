@@ -154,7 +154,8 @@ def _inner_documents(document: Any) -> Iterator[Any]:
 FORMAT = 1
 SEAL = "facts_sha256"
 NOTATION = (
-    "SI units, angles in rad. t counts from the first sample. _ref: a reference, _gov: after governor or plan, "
+    "SI units, angles in rad. t counts from the first sample. _ref: a reference, _gov: after reference "
+    "governor or trajectory, "
     "_dot: a derivative, A and B: the two motors with their tendons, lam: lambda. "
     "Equations: docs/reference/notation.md."
 )
@@ -256,7 +257,7 @@ def describe_columns(names: Iterable[str]) -> list[Described]:
     return [
         Described(name, _FIELD[name].symbol, _FIELD[name].unit, _FIELD[name].meaning)
         if name in _FIELD
-        else Described(name, name, "1", "of an earlier version")
+        else Described(name, name, "1", "column of an earlier version")
         for name in ordered
     ]
 

@@ -137,12 +137,12 @@ def get_record_name(record: dict[str, Any]) -> str:
 
 def _gather_run(session: Session, run: Run, gathered: Gathered) -> None:
     if run.end_state == EndState.RUNNING:
-        raise ExportError(f"run {run.id} is not over: bundle it when it is")
+        raise ExportError(f"run {run.id} has not ended: bundle it after its end")
     changed = origins.load_banks_during_run(session, run)
     if changed.computed:
         raise ExportError(
-            f"run {run.id} computes the number of a bank that it changes to, {changed.computed[0][:80]}, which "
-            "elsewhere would be that of another one: export its samples"
+            f"run {run.id} computes the number of a bank that it changes to, {changed.computed[0][:80]}, "
+            f"which could select another bank in another data folder: export only the samples of the run"
         )
     for number in sorted({*changed.numbers, *([] if run.bank_id is None else [run.bank_id])}):
         bank = banks.get(session, number)
@@ -158,7 +158,7 @@ def _gather_run(session: Session, run: Run, gathered: Gathered) -> None:
         if found is not None and found[1] is not None:
             gathered.recorded.append(run.id)
         else:
-            why = "there was no recording" if found is None else found[0].problem or "nothing was recorded"
+            why = "the run has no recording" if found is None else found[0].problem or "nothing was recorded"
             gathered.missing.append(f"samples of run {run.id}: {why}")
 
 
@@ -255,9 +255,9 @@ def _members(archive: zipfile.ZipFile, size: int) -> dict[str, zipfile.ZipInfo]:
     for info in archive.infolist():
         name = info.filename
         if not _NAME.fullmatch(name) or name in found or len(found) >= _MOST_MEMBERS:
-            raise ImportRefusedError(f"a bundle has no member {name[:80]!r}, or not twice")
+            raise ImportRefusedError(f"a bundle cannot contain the member {name[:80]!r}, or only once")
         if info.compress_type != zipfile.ZIP_STORED or info.compress_size != info.file_size or info.flag_bits & 1:
-            raise ImportRefusedError(f"{name} is compressed or encrypted: members of a bundle are stored as they are")
+            raise ImportRefusedError(f"{name} is compressed or encrypted: members of a bundle are neither")
         if info.file_size > (size if name.endswith(".parquet") else min(size, _LARGEST_TEXT)):
             raise ImportRefusedError(f"{name} has a stated size of {info.file_size} bytes, which is too large")
         found[name] = info
@@ -272,7 +272,7 @@ def _members(archive: zipfile.ZipFile, size: int) -> dict[str, zipfile.ZipInfo]:
 def _manifest(archive: zipfile.ZipFile, names: Mapping[str, zipfile.ZipInfo]) -> dict[str, Any]:
     manifest = read_json(archive.read(MANIFEST), MANIFEST)
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
-        raise ImportRefusedError(f"{MANIFEST} is not of format {FORMAT}: take the Sinew that wrote it")
+        raise ImportRefusedError(f"{MANIFEST} is not of format {FORMAT}: use the version of Sinew that wrote it")
     members, run, records = manifest.get("members"), manifest.get("run"), manifest.get("records")
     if not isinstance(members, dict) or not isinstance(records, dict) or type(run) is not int:
         raise ImportRefusedError(f"{MANIFEST} names no run, no records or no members")
@@ -280,7 +280,7 @@ def _manifest(archive: zipfile.ZipFile, names: Mapping[str, zipfile.ZipInfo]) ->
         if name not in names:
             raise ImportRefusedError(f"{name[:80]} is missing")
         if not isinstance(members.get(name), dict):
-            raise ImportRefusedError(f"{name} is in the file, and {MANIFEST} does not name it")
+            raise ImportRefusedError(f"{name} is in the file, but {MANIFEST} does not name it")
         if members[name].get("sha256") != _hash(archive, name):
             raise _make_hash_error(archive, name, records)
     return manifest

@@ -159,7 +159,9 @@ def read_export(file: Path) -> tuple[Facts, Iterator[Batch]]:
     """
     kind = file.suffix.removeprefix(".").lower()
     if kind not in set(DataFormat):
-        raise ImportRefusedError(f"it is none of {', '.join(f'.{one}' for one in DataFormat)}")
+        raise ImportRefusedError(
+            f"its type is not supported, choose one of {', '.join(f'.{one}' for one in DataFormat)}"
+        )
     file.stat()  # a missing file raises OSError
     with _translate_errors():
         facts, batches = _READ[DataFormat(kind)](file)
@@ -180,4 +182,4 @@ def _translate_errors() -> Iterator[None]:
         raise
     except Exception as error:
         first = (str(error).splitlines() or [type(error).__name__])[0]
-        raise ImportRefusedError(f"it is damaged, or no file of this kind: {first}") from error
+        raise ImportRefusedError(f"it is damaged or of another type: {first}") from error

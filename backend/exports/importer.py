@@ -127,13 +127,13 @@ def require_matching_facts(facts: Facts, batches: Iterable[Batch]) -> None:
     if samples != facts.samples:
         raise ImportRefusedError(f"it holds {samples} samples, its metadata state {facts.samples}")
     if digest.hex() != facts.sha256:
-        raise ImportRefusedError(f"its samples are not those that were exported: their sha256 is {digest.hex()}")
+        raise ImportRefusedError(f"its samples differ from the exported ones: their sha256 is {digest.hex()}")
 
 
 def get_run(facts: Facts) -> dict[str, Any]:
     """Return the run of an export. Raises ImportRefusedError."""
     if facts.run is None:
-        raise ImportRefusedError(f"it is of {facts.of}, no run")
+        raise ImportRefusedError(f"it is of {facts.of}, not of a run")
     try:
         return parse_required_record(RUN, facts.run)
     except UnfitDocumentError as error:
@@ -144,7 +144,7 @@ def get_run_number(facts: Facts) -> int:
     """Return the number of the run at its origin. Raises ImportRefusedError."""
     kind, _, number = facts.of.partition(" ")
     if kind != RUN or not number.isdecimal() or len(number) > 9:
-        raise ImportRefusedError(f"it is of {facts.of[:40]}, no run")
+        raise ImportRefusedError(f"it is of {facts.of[:40]}, not of a run")
     return int(number)
 
 
@@ -161,7 +161,7 @@ def same_run(session: Session, document: Mapping[str, Any], facts: Facts | None)
     if here is not None and recorded and facts is not None:
         removed = recordings.get(session, here).removed_at is not None
         if not removed and compute_recording_digest(session, here) != facts.sha256:
-            raise ImportRefusedError(f"run {here} is this one, and has other samples here")
+            raise ImportRefusedError(f"run {here} is the same run, but has other samples here")
     return here
 
 
@@ -249,7 +249,7 @@ def import_bundle(
                     check_run=check_run,
                 )
             if (RUN, bundle.run) not in numbers:
-                raise ImportRefusedError(f"run {bundle.run}, which it is of, is not among its records")
+                raise ImportRefusedError(f"run {bundle.run}, to which the bundle belongs, is not among its records")
             run_id = numbers[RUN, bundle.run]
             if (
                 new
@@ -355,12 +355,12 @@ def _renumber(document: Document, numbers: Numbers, *, unconnected: bool) -> Doc
         renumbered[ENTRIES] = [here(entry) for entry in renumbered[ENTRIES]]
     if "settings" in document and not unconnected:
         if computed := find_bank_changes(document["settings"]).computed:
-            raise ImportRefusedError(f"it computes the number of a bank, {computed[0][:80]}: take its samples in alone")
+            raise ImportRefusedError(f"it computes the number of a bank, {computed[0][:80]}: import only its samples")
         renumbered["settings"] = renumber_banks(document["settings"], lambda was: _number(BANK, was, numbers))
     return renumbered
 
 
 def _number(kind: str, was: Any, numbers: Numbers) -> int:
     if (kind, was) not in numbers:
-        raise ImportRefusedError(f"it names {kind} {was}, which is not before it in the bundle")
+        raise ImportRefusedError(f"it names {kind} {was}, which does not precede it in the bundle")
     return numbers[kind, was]

@@ -41,7 +41,8 @@ def write(export: Export, folder: Path) -> Iterator[bytes]:
     rows = export.facts.samples
     if 8 * rows + 128 > LARGEST:
         raise ExportError(
-            f"{export.facts.of} has {rows} samples, a MATLAB file of version 5 takes {(LARGEST - 128) // 8} at most: "
+            f"{export.facts.of} has {rows} samples, a MATLAB file of version 5 can contain "
+            f"{(LARGEST - 128) // 8} at most: "
             "choose Parquet, which MATLAB reads with parquetread"
         )
     return _pieces(export, folder)
@@ -118,7 +119,9 @@ def read_matlab(file: Path) -> tuple[Facts, Iterator[Batch]]:
     facts = read_facts(_text(file, found.pop(FACTS)[0]))
     missing = [name for name in facts.names if found.get(name, (0, 0))[1] != facts.samples]
     if missing:
-        raise ImportRefusedError(f"{missing[0]} has not {facts.samples} samples: the file was cut, or saved again")
+        raise ImportRefusedError(
+            f"{missing[0]} has not {facts.samples} samples: the file was truncated or saved again by another program"
+        )
 
     def batches() -> Iterator[Batch]:
         with file.open("rb") as opened:
@@ -148,9 +151,9 @@ def _vectors(file: Path) -> dict[str, tuple[int, int]]:
             head = opened.read(256)
             kind, length = _TAG.unpack_from(head)
             if place + _TAG.size + length > size:
-                raise ImportRefusedError("the file was cut off")
+                raise ImportRefusedError("the file is truncated")
             if kind == _COMPRESSED:
-                raise ImportRefusedError("it is compressed, which an export is not: it was saved again")
+                raise ImportRefusedError("it is compressed, unlike an export: another program saved it again")
             if kind == _MATRIX and len(head) >= 64 and head[16] in (_CHARACTERS, *_CLASS.values()):
                 rows, columns = struct.unpack_from("<ii", head, 32)
                 named, letters = _TAG.unpack_from(head, 40)
@@ -167,5 +170,5 @@ def _text(file: Path, place: int) -> bytes:
         opened.seek(place - _TAG.size)
         kind, length = _TAG.unpack(opened.read(_TAG.size))
         if kind != _UTF8:
-            raise ImportRefusedError(f"its text {FACTS} is not in UTF-8: it was saved again")
+            raise ImportRefusedError(f"its text {FACTS} is not in UTF-8: another program saved the file again")
         return opened.read(length)

@@ -191,12 +191,12 @@ def _require_small(chunk: "Chunk") -> None:
     from zstandard import frame_content_size
 
     if chunk.compression not in ("", "zstd"):
-        raise ImportRefusedError(f"a chunk of it is packed by {chunk.compression[:20]}: an export is packed by zstd")
+        raise ImportRefusedError(f"a chunk of it is compressed with {chunk.compression[:20]}; an export uses zstd")
     inside = frame_content_size(chunk.data) if chunk.compression else len(chunk.data)
     if (size := max(inside, chunk.uncompressed_size)) > _LARGEST:
         raise ImportRefusedError(
-            f"a chunk of it unpacks to {size} bytes, where {_LARGEST} are the most and an export has a million: "
-            "export the run again"
+            f"a chunk of it decompresses to {size} bytes, but {_LARGEST} are the maximum, and an export "
+            f"has a million: export the run again"
         )
 
 

@@ -128,7 +128,7 @@ class Gateway:
         """Accept ``key`` from now on; clients with the previous key are disconnected."""
         if key != self._key:
             self._key = key
-            why = "the token was replaced: take the new address"
+            why = "the token was replaced: use the new address"
             await asyncio.gather(*(_disconnect(client, POLICY_VIOLATION, why) for client in tuple(self._clients)))
 
     def _check_request(self, connection: ServerConnection, request: Request) -> Response | None:
@@ -143,7 +143,7 @@ class Gateway:
                 "the address needs ?token= with the viewer's token, as sinew foxglove prints it",
             )
         if len(self._clients) >= MOST_CLIENTS:
-            return HTTPStatus.SERVICE_UNAVAILABLE, f"{MOST_CLIENTS} are connected already"
+            return HTTPStatus.SERVICE_UNAVAILABLE, f"{MOST_CLIENTS} clients are already connected"
         return None
 
     async def _relay(self, client: ServerConnection) -> None:
@@ -226,7 +226,8 @@ def _get_port(server: Server) -> int:
 
 LOG_TOPIC = "/log"
 NOTATION = (
-    "SI units, angles in rad. t counts from the start of the loop. _ref: a reference, _gov: after governor or plan, "
+    "SI units, angles in rad. t counts from the start of the loop. _ref: a reference, _gov: after "
+    "reference governor or trajectory, "
     "_dot: a derivative, A and B: the two motors with their tendons, lam: lambda. "
     "Equations: docs/reference/notation.md."
 )
@@ -328,7 +329,7 @@ class Publisher:
         if self._began_ns is None or frame.first_tick < self._version or not self._samples.has_sinks():
             return
         if frame.missed:
-            words = f"{frame.missed} samples before this one are missing here; the recording has them"
+            words = f"{frame.missed} samples before this one are missing here; the recording contains them"
             self._log_message(words, messages.LogLevel.Warning, "stream", frame.first_tick)
         ticks = np.arange(frame.first_tick, frame.first_tick + frame.columns.shape[1])
         batch = {"t": ticks * T_s, **dict(zip(STORED_NAMES, frame.columns, strict=True))}
@@ -390,8 +391,8 @@ async def serve_foxglove(
                         shown = key
                     has_received, why = await _listen(source, publisher)
                 if has_received or why != reported:  # only once per interruption
-                    publisher.publish_disconnected(f"{why}: nothing new is shown until it answers")
-                    report(f"{why}; it is tried again each second")
+                    publisher.publish_disconnected(f"{why}: no new data is shown until the service responds")
+                    report(f"{why}; the connection is retried every second")
                     reported = why
                 await asyncio.sleep(AGAIN_S)
     finally:

@@ -419,18 +419,19 @@ def _read_document(name: str) -> str:
 
 
 OUTCOMES: dict[Outcome, str] = {
-    Outcome.PASSED: "Every criterion was measured on the whole run and held.",
-    Outcome.FAILED: "At least one criterion was measured and did not hold; one that failed decides.",
-    Outcome.INCOMPLETE: "The run ended early, or a criterion could not be measured: nothing passes unseen.",
-    Outcome.NEUTRAL: "Nothing to judge by: this kind of run has no criteria.",
+    Outcome.PASSED: "Every criterion was measured on the whole run and passed.",
+    Outcome.FAILED: "At least one criterion was measured and failed; one failed criterion decides.",
+    Outcome.INCOMPLETE: "The run ended early, or a criterion could not be measured: a criterion passes "
+    "only if it was measured completely.",
+    Outcome.NEUTRAL: "No verdict: this kind of run has no criteria.",
 }
 
 CRITERIA: dict[str, tuple[str, str, str]] = {
-    "pass": ("pass", "The figure was measured on all of the run and lies on the right side of its bound.", ""),
-    "fail": ("fail", "The figure violates its bound; the measured data suffice for this verdict.", ""),
+    "pass": ("pass", "The metric was measured on the whole run and satisfies its bound.", ""),
+    "fail": ("fail", "The metric violates its bound; the measured data suffice for this verdict.", ""),
     "not_measured": (
         "not measured",
-        "The figure was not measured, or only in part, for the given reason. It is neither passed nor failed.",
+        "The metric was not measured, or only in part, for the given reason. It is neither passed nor failed.",
         f"a step is measured from rest, and has settled within ±{100 * SETTLING_BAND:g} %",
     ),
 }
@@ -438,21 +439,22 @@ CRITERIA: dict[str, tuple[str, str, str]] = {
 
 GRADES: dict[Grade, tuple[str, str]] = {
     Grade.USABLE: (
-        "The model may be used for tuning: no test speaks against it.",
-        f"fit ≥ {validation.GOOD_FIT_PERCENT:g} % on unseen data, "
-        f"K and T known to ±{validation.CAUTION_STD_PERCENT:g} %, "
-        f"gain within {validation.CAUTION_GAIN_ERROR_PERCENT:g} % of geometry, no Coulomb friction found",
+        "The model may be used for tuning: it passed every test.",
+        f"fit ≥ {validation.GOOD_FIT_PERCENT:g} % on validation data, standard errors of K and T within "
+        f"±{validation.CAUTION_STD_PERCENT:g} %, "
+        f"gain within {validation.CAUTION_GAIN_ERROR_PERCENT:g} % of the geometric value, no Coulomb friction found",
     ),
     Grade.CAUTION: (
         "The model may be used; the listed reasons name what is uncertain.",
-        f"fit ≥ {validation.MIN_FIT_PERCENT:g} %, K and T known to ±{validation.MAX_STD_PERCENT:g} %, gain within "
-        f"{validation.MAX_GAIN_ERROR_PERCENT:g} % of geometry",
+        f"fit ≥ {validation.MIN_FIT_PERCENT:g} %, standard errors of K and T within "
+        f"±{validation.MAX_STD_PERCENT:g} %, gain within "
+        f"{validation.MAX_GAIN_ERROR_PERCENT:g} % of the geometric value",
     ),
     Grade.UNUSABLE: (
         "No gains should be computed from this model, for the listed reasons.",
         f"less than {validation.MIN_COUNTS:g} counts of motion, fit < {validation.MIN_FIT_PERCENT:g} %, "
-        f"K or T not known to ±{validation.MAX_STD_PERCENT:g} %, "
-        f"or gain more than {validation.MAX_GAIN_ERROR_PERCENT:g} % off geometry",
+        f"a standard error of K or T beyond ±{validation.MAX_STD_PERCENT:g} %, "
+        f"or gain more than {validation.MAX_GAIN_ERROR_PERCENT:g} % off the geometric value",
     ),
 }
 """Meaning and rule of each grade; a number that could not be computed never improves a grade."""
@@ -460,10 +462,10 @@ GRADES: dict[Grade, tuple[str, str]] = {
 ENDS: dict[EndState, str] = {
     EndState.RUNNING: "The run is in progress: samples are still recorded.",
     EndState.COMPLETED: "The program of the run was completed, or the session was ended normally.",
-    EndState.STOPPED: "Somebody pressed STOP or ended the service before the run was over.",
-    EndState.TRIPPED: "A fault stopped the run; the timing of it is in the flight record.",
+    EndState.STOPPED: "A person pressed STOP or stopped the service before the run ended.",
+    EndState.TRIPPED: "A fault stopped the run; its timing is in the flight record.",
     EndState.LINK_LOST: "The page that held control was lost, and the loop stopped softly.",
-    EndState.SERVICE_DIED: "The service died or hung, and the loop stopped automatically.",
+    EndState.SERVICE_DIED: "The service failed or hung, and the control loop stopped automatically.",
 }
 
 MODES: dict[Mode, str] = {
@@ -472,51 +474,52 @@ MODES: dict[Mode, str] = {
     Mode.RUN: "The loops of position and stiffness are closed and follow the references; everything is recorded.",
     Mode.COMPLIANCE: "The joint loop is open: q_ref acts through geometry alone and a push moves the joint. "
     "Stiffness stays controlled.",
-    Mode.IDENTIFY: "An excitation is played to identify motors, springs or the actuator.",
-    Mode.EXPERIMENT: "A program of references is played by the loop itself.",
+    Mode.IDENTIFY: "An excitation is applied to identify motors, springs or the actuator.",
+    Mode.EXPERIMENT: "The control loop executes a program of references.",
     Mode.STOPPING: "The joint is brought to rest under tension, then to zero volts.",
-    Mode.TRIPPED: "A fault is latched at zero volts; reset leads to off once its cause is gone.",
+    Mode.TRIPPED: "A fault is latched at zero volts; Reset returns to mode off after the cause is removed.",
 }
 
 CAUSES: dict[Cause | HomingEnd, str] = {
     Cause.ASKED_FOR: "A person or a script requested this mode.",
     Cause.PROGRAM: "An experiment or identification began its program.",
-    Cause.PROGRAM_ENDED: "A program came to its end.",
+    Cause.PROGRAM_ENDED: "A program ended.",
     Cause.CONTACT: "A contact was detected; the joint is compliant until a mode is chosen.",
     Cause.STANDING: "A soft stop has brought the joint to rest.",
     Cause.RESET: "A latched fault was acknowledged.",
-    Cause.MOTOR_TRIAL: "The bring-up tries the direction of a motor at low voltage.",
-    Cause.MOTOR_TRIED: "The trial of a motor's direction is over.",
+    Cause.MOTOR_TRIAL: "The bring-up tests the direction of a motor at low voltage.",
+    Cause.MOTOR_TRIED: "The test of a motor's direction has ended.",
     Cause.HOMING: "The bring-up drives the joint to its end switch.",
-    HomingEnd.HOMED: "The end switch closed where it should: the joint has its zero.",
-    HomingEnd.NOT_REACHED: "The joint reached the end of its travel without meeting the end switch; no zero was set.",
+    HomingEnd.HOMED: "The end switch closed at the expected position and set the zero of the joint.",
+    HomingEnd.NOT_REACHED: "The joint reached the end of its travel without reaching the end switch; no zero was set.",
     HomingEnd.STUCK_CLOSED: "The end switch did not open as the joint left it; no zero was set.",
     HomingEnd.WRONG_WAY: "The joint moved away from the end switch; no zero was set.",
     HomingEnd.JOINT_HELD: "The joint did not follow the motors; no zero was set.",
-    HomingEnd.MOTOR_OFF: "A motor did not come to where it was sent; no zero was set.",
-    HomingEnd.TENSION: "A tendon pulled harder than homing allows; no zero was set.",
+    HomingEnd.MOTOR_OFF: "A motor did not reach its reference; no zero was set.",
+    HomingEnd.TENSION: "The tension of a tendon exceeded the limit of homing; no zero was set.",
     HomingEnd.SLACK: "A tendon went slack during homing; no zero was set.",
-    HomingEnd.TOO_LONG: "Homing took longer than it may; no zero was set.",
+    HomingEnd.TOO_LONG: "Homing exceeded its time limit; no zero was set.",
 }
 
 CHAIN: dict[str, tuple[str, str]] = {
-    "page": ("Page in control", "The page that holds control sends signs of life. After 2 s without one the loop "
+    "page": ("Page in control", "The page that holds control sends heartbeats. After 2 s without one the loop "
              "holds its references; 2 s later the loop stops softly."),
     "service": ("Service", "The loop receives the heartbeat of the service; after 0.34 s without it the loop stops "
                 "softly."),
     "loop": ("Loop process", "Samples arrive from the 1 kHz loop; after 1 s without one the loop counts as failed."),
     "watchdog": ("Watchdog, drive-enable", "The card disables the drives if the loop does not write in time; a test "
                  "proves this before each start."),
-    "safety_module": ("Safety module", "Independent of the controller: it cuts the motors at F_max or at the end of "
+    "safety_module": ("Safety module", "Independent of the controller: it disables the motors at F_max or at the end of "
                       "the joint's range and stays tripped until it is acknowledged at the rig."),
 }  # fmt: skip
 """Term and meaning of each link of the safety chain; each watches the one before it."""
 
 STEPS: dict[StepState, str] = {
     StepState.NEVER: "This step of the bring-up has not been done for this wiring.",
-    StepState.CURRENT: "Done, and it still holds for this wiring and for the time it is good for.",
-    StepState.OUT_OF_DATE: "Done once; wiring, start of the loop or age have made it doubtful since.",
-    StepState.FAILED: "Done last without success.",
+    StepState.CURRENT: "Done, and still valid for this wiring and within its period of validity.",
+    StepState.OUT_OF_DATE: "Done, but out of date since a change of the wiring, a start of the control "
+    "loop or the end of its period of validity.",
+    StepState.FAILED: "The last execution failed.",
 }
 
 SETUP: dict[ChecklistState, str] = {

@@ -121,7 +121,7 @@ def test_the_estimated_force_is_compared_with_the_reaction_of_the_load_cells() -
             columns["F_ext_hat"] = unknown
         figures = compute_compliance_metrics(columns, R_J, LEAD_IN_S)
         assert figures.rmse_estimated_N is None
-        assert "no estimate" in figures.reasons["rmse_estimated_N"]
+        assert "no complete estimate" in figures.reasons["rmse_estimated_N"]
 
 
 # Measured and predicted deviations of pushes, on the simulator and for known signals.
@@ -239,8 +239,7 @@ def test_how_soon_the_joint_is_back_and_why_that_is_not_known() -> None:
     )
     tight = plan_of(with_parts(HELD, STEP))
     assert (
-        "nothing was held after"
-        in compute_push_metrics(columns(tight), tight.program(), of(tight)).reasons["pushed_back_s"]
+        "no hold followed" in compute_push_metrics(columns(tight), tight.program(), of(tight)).reasons["pushed_back_s"]
     )
 
 
@@ -257,10 +256,10 @@ def test_a_push_without_prediction_is_measured_with_a_reason() -> None:
 def test_a_run_that_ended_before_a_push_or_has_none_gives_nothing() -> None:
     plan = plan_of(PUSHED)
     early = {name: column[:6900] for name, column in columns(plan).items()}
-    with pytest.raises(NoSamplesError, match="the run ended before the pushes were over"):
+    with pytest.raises(NoSamplesError, match="the run ended before the pushes were completed"):
         compute_push_metrics(early, plan.program(), of(plan))
     still = plan_of(with_parts(HELD, REST))
-    with pytest.raises(NoSamplesError, match="nothing pushes the joint"):
+    with pytest.raises(NoSamplesError, match="the experiment contains no push"):
         compute_push_metrics(columns(still), still.program(), of(still))
     part = {name: column[:12500] for name, column in columns(plan).items()}
     assert len(measure_pushes(part, plan.program(), of(plan))) == 1
@@ -347,14 +346,14 @@ def test_a_reading_that_is_none_is_not_at_rest() -> None:
     seen["q"][3000] = np.nan
     figures = compute_hold_metrics(seen, plan.program(), LAB)
     assert (figures.held_q_swing_counts, figures.held_off_counts) == (None, None)
-    assert figures.reasons["held_off_counts"] == "a sample of it holds no number"
+    assert figures.reasons["held_off_counts"] == "a sample of the signal has no valid value"
     assert figures.held_u_swing_V == 0.0
 
 
 def test_nothing_held_to_its_end_gives_nothing() -> None:
     plan = plan_of(with_parts(MOVE, HOLD))
     early = {name: column[:-1] for name, column in columns_holds(plan).items()}
-    with pytest.raises(NoSamplesError, match="nothing was held to its end"):
+    with pytest.raises(NoSamplesError, match="no hold was completed"):
         compute_hold_metrics(early, plan.program(), LAB)
 
 
@@ -518,7 +517,7 @@ def test_hits_with_reaction_and_none_like_them_without_are_compared_with_nothing
     assert figures.reaction_impulse is None
     reason = f"the hit at 12 N·m/rad and {Quantity(0.3, 'rad/s')} has no counterpart"
     assert reason in figures.reasons["reaction_impulse"]
-    assert figures.reasons["soft_to_stiff_peak"] == "all hits were at 8 N·m/rad"
+    assert figures.reasons["soft_to_stiff_peak"] == "all hits have the same S_ref, 8 N·m/rad"
 
 
 def columns_impact(*hits: tuple[float, float, float], ticks: int = 1000) -> dict[str, Array]:
@@ -563,11 +562,12 @@ def test_a_hit_has_its_peak_its_impulse_with_all_bounces_and_its_speed() -> None
 @pytest.mark.parametrize(
     ("hits", "reason"),
     [
-        (((8.0, 0.3, 4.0), (8.0, 0.3, 5.0)), "all hits were at 8 N·m/rad"),
-        (((8.0, 0.3, 4.0), (8.0, 0.4, 4.0), (15.0, 0.3, 5.0)), "2 hits were soft and 1 stiff"),
+        (((8.0, 0.3, 4.0), (8.0, 0.3, 5.0)), "all hits have the same S_ref, 8 N·m/rad"),
+        (((8.0, 0.3, 4.0), (8.0, 0.4, 4.0), (15.0, 0.3, 5.0)), "2 hits were at the lowest stiffness and 1 stiff"),
         (
             ((8.0, 0.3, 4.0), (15.0, 0.4, 5.0)),
-            f"hits at {Quantity(0.3, 'rad/s')} and {Quantity(0.4, 'rad/s')} cannot be compared",
+            f"hits at {Quantity(0.3, 'rad/s')} and {Quantity(0.4, 'rad/s')} cannot be compared: their "
+            f"speeds differ too much",
         ),
     ],
 )
@@ -596,5 +596,5 @@ def test_without_a_wall_without_a_hit_and_before_there_were_walls_there_is_nothi
     else:
         seen["F_wall"] = np.full_like(seen["t"], force)
     assert find_hits(seen) == ()
-    with pytest.raises(NoSamplesError, match="no wall was hit"):
+    with pytest.raises(NoSamplesError, match="the joint did not hit an obstacle"):
         compute_impact_metrics(seen)

@@ -114,9 +114,9 @@ def test_a_failed_measure_has_a_reason_and_does_not_affect_others() -> None:
             criteria=(Bound(figure="push_back_s", below=1.0), Bound(figure="min_tension_N", above=4.0)),
         )
     )
-    assert (figures["push_back_s"].value, figures["push_back_s"].reason) == (None, "nothing pushes the joint")
+    assert (figures["push_back_s"].value, figures["push_back_s"].reason) == (None, "the experiment contains no push")
     assert figures["min_tension_N"].value == 15.0
-    assert (criteria["push_back_s"].passed, criteria["push_back_s"].reason) == (None, "nothing pushes the joint")
+    assert (criteria["push_back_s"].passed, criteria["push_back_s"].reason) == (None, "the experiment contains no push")
     assert criteria["min_tension_N"].passed is True
 
 
@@ -190,7 +190,7 @@ def test_a_criterion_has_its_own_name_or_that_of_its_metric() -> None:
 def test_a_bound_without_a_value_passes_nothing() -> None:
     criterion = judged(Bound(figure="min_tension_N", above="1 / (depth - 0.5)"))
     assert criterion.passed is None
-    assert criterion.reason.startswith("its bound could not be had: ")
+    assert criterion.reason.startswith("the bound cannot be evaluated: ")
 
 
 def test_a_figure_that_was_not_measured_is_judged_with_its_reason() -> None:
@@ -202,10 +202,10 @@ def test_a_figure_that_was_not_measured_is_judged_with_its_reason() -> None:
 @pytest.mark.parametrize(
     ("bound", "told", "line"),
     [
-        ({"figure": "back_s", "below": 1.0}, "'back_s' is not a measured figure of this experiment (steps)", 31),
-        ({"figure": "rmse_q"}, "it needs a bound, either below or above", 30),
-        ({"figure": "rmse_q", "below": 1.0, "above": 0.0}, "it needs a bound, either below or above", 30),
-        ({"figure": "rmse_q", "below": "u_least"}, "'u_least' is not known here; known are depth, u_max", 30),
+        ({"figure": "back_s", "below": 1.0}, "'back_s' is not a metric that this experiment measures (steps)", 31),
+        ({"figure": "rmse_q"}, "a criterion needs exactly one bound: below or above", 30),
+        ({"figure": "rmse_q", "below": 1.0, "above": 0.0}, "a criterion needs exactly one bound: below or above", 30),
+        ({"figure": "rmse_q", "below": "u_least"}, "'u_least' is not known here; choose one of depth, u_max", 30),
         ({"figure": "rmse_q", "below": "__import__('os')"}, "is not taken", 30),
     ],
 )

@@ -101,7 +101,7 @@ def test_the_bandwidth_of_a_lag_is_one_over_its_time(lag_s: float) -> None:
     assert figures.resonance_q_dB == 0.0
     assert (figures.min_tension_N, figures.peak_voltage_V) == (18.0, 3.0)
     assert figures.bandwidth_S_Hz is None
-    assert figures.reasons["bandwidth_S_Hz"] == "the reference of S alone was not excited to the end"
+    assert figures.reasons["bandwidth_S_Hz"] == "the reference of S has no completed excitation of its own"
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ def test_a_bandwidth_above_the_highest_line_has_a_reason() -> None:
 def test_a_response_that_was_not_played_to_its_end_is_not_measured() -> None:
     program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
     early = {name: column[:-10] for name, column in columns_of(program).items()}
-    with pytest.raises(NoSamplesError, match="no excitation of one reference alone was played to its end"):
+    with pytest.raises(NoSamplesError, match="no excitation of a single reference was completed"):
         compute_response_metrics(early, program)
 
 
@@ -140,7 +140,7 @@ def test_both_references_at_once_are_no_response_of_one() -> None:
 
 @pytest.mark.parametrize(
     ("q", "reason"),
-    [(np.nan, "a sample of it holds no number"), (0.02, "q did not follow its reference at the lowest")],
+    [(np.nan, "a sample of the signal has no valid value"), (0.02, "q did not follow its reference at the lowest")],
 )
 def test_a_joint_without_motion_or_samples_has_no_response(q: float, reason: str) -> None:
     program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
@@ -181,7 +181,7 @@ def test_a_bandwidth_far_below_the_lowest_line_is_not_measured() -> None:
     f = np.array([0.5, 1.0, 1.5])
     found, reason = compute_bandwidth(Response("q", f, lags(f, 0.5, 2)))
     assert found is None
-    assert reason.startswith("its gain is 0.29 already at 0.5 Hz, the lowest line")
+    assert reason.startswith("the gain is 0.29 already at 0.5 Hz, the lowest line")
 
 
 def test_the_resonance_is_that_over_the_gain_at_rest() -> None:
@@ -303,7 +303,7 @@ def test_a_lag_is_measured_line_by_line_and_compared_with_its_prediction() -> No
     assert told.gain_off_q_dB == pytest.approx(off[within].max())
     assert told.unlike_q_percent == pytest.approx(0.0, abs=0.1)
     assert told.residual_q_percent == pytest.approx(0.0, abs=0.2)
-    assert told.reasons["gain_off_S_dB"] == "the reference of S alone was not excited to the end"
+    assert told.reasons["gain_off_S_dB"] == "the reference of S has no completed excitation of its own"
 
 
 def test_a_line_that_does_not_repeat_is_not_measured_and_the_others_are() -> None:
@@ -330,8 +330,8 @@ def test_what_no_line_explains_is_the_residual() -> None:
     ("limit", "words"),
     [
         (Limit.VOLTAGE_B, "the voltage of motor B was clipped for 0.02 s"),
-        (Limit.GOVERNOR, "the governor held the reference back for 0.02 s"),
-        (Limit.TENSION_FLOOR, "a tendon was kept from going slack for 0.02 s"),
+        (Limit.GOVERNOR, "the reference governor limited the reference for 0.02 s"),
+        (Limit.TENSION_FLOOR, "the lower tension limit was active for 0.02 s"),
     ],
 )
 def test_where_a_limit_acted_nothing_is_measured(limit: Limit, words: str) -> None:
@@ -389,11 +389,11 @@ def test_a_change_of_lambda_changes_the_prediction_and_another_bank_has_none() -
     np.testing.assert_allclose(slow.expected, same.expected)
     other = made(LEAD_IN, "{do: tuning, bank: 3}", MULTISINE_BODE)
     assert build_bode_lines(seen(other), other.plan.program(), other)[0].unpredicted == (
-        "a bank was in use that the run did not begin with"
+        "the bank was changed during the run"
     )
     lost = made(LEAD_IN, MULTISINE_BODE, tuning=TuningSettings(bank=3))
     told = figures(lost, seen(lost))
-    assert told.reasons["gain_off_q_dB"] == "the bank that was in use is not stored with the run, or cannot be read"
+    assert told.reasons["gain_off_q_dB"] == "the active bank is not stored with the run or cannot be read"
     assert told.bandwidth_q_Hz is not None
 
 
@@ -408,5 +408,5 @@ def test_a_bank_that_cannot_be_read_and_a_tuning_of_other_bounds_spoil_no_result
 def test_what_was_not_played_to_its_end_is_not_measured() -> None:
     in_force = made(LEAD_IN, MULTISINE_BODE)
     early = {name: column[:-10] for name, column in seen(in_force).items()}
-    with pytest.raises(NoSamplesError, match="no excitation of one reference alone was played to its end"):
+    with pytest.raises(NoSamplesError, match="no excitation of a single reference was completed"):
         figures(in_force, early)

@@ -71,7 +71,10 @@ def test_overshoot_needs_a_step_that_came_to_rest_or_that_overshot() -> None:
     came_to = 100 * (1 - 4 * math.exp(-3))  # 1 − (1 + x) exp(−x) at x = 3
     assert short.overshoot_percent is None
     assert short.reasons["reach_s"] == f"the signal reached {came_to:.0f} % of the step within its duration"
-    assert short.reasons["overshoot_percent"] == "it was not within ±2 % of its reference when its time was over"
+    assert (
+        short.reasons["overshoot_percent"] == "the signal was not within ±2 % of its reference at the "
+        "end of the step's duration"
+    )
     assert short.steady_error is None
     rings = 1 + 0.3 * np.cos(6 * t)
     rings[0] = 0.0

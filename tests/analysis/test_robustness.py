@@ -106,7 +106,10 @@ def test_a_deviation_that_does_not_end_or_is_lost_in_the_encoder_passes_nothing(
     lasting = {**columns, "theta_A": columns["theta_A"] + 0.1 * (np.arange(columns["q"].size) > LEAD_IN_S / T_s)}
     coarse = compute_robustness_metrics(columns, STEPS, 1.0)
     for found, reason in (
-        (compute_robustness_metrics(lasting, STEPS, 0.0), "% of its largest deviation, to one side: hold the load"),
+        (
+            compute_robustness_metrics(lasting, STEPS, 0.0),
+            "% of its largest deviation, in one direction: hold the load",
+        ),
         (coarse, "less than 20 encoder counts"),
     ):
         back = robustness_criteria(found, LAM)[0]
@@ -138,14 +141,14 @@ def test_a_motor_that_rests_off_its_reference_fails_with_its_deviation(tmp_path:
     assert source.result is not None
     back = source.result.criteria[0]
     assert (back.passed, back.figure) == (False, 3.5)
-    assert back.reason.startswith("motor A was not back on its reference when the load changed again after 3.5 s")
+    assert back.reason.startswith("motor A had not returned to its reference when the load changed again after 3.5 s")
     swing = float(back.reason.partition(" up to ")[2].partition(" %")[0])
     window = slice(*(round((LEAD_IN_S + turns * 3.5) / T_s) for turns in (1, 2)))
     error = np.abs(source.columns["theta_A_ref"] - source.columns["theta_A"])[window]
     late = error[error.size // 2 :].max()
     assert swing == pytest.approx(100.0 * late / error.max(), abs=1.0)
     assert late > RETURN_SHARE * error.max()
-    assert "to one side" in back.reason  # its integrators rest where joint and stiffness are at their references
+    assert "in one direction" in back.reason  # its integrators rest where joint and stiffness are at their references
     report = build_report(source)
     assert report.outcome == "failed"
     assert any("at least this: motor A was not back" in cell for cell in cells_of(report))
@@ -197,7 +200,7 @@ def test_what_no_plant_can_be_loaded_with_is_refused_before_anything_moves(
     segments = (Segment(0.5, 0.0, 10.0), Segment(0.5, 0.0, 10.0, **loaded))
     told = bench.send(RunProgram(Program(Law.CASCADE, segments), 1))
     assert isinstance(told, Refused)
-    assert ("push" if quantity == "F_push" else "load of a motor's shaft") in told.reason
+    assert ("push" if quantity == "F_push" else "load on a motor's shaft") in told.reason
     assert bench.loop.mode is Mode.RUN
 
 

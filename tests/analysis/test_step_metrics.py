@@ -214,7 +214,7 @@ def test_the_time_to_90_percent_is_that_of_the_largest_q_steps_alone() -> None:
     assert max(item.reach_s or 0.0 for item in metrics.steps if item.step.signal == "q") > 0.9 * 3.88
     declared = type(metrics.overall).__dataclass_fields__["reach_q_s"].metadata
     assert "alone" in declared["label"]
-    assert "while S_ref stays" in declared["definition"]
+    assert "at constant S_ref" in declared["definition"]
 
 
 def test_the_voltage_at_rest_is_that_of_rest_alone() -> None:
@@ -356,9 +356,9 @@ def test_a_joint_that_is_not_back_or_holds_no_number_is_not_measured() -> None:
 
 
 def test_a_run_that_ended_before_the_pushes_were_over_has_no_figures() -> None:
-    with pytest.raises(NoSamplesError, match="before the pushes were over"):
+    with pytest.raises(NoSamplesError, match="before the pushes were completed"):
         compute_disturbance_metrics(columns(np.zeros(4100)), PUSHED)
-    with pytest.raises(NoSamplesError, match="nothing pushes the joint"):
+    with pytest.raises(NoSamplesError, match="the experiment contains no push"):
         compute_disturbance_metrics(columns(np.zeros(4100)), Program(Law.CASCADE, (HELD,)))
 
 

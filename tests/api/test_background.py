@@ -23,14 +23,14 @@ T = TypeVar("T")
 TIMEOUT_S = 60.0
 OWN = str(Path(main.__file__).parent)
 TASKS = {
-    "The watch over lost pages",
+    "The monitor of lost pages",
     "The live stream",
     "The event log",
     "The flight recorder",
     "The watch over the loop process",
     "The sign of life to the loop process",
 }
-THREADS = {"The recorder", "A 3D view", "The heartbeat to the loop process", "The sign of life on the database"}
+THREADS = {"The recorder", "A 3D view", "The heartbeat to the loop process", "The renewal of the database claim"}
 FOREIGN_THREADS = ("MainThread", "the service", "asyncio", "ThreadPoolExecutor", "QueueFeederThread", "Thread-")
 """Those of this test, of awaited calls, and of libraries."""
 
@@ -166,7 +166,7 @@ def test_a_thread_that_is_killed_is_told_and_runs_again(inside: Running, name: s
 
 
 def test_the_joint_is_stopped_softly_when_nobody_watches_over_lost_pages(moving: Running) -> None:
-    moving.call(moving.tasks()["The watch over lost pages"].cancel)
+    moving.call(moving.tasks()["The monitor of lost pages"].cancel)
     state = wait_for(moving.client, "mode", "tripped")
     assert isinstance(state["fault"], dict)
     assert state["fault"]["code"] == "operator_lost"

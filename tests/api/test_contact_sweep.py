@@ -108,7 +108,7 @@ def test_other_motion_aborts_the_sweep_and_keeps_its_points(database: Database) 
 
         for end, why, then in (
             (by_reference, "other references were set", (-0.1, 9.0)),
-            (by_control, "does not hold control any more", (0.2, 11.5)),
+            (by_control, "no longer holds control", (0.2, 11.5)),
             (by_push, "the joint is pushed", (0.2, 10.0)),
             (by_mode, "the mode is compliance now", None),
             (by_stop, "the mode is tripped now", None),
@@ -264,7 +264,7 @@ def test_from_the_command_line(service: Service, running: httpx.Client) -> None:
     assert (refused.status_code, problem(refused)["path"]) == (422, ["sweep"])
     swept = sinew("touch", "sweep", folder=service.data)
     assert (swept.returncode, swept.stderr) == (0, "")
-    for said in ("1 of 5: 8 N·m/rad", "5 of 5: 15 N·m/rad", "N with nothing outside", "contact reaction disabled"):
+    for said in ("1 of 5: 8 N·m/rad", "5 of 5: 15 N·m/rad", "N without external force", "contact reaction disabled"):
         assert said in swept.stdout
     learned = json.loads(sinew("touch", "show", "--json", folder=service.data).stdout)["learned"]
     assert [point["S"] for point in learned] == pytest.approx([8.0, 9.75, 11.5, 13.25, 15.0], abs=0.2)
@@ -275,7 +275,7 @@ def test_from_the_command_line(service: Service, running: httpx.Client) -> None:
     ended = running.get("/api/state").json()["touch"]["sweep"]
     assert (ended["under_way"], ended["why"]) == (False, "the mode is pretension now")
     assert "held in mode run" in sinew("touch", "sweep", folder=service.data).stderr
-    assert "nothing is learned" in sinew("touch", "forget", folder=service.data).stdout
+    assert "no bias is calibrated" in sinew("touch", "forget", folder=service.data).stdout
 
 
 # The bias after a sweep, between its points, compared with springs and true angles.

@@ -143,7 +143,7 @@ def test_a_clock_that_goes_back_ends_control() -> None:
 def test_another_page_of_the_same_person_is_another_page() -> None:
     desk = Desk()
     first = desk.take(ANA).page_key
-    with pytest.raises(RequestRejectedError, match="another page of yours"):
+    with pytest.raises(RequestRejectedError, match="another of your pages"):
         desk.take(ANA)
     desk.take(ANA, take_over=True)
     assert desk.refusal(ANA, CommandToken(first, 1)) == "control_lost"
@@ -329,6 +329,6 @@ def test_a_reload_keeps_control_and_a_copy_of_the_page_gets_none(service: Servic
         assert off.get("/api/state").json()["holder"]["epoch"] == resumed["epoch"]
         assert problem(ana.browser.post("/api/control", json={"resume": before}))["code"] == "control_lost"
         assert problem(ana.command("POST", "/api/reset"))["code"] == "control_lost"
-        assert "another page of yours" in str(problem(ana.take())["message"])
+        assert "another of your pages" in str(problem(ana.take())["message"])
         assert ana.take(take_over=True).is_success
         assert ana.key not in off.get("/api/state").text

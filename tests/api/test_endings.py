@@ -107,4 +107,4 @@ def test_a_data_folder_taken_away_is_told_and_nothing_is_lost_once_it_is_back(tm
         # What the service still holds open can be saved, and saving it does not hide what has happened.
         saved = operator.post("/api/system/backups").raise_for_status().json()
         assert (data / "backups" / saved["name"]).stat().st_size == saved["size_bytes"]
-        wait_for_problems(operator, "another one has replaced it")
+        wait_for_problems(operator, "it was replaced")

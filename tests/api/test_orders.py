@@ -159,7 +159,7 @@ def test_what_motors_and_springs_will_do_is_told_before(operator: httpx.Client) 
     assert motor["enough_motion"]
     assert figures["omega_max"] == pytest.approx(2.86 * 5.0, rel=0.02)
     assert motor["F_low"] == 0.0
-    assert "nothing holds it while the tendons are slack" in motor["message"]
+    assert "it is free while the tendons are slack" in motor["message"]
     spring = operator.post("/api/identifications/prediction", json={"kind": "spring"}).json()
     figures = {figure["name"]: figure["value"] for figure in spring["figures"]}
     assert figures["x_max"] == pytest.approx(0.0577, abs=5e-4)

@@ -66,7 +66,7 @@ def test_what_waits_is_moved_to_its_place(off: httpx.Client) -> None:
     assert order_after(second, 1) == [first, second, third]
     beyond = off.put(f"/api/experiments/queue/{first}/place", json={"place": 3})
     assert beyond.status_code == 422
-    assert problem(beyond)["message"] == "position in the queue: 3 is outside 0 to 2; choose a value between the two"
+    assert problem(beyond)["message"] == "position in the queue: 3 is outside 0 to 2; choose a value in this range"
     gone = off.put("/api/experiments/queue/999999/place", json={"place": 0})
     assert (gone.status_code, "is not in the queue" in str(problem(gone)["message"])) == (404, True)
 

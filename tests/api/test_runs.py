@@ -423,7 +423,7 @@ def test_a_change_counts_at_once_and_a_removed_one_is_no_signal(operator: httpx.
     [
         ("made", "F_C * 2", "the nearest is F_"),
         ("made", "q +", "is not an expression"),
-        ("q", "2 * S", "cannot name a formula"),
+        ("q", "2 * S", "is not a valid name of a formula"),
         ("f_Mean", "q", "differs from 'F_mean' only in case"),
     ],
 )

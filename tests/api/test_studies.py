@@ -100,7 +100,7 @@ def test_a_study_is_stopped_and_resumed_and_another_waits_for_its_turn(operator:
             "tuning parameter of the position loop: 9 s is outside 0.01 to",
         ),
         (HEAD + "axes: [{over: motor.c9, values: [1.0]}]", 5, "the plant has no such numeric parameter"),
-        ("format: 3", 1, "is not known: this Sinew reads format 1"),
+        ("format: 3", 1, "is not a known format: this version of Sinew reads format 1"),
         ("]", 1, "it is neither YAML nor JSON"),
     ],
 )

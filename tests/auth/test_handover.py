@@ -151,7 +151,7 @@ def test_an_offer_moves_control_only_when_the_other_takes_it(desk: Desk) -> None
     assert desk.holder == "Vera"
     assert desk.told == [
         "Ana: offered control to Vera: lunch",
-        "Vera: did not take control from Ana: mine too",
+        "Vera: declined the control offered by Ana: mine too",
         "Ana: offered control to Vera: lunch",
         "Vera: control handed over by Ana: lunch",
     ]
@@ -248,7 +248,7 @@ def test_what_was_handed_over_by_who_has_lost_control_is_not_taken(desk: Desk) -
     with refusal():
         desk.take(VERA, number)
     assert (desk.holder, desk.standing(number)) == ("Oda", "freed")
-    assert desk.told[-1] == ": Ana does not hold control any more"
+    assert desk.told[-1] == ": Ana no longer holds control"
 
 
 def test_who_takes_control_over_while_asking_asks_no_longer(desk: Desk) -> None:
@@ -283,7 +283,7 @@ def test_both_may_take_back_what_they_have_said(desk: Desk) -> None:
 
 
 def test_who_cannot_ask_is_told_what_to_do(desk: Desk) -> None:
-    for who, words in ((ANA, "another page of yours"), (SCRIPT, "an open page")):
+    for who, words in ((ANA, "another of your pages"), (SCRIPT, "an open page")):
         with pytest.raises(RequestRejectedError, match=words):
             desk.ask(who)
     desk.ask(VERA)

@@ -62,7 +62,10 @@ def test_entries_come_out_in_order_of_stiffness(ideal: PlantParameters) -> None:
         ((), "needs at least one"),
         ((GOOD[0], GOOD[1], entry(10.6, 25.0)), r"entry 2 and entry 3 are 0\.05 N·m/rad apart"),
         ((entry(10.0, 30.0), entry(12.0, 20.0)), "tension that is not higher"),
-        ((GOOD[0], entry(10.55, 20.0, K_q=0.066)), r"entry 2 has K_q = 0\.066, \+32 % from the 0\.05 of geometry"),
+        (
+            (GOOD[0], entry(10.55, 20.0, K_q=0.066)),
+            r"entry 2 has K_q = 0\.066, \+32 % from the value " r"0\.05 of geometry",
+        ),
         ((entry(10.55, 20.0, K_S=1.7),), "K_S = 1.7"),
         ((entry(10.55, 20.0, T_q=12.0),), "not robust at any λ"),
         ((entry(10.55, 20.0, T_S=float("nan")),), "T_S = nan"),

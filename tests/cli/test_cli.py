@@ -99,7 +99,9 @@ def test_an_experiment_on_a_plant_without_the_methods_lambda_says_which_stands_f
     ended = command(*order, "--set", 'segments=[{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}]')
     assert ended.returncode == 0, ended.stderr
     moved, lam_q = ended.stderr.splitlines()[0].rsplit(" → ", 1)
-    assert moved == "the method's default is not offered for these models, the nearest that is: λ_q 0.5"
+    assert (
+        moved == "the method's default is outside the safe range of these models; the nearest safe tuning is: λ_q 0.5"
+    )
     assert ended.stdout.startswith(f"tuning: λ_q {lam_q} (default), λ_S 0.42 s (default), ")
 
 
@@ -181,7 +183,7 @@ def test_help_tells_units_and_needs_nothing_heavy() -> None:
 
 def test_doctor_speaks_to_programs(tmp_path: Path) -> None:
     findings = json.loads(process("doctor", "--json", "--data", str(tmp_path)).stdout)
-    assert {"scheduling", "memory", "1 ms beat", "DAQ card"} <= {finding["what"] for finding in findings}
+    assert {"scheduling", "memory", "1 ms period", "DAQ card"} <= {finding["what"] for finding in findings}
     assert all(set(finding) == {"what", "found", "remedy"} for finding in findings)
 
 
@@ -203,7 +205,7 @@ def test_recordings_beyond_the_limit_are_listed_and_go_when_named(
     run = recorded(database, days=90)
     database.close()
     words = ["db", "recordings", "--data", str(tmp_path)]
-    assert "nothing has to go" in command(*words).stdout
+    assert "nothing needs to be deleted" in command(*words).stdout
     monkeypatch.setenv("SINEW_RECORDINGS_GB", "0.00001")
     listed = command(*words).stdout
     assert "the samples of 1 run older than 30 days" in " ".join(listed.split())

@@ -139,7 +139,7 @@ def test_all_that_lies_beside_a_report_is_compared(command: Command, tmp_path: P
     assert (status, told["samples"]) == (1, str(samples))
     assert names == ["run 1 of the data folder, samples of q from 1 s to 2 s"]
     done = command("report", "verify", str(report), folder=here)
-    assert f"computed from {samples}; compared with it: run 1 of the data folder" in " ".join(done.stderr.split())
+    assert f"computed from {samples}; also compared: run 1 of the data folder" in " ".join(done.stderr.split())
     checked = command("db", "check", "--json", folder=here)
     document = json.loads(checked.stdout)
     assert (checked.returncode, document["whole"], document["recordings"]) == (1, False, 1)
@@ -352,7 +352,7 @@ def test_a_report_proves_where_it_comes_from(command: Command, tmp_path: Path) -
     assert verified("--key", key["public_key"], file=out / "report.pdf") == (0, True, {**by, "key": "given"})
     assert not elsewhere.exists()
     unknown = command("report", "verify", str(report), folder=elsewhere).stdout
-    assert "an unknown key: that proves nothing" in " ".join(unknown.split())
+    assert "an unknown key: it does not prove" in " ".join(unknown.split())
     other = json.loads(command("report", "key", "--json", folder=tmp_path / "third").stdout)["public_key"]
     status, holds, of = verified("--key", other)
     assert (status, holds, of["key"]) == (1, False, "unknown")

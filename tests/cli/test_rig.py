@@ -45,7 +45,7 @@ def test_the_shipped_wiring_is_in_order(monkeypatch: pytest.MonkeyPatch, capsys:
     with pytest.raises(SystemExit) as ended:
         main()
     assert not ended.value.code
-    assert "pcie-6323: channels, units and calibrations are in order" in capsys.readouterr().out
+    assert "pcie-6323: channels, units and calibrations are valid" in capsys.readouterr().out
 
 
 def test_each_mistake_is_told_with_its_line(
@@ -195,7 +195,7 @@ def test_a_tare_at_the_terminal_is_what_the_service_shows(
     assert shown["tare"]["result"]["who"] == current_user()
     assert shown["tare"]["result"]["figures"] == told_of["tare"]["result"]["figures"]
     assert status == 1
-    assert f"bring the rig up on its page Bring-up at {service.url}" in complaint
+    assert f"use the page Bring-up at {service.url}" in complaint
 
 
 @pytest.mark.live
@@ -256,7 +256,7 @@ def test_a_step_given_up_while_a_motor_is_driven_ends_at_zero_volts_and_proves_n
                 result = await playing
                 assert (result.passed, result.text) == (
                     False,
-                    "it was given up after a motor had been tried: do it again",
+                    "the step was abandoned after a motor test: repeat it",
                 )
                 await supervisor.advance(0.05)
                 return supervisor, driven, volts(supervisor)
@@ -287,7 +287,7 @@ def test_answers_of_a_pipe_end_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
         terminal = Terminal()
         await terminal.confirm("Turn the joint")
         typed = await terminal.ask("weight", "number")
-        for why in ("given up", "come to its end"):
+        for why in ("given up", "has ended"):
             with pytest.raises(AbandonedError, match=why):
                 await terminal.confirm("Go on")
         return typed

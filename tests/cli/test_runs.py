@@ -43,7 +43,7 @@ def test_a_run_its_lineage_and_its_report_move_to_an_empty_installation(command:
     held = command("report", "verify", str(report), folder=there)
     assert (held.returncode, "holds: every number" in held.stdout) == (0, True), held.stderr
     again = command("runs", "import", str(file), folder=there)
-    assert (again.returncode, again.stdout.strip()) == (0, "run 1 is here already, as run 1: nothing is done")
+    assert (again.returncode, again.stdout.strip()) == (0, "run 1 is already stored as run 1: nothing was imported")
     one, other = (json.loads(command("runs", "lineage", "1", "--json", folder=data).stdout) for data in (here, there))
     assert [node["sha256"] for node in other["nodes"]] == [node["sha256"] for node in one["nodes"]]
 

@@ -228,9 +228,9 @@ def a_log_without_its_database(data: Path) -> None:
 @pytest.mark.parametrize(
     ("breaks", "words"),
     [
-        (an_empty_token, "token holds no usable token; delete the file"),
-        (a_short_token, "viewer-token holds no usable token; delete the file"),
-        (a_token_of_random_bytes, "token holds no usable token; delete the file"),
+        (an_empty_token, "token contains no usable token; delete the file"),
+        (a_short_token, "viewer-token contains no usable token; delete the file"),
+        (a_token_of_random_bytes, "token contains no usable token; delete the file"),
         (a_folder_for_a_token, "token"),
         (an_empty_database, "sinew db restore"),
         (something_else_for_a_database, "sinew db restore"),

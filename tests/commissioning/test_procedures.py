@@ -179,7 +179,7 @@ def test_more_weights_show_whether_one_load_cell_has_a_line(true: dict[str, Any]
         assert cell.tendon == "B"
         assert (cell.slope, cell.offset) == pytest.approx((9.4, -0.22), rel=2e-3)
     else:
-        assert "off its line by" in finding.text
+        assert "deviates from its line by" in finding.text
 
 
 def test_a_tare_takes_the_volts_without_load() -> None:
@@ -199,7 +199,7 @@ def test_homing_reports_its_findings_and_withdraws_contradicted_directions() -> 
     rig.rig.prove_directions(proven=True)
     (finding,) = played(rig, StepId.HOME)
     assert not finding.passed
-    assert "a motor did not switch where it was sent: do the direction step again" in finding.text
+    assert "a motor did not switch where it was sent: repeat the direction step" in finding.text
     assert "directions are not proven" in rig.rig.unproven
 
 
@@ -275,7 +275,7 @@ def test_a_load_cell_that_is_lost_at_the_trip_has_not_seen_the_motors_let_go() -
             rig.rig.inject(InjectedFault(InjectedFaultKind.SATURATION, Sensor.F_B))
 
     async def mend(words: str) -> None:
-        if "Set the module's limit back" in words:
+        if "Restore the limit of the module" in words:
             rig.rig.inject(None)
 
     rig.in_phase, rig.meanwhile = lose, mend
@@ -305,7 +305,7 @@ def test_a_loop_that_stopped_for_another_reason_is_not_reset() -> None:
     assert not finding.passed
     assert "not because of the safety module" in finding.text
     assert mode is Mode.TRIPPED
-    assert not any("Set the module's limit back" in words for words in rig.asked)
+    assert not any("Restore the limit of the module" in words for words in rig.asked)
 
 
 @pytest.mark.parametrize(("cuts", "named"), [((False, False), "motor A"), ((True, False), "motor B")])

@@ -226,7 +226,7 @@ def test_a_lockout_that_cannot_be_stored_is_reported(tmp_path: Path) -> None:
     tmp_path.rmdir()
     database.close()
     asyncio.run(lockout.store(True, "Ada"))
-    assert "could not be kept for the next start" in lockout.problem
+    assert "could not store this for its next start" in lockout.problem
 
 
 class NeverAnswers(Supervisor):

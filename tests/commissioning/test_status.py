@@ -240,7 +240,7 @@ def test_a_zero_holds_good_for_one_day_and_not_for_one_days(tmp_path: Path) -> N
     zero = status.store_result(database, StepId.ZERO, WIRING, PASSED, "Ada")
     wired = wiring_fingerprint(WIRING)
     assert status.determine_step_status(STEP[StepId.ZERO], zero, wired, begun).why == (
-        "it holds good for 1 day from when it was done"
+        "the result is valid for 1 day after its execution"
     )
     database.close()
 

@@ -182,7 +182,7 @@ def test_control_is_offered_to_somebody_who_says_yes_or_no(browser: Browser, ser
         assert vera.holder == "Vera"
         assert vera.log(4) == [
             ("Ana", "offered control to Vera: lunch"),
-            ("Vera", "did not take control from Ana"),
+            ("Vera", "declined the control offered by Ana"),
             ("Ana", "offered control to Vera: lunch, really"),
             ("Vera", "control handed over by Ana: lunch, really"),
         ]

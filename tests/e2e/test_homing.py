@@ -53,10 +53,10 @@ def test_the_motors_find_the_zero_at_the_end_switch(operator: Operator, service:
     steps = {step["id"]: step for step in told(page, service)["steps"]}
     assert steps["home"]["result"]["passed"], steps["home"]
     found = dict(figures(steps["home"]))
-    assert 0.9 * POSITION_RAD < found["joint was driven over"] < POSITION_RAD + 0.3
+    assert 0.9 * POSITION_RAD < found["motion of the joint"] < POSITION_RAD + 0.3
     assert found["largest voltage"] <= 1.5
-    assert abs(found["joint position now"]) < 0.05
+    assert abs(found["current joint position"]) < 0.05
     # It does for the zero by hand, on the page too.
     zero = page.get_by_role("region", name="4. Zero", exact=True)
-    expect(zero).to_contain_text("Homing has set it")
+    expect(zero).to_contain_text("Homing has set the zero")
     expect(page.get_by_role("main")).to_contain_text(TEXTS["someDone"].format(done=6, count=8))

@@ -277,7 +277,7 @@ AFTER_S = {
 
 TOO_EARLY = {
     "robustness": (9.0, "both motors were loaded and released"),
-    "disturbance_battery": (8.0, "the pushes were over"),
+    "disturbance_battery": (8.0, "the pushes were completed"),
 }
 """Some time [s] before it, and what was not over by then."""
 

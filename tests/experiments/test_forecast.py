@@ -127,7 +127,7 @@ def test_several_runs_and_both_other_kinds_take_as_long_as_announced() -> None:
     told = announced(bench, plans, lab)
     compare(bench, told, play(bench, plans), room_rad=0.06)
     assert told.let_slack
-    assert "nothing holds it while the tendons are slack" in told.message
+    assert "it is free while the tendons are slack" in told.message
 
 
 def test_what_would_leave_the_range_of_springs_or_joint_is_refused_with_its_figure() -> None:

@@ -57,7 +57,7 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         ("{do: sine, S_amplitude: 3, period_s: 1, duration_s: 1}", "3 N·m/rad is outside -2 to 2 N·m/rad"),
         (
             "{do: sine, q_amplitude: 0.1, q_ref: 0.1, period_s: 1, duration_s: 1}",
-            "q_amplitude: its crest is given twice, by the reference as well",
+            "q_amplitude: amplitude and reference both define the crest: remove one of them",
         ),
         ("{do: sine, q_ref: 1.5, period_s: 1, duration_s: 1}", "q_ref: position reference: 1.5\u202frad is outside"),
         ("{do: ramp, q_ref: 0.1, duration_s: 1, F_push: 31}", "31 N is outside -30 to 30 N"),
@@ -65,47 +65,50 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         ("{do: hold, duration_s: 601}", "601 s is outside 0.01 to 600 s"),
         ("{do: hold}", "duration_s: it is missing"),
         ("{do: hold, duration_s: 1, q_ref: 1}", "q_ref: it is unknown here"),
-        ("{do: dance, duration_s: 1}", "'dance' is not a motion; known are hold, step"),
+        ("{do: dance, duration_s: 1}", "'dance' is not a motion; choose one of hold, step"),
         ("{duration_s: 1}", "a part needs `do`, which names its kind"),
         ("{do: hold, duration_s: .nan}", "'.nan' is not an expression"),
         ("{do: hold, duration_s: 1e999}", "is not taken"),
-        ("{do: hold, duration_s: unknown}", "'unknown' is not known here; known are pi"),
+        ("{do: hold, duration_s: unknown}", "'unknown' is not known here; choose one of pi"),
         ("{do: hold, duration_s: 1 / 0}", "has no value"),
         ("{do: hold, duration_s: 2 ** 1e9}", "has no value"),
-        ("{do: hold, duration_s: \"__import__('os').system('true')\"}", "is not taken: + - * / % **"),
+        ("{do: hold, duration_s: \"__import__('os').system('true')\"}", "is not supported; supported are + - * / % **"),
         ("{do: hold, duration_s: 'pi.real'}", "is not taken"),
         ("{do: hold, duration_s: '[1][0]'}", "is not taken"),
         ("{do: hold, duration_s: \"'1'\"}", "which is not a finite number"),
-        ("{do: tuning, lam_q: 0.1}", "nothing is played after this change of the tuning"),
+        ("{do: tuning, lam_q: 0.1}", "no motion follows this change of the tuning"),
         ("{do: learn}", "no motion follows this calibration"),
-        ("{do: learn, duration_s: 1}", "time at rest that is learned from: 1 s is outside 2 to 600 s"),
-        (FELT.format(1.5), "nothing was learned before it: let the joint rest in a part `do: learn` first"),
+        ("{do: learn, duration_s: 1}", "duration of the calibration at rest: 1 s is outside 2 to 600 s"),
+        (FELT.format(1.5), "nothing was learned before it: add a part `do: learn` at this stiffness first"),
         (
             f"{{do: repeat, times: 1, parts: [{LEARN}, {FELT.format(0.5)}]}}",
-            "force of a contact (0 for none): 0.5 N is outside 1 to 30 N",
+            "contact threshold (0 for none): 0.5 N is outside 1 to 30 N",
         ),
         (
             f"{{do: repeat, times: 1, parts: [{LEARN}, {FELT.format(31)}]}}",
-            "force of a contact: 31 N is outside 0 to 30 N",
+            "contact threshold: 31 N is outside 0 to 30 N",
         ),
         (
             f"{{do: repeat, times: 1, parts: [{LEARN}, {STIFFER}, {FELT.format(1.5)}]}}",
-            "at 12 N·m/rad nothing was learned, only at 10",
+            "at 12 N·m/rad the bias of the external force is not calibrated, only at 10",
         ),
         (
             f"{{do: repeat, times: 1, parts: [{LEARN}, {FELT.replace('{do: hold', '{do: learn').format(2)}]}}",
-            "nothing is learned within what a contact",
+            "no bias is calibrated within what a contact",
         ),
-        (f"{{do: repeat, times: 1, parts: [{LEARN}, {TWICE}]}}", "a contact ends this already"),
+        (
+            f"{{do: repeat, times: 1, parts: [{LEARN}, {TWICE}]}}",
+            "parts that a contact ends cannot contain such parts again",
+        ),
         ("{do: repeat, times: 1000000000, parts: [{do: hold, duration_s: 1}]}", "1·10⁹ is outside 1 to 1000"),
         ("{do: repeat, times: 2.5, parts: [{do: hold, duration_s: 1}]}", "2.5 is not a whole number"),
         (NESTED, "more than 1000, all repetitions counted"),
-        (EMPTY, "it is empty: it needs one at least"),
+        (EMPTY, "it is empty: add at least one item"),
         (TUNINGS, "changes of the tuning are the maximum"),
         (DEEP, "it is nested deeper than 40 times"),
         (
             "{do: repeat, times: 100, parts: [{do: hold, duration_s: 60}]}",
-            "time of all parts up to here: 3606 s is more",
+            "total duration up to this part: 3606 s is more",
         ),
         ("{do: prbs, q_amplitude: 0.1, chip_s: 0.1, bits: 13}", "bits: 13 is outside 4 to 12"),
         ("{do: multisine, q_amplitude: 0.1, period_s: 0.2, lines: 20}", "highest frequency: 100 Hz is more than 50 Hz"),
@@ -113,16 +116,16 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         ("{do: push, F_push: 31, duration_s: 1}", "push: 31 N is outside -30 to 30 N"),
         ("{do: load, load_A: -0.1, duration_s: 1}", "-0.1 N·m is outside 0 to 0.5 N·m"),
         ("{do: choose, by: nothing, of: {a: []}}", "'nothing' is not a setting with choices"),
-        ("&loop {do: hold, duration_s: 1}", "anchors and aliases are not taken"),
-        ("*loop", "anchors and aliases are not taken"),
+        ("&loop {do: hold, duration_s: 1}", "anchors and aliases are not supported"),
+        ("*loop", "anchors and aliases are not supported"),
         ("!!python/object:os.system {do: hold}", "the tag tag:yaml.org,2002:python/object:os.system is not taken"),
         (
             "{do: repeat, index: pi, times: 2, parts: [{do: hold, duration_s: 1}]}",
             "'pi' is taken: give the index another",
         ),
-        ("{do: hold, duration_s: 1, duration_s: 2}", "duration_s: it is given twice"),
+        ("{do: hold, duration_s: 1, duration_s: 2}", "duration_s: the key is given twice"),
         ("{do: hold, duration_s: yes}", "'yes' is not known here"),
-        ("{do: hold, duration_s: 123456789012345678901}", "is not a number that can be meant"),
+        ("{do: hold, duration_s: 123456789012345678901}", "has too many digits for a whole number"),
     ],
 )
 def test_a_part_that_cannot_be_played_is_refused_with_its_line(own: OwnExperiments, part: str, told: str) -> None:
@@ -135,20 +138,25 @@ def test_a_part_that_cannot_be_played_is_refused_with_its_line(own: OwnExperimen
 @pytest.mark.parametrize(
     ("old", "new", "line", "told"),
     [
-        ("min_tension_N", "least_tension", 18, "'least_tension' is not a measured figure of this experiment (steps)"),
-        ("above: 4.0", "above: 4.0, below: 5.0", 18, "it needs a bound, either below or above"),
-        ("above: 4.0", "above: F_least", 18, "'F_least' is not known here; known are depth, u_max"),
+        ("min_tension_N", "least_tension", 18, "'least_tension' is not a metric that this experiment measures (steps)"),
+        ("above: 4.0", "above: 4.0, below: 5.0", 18, "a criterion needs exactly one bound: below or above"),
+        ("above: 4.0", "above: F_least", 18, "'F_least' is not known here; choose one of depth, u_max"),
         ("measures: [steps]", "measures: [songs]", 16, "it should be 'steps', 'compliance'"),
         ("name: swing", "name: lead_in", 11, "another phase has this name"),
         ("name: wobble", "name: tracking", 2, "'tracking' is the name of a ready-made experiment"),
         ("name: wobble", "name: 2nd try", 2, "a name has letters, digits and _"),
-        ("format: 1", "format: 2", 1, "2 is not known: this Sinew reads format 1"),
-        ("name: depth", "name: lam_q", 5, "'lam_q' is taken: by the tuning, the seed or another setting"),
+        ("format: 1", "format: 2", 1, "2 is not a known format: this version of Sinew reads format 1"),
+        (
+            "name: depth",
+            "name: lam_q",
+            5,
+            "'lam_q' is already the name of a tuning setting, of the seed or of another setting",
+        ),
         ("default: 0.2", "default: 0.9", 5, "0.9\u202frad is outside 0.01 to 0.5\u202frad"),
         ("name: depth", "name: u_max", 5, "'u_max' is taken"),
         ("name: depth,", "name: depth, kind: integer,", 5, "the default 0.2 is not a whole number"),
         ("maximum: 0.5}", "}", 5, "depth needs a minimum and a maximum"),
-        ("title: Wobble", "title: Wobble\nlaw: magic", 4, "'magic' is not a control law; known are cascade"),
+        ("title: Wobble", "title: Wobble\nlaw: magic", 4, "'magic' is not a control law; choose one of cascade"),
         ("title: Wobble", "title: [Wobble", 4, "it is neither YAML nor JSON"),
         ("title: Wobble", "titel: Wobble", 3, "it is unknown here"),
     ],
@@ -205,7 +213,7 @@ def test_a_violated_rule_is_named(own: OwnExperiments) -> None:
     rules = "rules:\n  - {that: depth>0.3, remedy: swing further}\n"
     refused = refusal(own, WOBBLE.replace("phases:", f"{rules}phases:", 1))
     assert refused.line == 7
-    assert "depth>0.3 does not hold (depth is 0.2): swing further" in str(refused)
+    assert "depth>0.3 is not satisfied (depth is 0.2): swing further" in str(refused)
 
 
 def test_a_rejected_experiment_is_not_stored(own: OwnExperiments, tmp_path: Path) -> None:
@@ -226,7 +234,7 @@ def test_a_rejected_experiment_is_not_stored(own: OwnExperiments, tmp_path: Path
 )
 def test_nothing_oscillates_around_what_is_not_known(own: OwnExperiments, part: str) -> None:
     told = str(refusal(own, with_parts(part, LEAD_IN)))
-    assert told == "line 8: phases 1, parts 1: its centre is not defined: begin with a step"
+    assert told == "line 8: phases 1, parts 1: the centre of the oscillation is not defined: begin with a step"
     crest = "{do: sine, q_ref: 0.1, S_ref: 10, period_s: 1, duration_s: 1}"
     assert own.check(with_parts(crest, LEAD_IN), load_parameters("lab"), TuningSettings()).segments == 2
     assert "parts 2: its centre is not defined" in str(refusal(own, with_parts(crest, part, LEAD_IN)))
@@ -236,5 +244,5 @@ def test_nothing_oscillates_around_what_is_not_known(own: OwnExperiments, part: 
 def test_a_measure_from_rest_rejects_a_push_during_a_motion(own: OwnExperiments, measure: str) -> None:
     parts, more = (LEAD_IN, "{do: step, q_ref: 0.1, duration_s: 1, F_push: 2}"), f"measures: [steps, {measure}]\n"
     told = str(refusal(own, with_parts(*parts, more=more)))
-    assert told == f"line 9: phases 1, parts 2, F_push: {measure} measures pushes from rest: take a part `do: push`"
+    assert told == f"line 9: phases 1, parts 2, F_push: {measure} measures pushes from rest: use a part `do: push`"
     assert own.check(with_parts(*parts), load_parameters("lab"), TuningSettings()).segments == 2

@@ -123,7 +123,7 @@ def test_values_that_are_not_named_are_the_defaults_and_words_are_read() -> None
 @pytest.mark.parametrize(
     ("values", "error", "told"),
     [
-        ({"width": 1}, SettingError, "unknown setting; known are depth, turns, how, sure"),
+        ({"width": 1}, SettingError, "unknown setting; choose one of depth, turns, how, sure"),
         ({"depth": 2.0}, OutOfRangeError, "amplitude: 2\u202frad is outside 0 to 1.57"),
         ({"depth": float("nan")}, OutOfRangeError, "amplitude"),
         ({"depth": float("inf")}, OutOfRangeError, "amplitude"),
@@ -161,8 +161,8 @@ def test_a_wrong_value_is_refused_as_of_any_other_setting(
         (declared(default="first"), "'first' is not known here"),
         (declared(maximum="1 / 0"), "has no value"),
         (declared(maximum="2 ** 1e9"), "has no value"),
-        (declared(kind="choice", default="c", choices=("a", "b")), "the default 'c' is none of its choices"),
-        (declared(kind="choice", default="c"), "the default 'c' is none of its choices"),
+        (declared(kind="choice", default="c", choices=("a", "b")), "the default 'c' is not one of its choices"),
+        (declared(kind="choice", default="c"), "the default 'c' is not one of its choices"),
         (declared(kind="boolean", default=3), "it needs true or false"),
     ],
 )
@@ -183,7 +183,7 @@ def test_rules_hold_or_say_which_values_break_them() -> None:
     with pytest.raises(ExperimentError) as refused:
         require_rules(asked, build_settings(asked, {}), {"low": 0.8, "high": 0.8}, (), lines)
     assert str(refused.value) == (
-        "line 21: rules 1, that: low < high does not hold (low is 0.8, high is 0.8): keep low below high"
+        "line 21: rules 1, that: low < high is not satisfied (low is 0.8, high is 0.8): keep low below high"
     )
 
 

@@ -110,7 +110,7 @@ def test_what_is_no_list_of_segments_is_refused() -> None:
             written(words)
     with pytest.raises(ExperimentError, match="1000"):
         plan_of(*[{**GOOD, "duration_s": 1}] * 1001)
-    with pytest.raises(OutOfRangeError, match="segment 7, time of all parts up to here: 4200 s is more than 3600 s"):
+    with pytest.raises(OutOfRangeError, match="segment 7, total duration up to this part: 4200 s is more than 3600 s"):
         plan_of(*[GOOD] * 7)
     words = "segment 2, stiffness reference: 20 N·m/rad is outside 8 to 15 N·m/rad; "
     with pytest.raises(OutOfRangeError, match=words) as refused:
@@ -131,7 +131,7 @@ def test_what_is_no_list_of_segments_is_refused() -> None:
 def test_settings_that_are_of_no_sequence_stay_and_are_refused_by_their_reader(plan: dict[str, Any]) -> None:
     settings = {"plan": plan, "loop": {}, "declared": []}
     assert upgrade_run_settings(settings) == settings
-    with pytest.raises(ExperimentError, match="no form that is known"):
+    with pytest.raises(ExperimentError, match="not stored in a known form"):
         parse_stored_plan("sequence", plan)
 
 

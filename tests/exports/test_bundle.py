@@ -195,7 +195,7 @@ def forged(change: Callable[[Any], None], *, alone: bool = False) -> Callable[[d
         (lambda d: first(d, "identification").update(model=[]), "identification 1: "),
         (lambda d: d["records"].append(d["records"][0] | {"kind": "setting", "number": 1}), "no records of kind"),
         (lambda d: first(d, "run").update(who="Bob"), "recordings/1.parquet: it is of another run"),
-        (lambda d: d["records"].reverse(), "which is not before it in the bundle"),
+        (lambda d: d["records"].reverse(), "which does not precede it in the bundle"),
         (lambda d: first(d, "bank").pop("note"), "a bank has the parts"),
         (lambda d: first(d, "bank")["entries"][0].update(S_nominal="x"), "S_nominal of a bank entry cannot be 'x'"),
         (lambda d: first(d, "bank")["entries"][0].update(S_nominal=-5), "S_nominal .* '-5': it is a stiffness above 0"),

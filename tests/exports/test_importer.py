@@ -182,7 +182,7 @@ def mat_that_swells(file: Path, facts: str) -> None:
     ("kind", "swell", "why"),
     [
         ("mcap", mcap_that_swells, "unpacks to 167.* bytes, where 8388608 are the maximum .* export the run again"),
-        ("mat", mat_that_swells, "it is compressed, which an export is not"),
+        ("mat", mat_that_swells, "it is compressed, unlike an export"),
     ],
 )
 def test_what_would_swell_is_refused_unopened(

@@ -83,7 +83,7 @@ def test_no_more_than_the_most_are_inside_however_they_come() -> None:
                 kept = [await silent(port) for _ in range(MOST_CLIENTS + 2)]
                 await until_inside(door, MOST_CLIENTS)
                 last, _ = kept[-1]
-                assert b"are connected already" in await last.read()
+                assert b"clients are already connected" in await last.read()
                 for _, writer in kept:
                     writer.close()
                 return len(door._clients)

@@ -181,8 +181,8 @@ def test_a_replaced_token_ends_what_it_opened_and_a_service_that_dies_is_told_an
             os.kill(first.pid, signal.SIGKILL)
             told = next(said for said in client.heard() if isinstance(said, dict))
             assert (told["op"], told["level"]) == ("status", 2)
-            assert "nothing new is shown until it answers" in told["message"]
-            assert "tried again" in says.readline()
+            assert "no new data is shown until the service responds" in told["message"]
+            assert "retried" in says.readline()
             with running_service(first.data, params="ideal"):
                 gone = next(said for said in client.heard() if isinstance(said, dict) and said["op"] != "status")
                 assert gone == {"op": "removeStatus", "statusIds": [told["id"]]}

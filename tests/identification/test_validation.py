@@ -261,7 +261,7 @@ def test_a_motor_without_friction_is_usable_and_right(kind: str) -> None:
     assert found.verdict.grade is Grade.USABLE
     assert claimed(found) < 4.0
     assert (
-        f"K and T known to ±{100.0 * found.first_order.deviations[1] / found.first_order.T:.2g}"
+        f"standard errors of K and T within ±{100.0 * found.first_order.deviations[1] / found.first_order.T:.2g}"
         in found.verdict.sentence
     )
 

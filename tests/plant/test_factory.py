@@ -48,7 +48,7 @@ def test_an_outsider_checks_drives_and_reports_a_plant_of_a_package(site: Path, 
     played = sinew(site, "rig", "conformance", "--plant", "replay", "--recording", str(file))
     assert played.returncode == 0, played.stderr
     assert "not tried" in played.stdout
-    assert "replay: keeps what a plant promises" in played.stderr
+    assert "replay: meets the requirements of the plant interface" in played.stderr
 
 
 def package(folder: Path, name: str, entry: str, code: str, plant: str = "odd") -> None:
@@ -146,4 +146,4 @@ def test_a_plant_that_breaks_its_promise_ends_the_check_with_a_line(tmp_path: Pa
     checked = sinew(tmp_path, "rig", "conformance", "--plant", "mute")
     assert checked.returncode == 1
     assert "broken     Once it is open, its description says" in checked.stdout
-    assert checked.stderr.strip() == "sinew: mute: 1 of 16 promises are not kept"
+    assert checked.stderr.strip() == "sinew: mute: 1 of 16 requirements of the plant interface are not met"

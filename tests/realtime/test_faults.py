@@ -339,7 +339,7 @@ WITHOUT_UNIT = re.compile(r"(?<![\w.-])-?\d+(?:\.\d+)?(?![\d.]|:? (?:rad|N|V|s|m
     [
         (
             InjectedFault(InjectedFaultKind.JUMP, Sensor.Q),
-            r"A sensor jumped further than the rig can move: q went from .* to .* rad\.",
+            r"A sensor changed faster than the rig can move: q went from .* to .* rad\.",
         ),
         (InjectedFault(InjectedFaultKind.JUMP, Sensor.F_A), r".*: F_A went from .* to .* N\."),
         (
@@ -352,20 +352,20 @@ WITHOUT_UNIT = re.compile(r"(?<![\w.-])-?\d+(?:\.\d+)?(?![\d.]|:? (?:rad|N|V|s|m
         ),
         (
             InjectedFault(InjectedFaultKind.DRIFT_UP, Sensor.F_A),
-            r"A tendon pulled harder than its limit: F_A = .* N above .* N; F_B = .* N\.",
+            r"The tension of a tendon exceeded its limit: F_A = .* N above .* N; F_B = .* N\.",
         ),
         (
             InjectedFault(InjectedFaultKind.DRIFT_DOWN, Sensor.F_A),
             r"A tendon was slack for too long: F_A = .* N below .* N for .*; F_B = .* N\.",
         ),
-        (InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.Q), r"A sensor gave no number: no number from q\."),
+        (InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.Q), r"A sensor returned no valid value: no number from q\."),
         (
             InjectedFault(InjectedFaultKind.DRIFT_DOWN, Sensor.THETA_A),
             r"Tension and motor positions contradict each other: F_A = .*",
         ),
         (
             InjectedFault(InjectedFaultKind.SAFETY_TRIP),
-            r"The independent safety module cut the motors: .*F_A = .* N, F_B = .* N, q = .* rad .*",
+            r"The independent safety module disabled the motors: .*F_A = .* N, F_B = .* N, q = .* rad .*",
         ),
     ],
     ids=lambda value: f"{value.kind}-{value.sensor}" if isinstance(value, InjectedFault) else "",

@@ -194,10 +194,10 @@ def test_it_says_what_the_language_of_experiments_says(q: float, S: float, expre
 @pytest.mark.parametrize(
     ("expression", "said"),
     [
-        ("F_C + 1", "there is no signal 'F_C': the nearest is F_"),
+        ("F_C + 1", "there is no signal 'F_C'; the closest name is F_"),
         ("theta_a", "the nearest is theta_A"),
         ("t * 2", "there is no signal 't'"),
-        ("1 + 2", "speaks of no signal"),
+        ("1 + 2", "contains no signal"),
         ("q +", "is not an expression"),
         ("q.real", "is not taken"),
         ("__import__('os')", "is not taken"),

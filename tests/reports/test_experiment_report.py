@@ -145,7 +145,7 @@ def test_a_stopped_run_is_incomplete() -> None:
 
 
 def test_what_was_not_measured_is_said_with_its_reason_in_every_table(tracking_source: RunData) -> None:
-    """The steps of q take longer than their holds: nothing of them can be told, and none is drawn as a dash."""
+    """The steps of q take longer than their holds: no result of them can be told, and none is drawn as a dash."""
     report = tracking_report(source_of(samples(PLAN, lam_q=3.0)))
     assert report.outcome == "incomplete"
     assert report.verdict.startswith("2 of 4 criteria were not measured: Overshoot of q, ")
@@ -187,7 +187,7 @@ def test_a_result_of_an_older_version_is_shown_and_says_what_it_lacks(tracking_s
 
 def test_a_run_without_samples_still_has_a_report(tracking_source: RunData) -> None:
     empty = {name: column[:0] for name, column in tracking_source.columns.items()}
-    run = replace(tracking_source.run, evaluation_problem="the run holds no samples of its program")
+    run = replace(tracking_source.run, evaluation_problem="the run contains no samples of its program")
     report = tracking_report(RunData(run, None, empty, None))
     assert report.outcome == "incomplete"
     assert "no samples" in report.verdict

@@ -194,7 +194,7 @@ def test_directions_whose_trial_is_given_up_are_proven_neither_in_the_loop_nor_o
         step = await shown()
         assert (step.running, step.state) == (None, StepState.FAILED)
         assert step.result is not None
-        assert "given up after a motor had been tried" in step.result.text
+        assert "abandoned after a motor test" in step.result.text
         assert "directions are not proven" in rig.unproven
         assert not parts.supervisor.setup.commissioning_results.directions_proven  # nor at the next start
 

@@ -267,7 +267,9 @@ def test_a_parameter_file_that_has_changed_is_told_now_and_at_the_next_start(
     assert (version.number, said_of_it) == (1, "parameters of Ana restored: version 1 over mine")
     version, said_of_it = app.load_parameter_version(database, load_parameters(file))
     assert version.number == 0
-    assert said_of_it.startswith("the parameters are those of the file mine: what Ana applied last was over other ones")
+    assert said_of_it.startswith(
+        "the active parameters are those of the file mine: what Ana applied last belong to another file"
+    )
 
 
 @pytest.mark.live

@@ -94,7 +94,10 @@ def test_default_uses_the_nearest_lambda_in_range(tmp_path: Path) -> None:
         tuning, saved = (client.get(f"/api/tuning{path}").raise_for_status().json() for path in ("", "/saved"))
     lam_q = tuning["lam_q"]
     assert tuning["lam_q_min"] <= lam_q < tuning["lam_q_min"] + 1e-3
-    said = f"the method's default is not offered for these models, the nearest that is: λ_q 0.5 → {lam_q:g} s"
+    said = (
+        f"the method's default is outside the safe range of these models; the nearest safe tuning is: "
+        f"λ_q 0.5 → {lam_q:g} s"
+    )
     assert (saved["lam_q"], saved["who"], saved["moved"]) == (lam_q, None, said)
     with closing(open_database(tmp_path)) as database, database.reading() as session:
         told = [event.text for event in events.between(session, datetime.min.replace(tzinfo=UTC), None)]
@@ -121,8 +124,8 @@ def test_default_after_other_parameters_is_moved_into_range(
     assert restored.choice == replace(TuningSettings(), lam_q=restored.choice.lam_q, u_plan=restored.choice.u_plan)
     assert restored.choice.u_plan > 0.0
     assert said == (
-        "defaults active: the last tuning belongs to other parameters; the method's default is not offered for "
-        f"these models, the nearest that is: λ_q 0.5 → {restored.choice.lam_q:g} s"
+        "defaults active: the last tuning belongs to other parameters; the method's default is outside "
+        "the safe range of these models; the nearest safe tuning is: λ_q 0.5 → {restored.choice.lam_q:g} s"
     )
 
 
@@ -508,7 +511,7 @@ def test_undo_after_a_trial_returns_to_before_it(database: Database, bank_walk: 
         for lam_q in (0.7, 0.8):
             await tuning_service.start_trial(TrialRequest(lam_q=lam_q, duration_s=60.0), WHO)
             assert earlier(parts) == DEFAULT
-            with pytest.raises(RequestRejectedError, match="on trial"):
+            with pytest.raises(RequestRejectedError, match="in progress"):
                 await tuning_service.undo(WHO)
         await tuning_service.end_trial(True, WHO)
         assert earlier(parts) == replace(DEFAULT, lam_q=0.6)

@@ -44,7 +44,7 @@ METRICS = Metrics(
     complete=True,
     played_s=2.0,
     planned_s=2.0,
-    figures=(MeasuredFigure("overshoot", "%", "Overshoot", "largest, in per cent of its step", 0.5),),
+    figures=(MeasuredFigure("overshoot", "%", "Overshoot", "largest overshoot, in percent of its step", 0.5),),
 )
 CRITERION = RunCriterion("overshoot", "Overshoot", "<", 1.0, 0.5, "%", passed=True)
 NEW_IDENTIFICATION = NewIdentification(

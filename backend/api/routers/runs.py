@@ -78,9 +78,10 @@ def list_runs(
     ] = None,
     search: Annotated[str, Query(max_length=100, description="words in kind, title, note, person or tags")] = "",
     where: Annotated[
-        tuple[Where, ...], Query(max_length=10, description="searches, see docs/reference/search.md; all have to fit")
+        tuple[Where, ...],
+        Query(max_length=10, description="searches, see docs/reference/search.md; a run must match all of them"),
     ] = (),
-    everywhere: Annotated[bool, Query(description="of all stations, not of this one only")] = False,
+    everywhere: Annotated[bool, Query(description="include all stations, not only this one")] = False,
     limit: Annotated[int, Query(ge=1, le=500)] = 100,
     offset: Annotated[int, Query(ge=0, le=2**31)] = 0,
 ) -> RunList:
@@ -157,12 +158,15 @@ def show_moment(id: RowId, body: ReplayRequest, service: CurrentService, _person
 async def _parse_slice(
     id: RowId,
     from_s: Annotated[
-        Finite, Query(alias="from", ge=0.0, le=LONGEST_S, description="begin, from the run's first sample [s]")
+        Finite, Query(alias="from", ge=0.0, le=LONGEST_S, description="start, from the run's first sample [s]")
     ] = 0.0,
     to_s: Annotated[
-        Finite | None, Query(alias="to", gt=0.0, le=LONGEST_S, description="end [s]; the run's end if left out")
+        Finite | None, Query(alias="to", gt=0.0, le=LONGEST_S, description="end [s]; default: the end of the run")
     ] = None,
-    points: Annotated[int, Query(ge=10, le=20000, description="most points; beyond it the envelope is sent")] = 2000,
+    points: Annotated[
+        int,
+        Query(ge=10, le=20000, description="maximum number of points; longer ranges are reduced to minima and maxima"),
+    ] = 2000,
     signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
 ) -> SampleSlice:
     return SampleSlice(id, from_s, math.inf if to_s is None else to_s, points, signals.split(","))
@@ -255,11 +259,11 @@ def get_log(
     service: CurrentService,
     _person: SignedInUser,
     angles: RequestedAngleUnit,
-    kind: Annotated[list[EventKind] | None, Query(max_length=50, description="of these kinds only")] = None,
+    kind: Annotated[list[EventKind] | None, Query(max_length=50, description="only these kinds")] = None,
     words: Annotated[
-        str, Query(max_length=400, description="all of these words, in the displayed text, person, note or tag")
+        str, Query(max_length=400, description="words that must all occur in the displayed text, person, note or tag")
     ] = "",
-    since: Annotated[Instant | None, Query(description="from this time on")] = None,
+    since: Annotated[Instant | None, Query(description="from this time")] = None,
     before: Annotated[Instant | None, Query(description="before this time")] = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> Timeline:
@@ -385,9 +389,9 @@ def get_metric_history(
     service: CurrentService,
     _person: SignedInUser,
     kind: Annotated[str, Query(min_length=1, max_length=200, description="kind of runs, or name of an experiment")],
-    metric: Annotated[str, Query(max_length=200, description="name of the metric; else the first there is")] = "",
-    where: Annotated[str, Query(max_length=2 * LONGEST, description="of the runs that fit this search only")] = "",
-    everywhere: Annotated[bool, Query(description="of all stations, not of this one only")] = False,
+    metric: Annotated[str, Query(max_length=200, description="name of the metric; default: the first one")] = "",
+    where: Annotated[str, Query(max_length=2 * LONGEST, description="only runs that match this search")] = "",
+    everywhere: Annotated[bool, Query(description="include all stations, not only this one")] = False,
 ) -> MetricHistory:
     """Return one metric of all runs of a kind over their dates."""
     return service.run_library.build_metric_history(kind, metric, where, everywhere=everywhere)
@@ -454,9 +458,9 @@ def _describe_lines(model: type[Schema]) -> dict[str, Any]:
 
 async def _parse_range(
     id: RowId,
-    from_s: Annotated[Finite, Query(alias="from", description="begin, from the run's first sample [s]")] = 0.0,
+    from_s: Annotated[Finite, Query(alias="from", description="start, from the run's first sample [s]")] = 0.0,
     to_s: Annotated[
-        Finite | None, Query(alias="to", description="end [s], itself included; the run's end if left out")
+        Finite | None, Query(alias="to", description="end [s], inclusive; default: the end of the run")
     ] = None,
     signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
 ) -> RangeQuery:

@@ -36,7 +36,7 @@ banks_router = APIRouter(prefix="/api/banks", tags=["banks"], route_class=Thread
 OtherBank = Annotated[int | None, Query(ge=1, le=2**53, description="bank to compare with")]
 NewRuns = Annotated[
     list[RowNumber] | None,
-    Query(max_length=20, description="in place of another bank: runs that identified points again"),
+    Query(max_length=20, description="instead of another bank: runs that identified operating points again"),
 ]
 
 
@@ -112,7 +112,9 @@ async def activate_bank(id: RowId, service: CurrentService, person: ActuatorOper
 
 def _require_one(other: int | None, run: list[int] | None) -> None:
     if (other is None) == (not run):
-        raise RequestRejectedError(ErrorCode.BAD_VALUE, "give either another bank or runs that identified points again")
+        raise RequestRejectedError(
+            ErrorCode.BAD_VALUE, "select either another bank or runs that identified operating points again"
+        )
 
 
 # Tuning --------------------------------------------------------------------------------------------
@@ -184,9 +186,9 @@ async def save_tuning(service: CurrentService, person: Operator) -> SavedTuning:
     """Save the active tuning for the active bank; rejected during a trial or a run's tuning."""
     live_state = service.actuator.live_state
     if live_state.overridden_tuning is not None:
-        raise RequestRejectedError(ErrorCode.NOT_NOW, "a run controls the active tuning: save after the run")
+        raise RequestRejectedError(ErrorCode.NOT_NOW, "a run has applied a temporary tuning: save after the run")
     if service.actuator.tuning_service.view_trial() is not None:
-        raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it before saving")
+        raise RequestRejectedError(ErrorCode.NOT_NOW, "a trial is in progress: keep or revert the tuning before saving")
     return await in_thread(service.saved_tunings.save, live_state.tuning, person.name)
 
 
@@ -197,7 +199,7 @@ async def preview_tuning(
     person: SignedInUser,
     lam_q: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the position loop [s]")],
     lam_S: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the stiffness loop [s]")],
-    S: Annotated[Finite | None, Query(description="stiffness [N·m/rad]; default: of the present reference")] = None,
+    S: Annotated[Finite | None, Query(description="stiffness [N·m/rad]; default: the current reference")] = None,
     motion: Annotated[Motion | None, Query(description="how references are followed; default: active")] = None,
     u_plan: Annotated[
         Finite | None, Query(description="voltage limit of time-optimal motion [V]; default: active")
@@ -238,7 +240,7 @@ async def robust_tuning(
     request: Request,
     service: CurrentService,
     person: SignedInUser,
-    M_s: Annotated[Finite, Query(gt=M_S_RANGE[0], le=M_S_RANGE[1], description="wanted maximum of the sensitivity")],
+    M_s: Annotated[Finite, Query(gt=M_S_RANGE[0], le=M_S_RANGE[1], description="required sensitivity peak")],
 ) -> RobustTuning:
     """Return the smallest λ of each loop with the requested M_s, at the present λ_motor."""
     return await service.actuator.tuning_service.compute_robust_tuning(

@@ -16,8 +16,8 @@ IMPACT = Table(
     "impact",
     (
         "approach",
-        *("peak at S = 8", "peak at S = 15", "soft over stiff"),
-        *("impulse at S = 8", "impulse at S = 15", "soft over stiff"),
+        *("peak at S = 8", "peak at S = 15", "ratio, soft to stiff"),
+        *("impulse at S = 8", "impulse at S = 15", "ratio, soft to stiff"),
     ),
 )
 REACTION = Table(

@@ -52,7 +52,7 @@ def leave_a_number(scene: Scene) -> None:
     """Type a number and leave the box without Enter: nothing is sent, and the page says so while it can be seen."""
     label = scene.chance.choice(_offered_numbers(scene))
     how = scene.chance.choice(WAYS_OUT)
-    scene.say(f"{label} {TYPED[label]}, left by {how}")
+    scene.say(f"{label} {TYPED[label]}, stored by {how}")
     part, name = NUMBERS[label]
     box = scene.page.get_by_role("textbox", name=label, exact=True)
     before = scene.around.state()
@@ -100,7 +100,7 @@ def _type_a_draft(scene: Scene) -> None:
     text, how = box.text(scene.chance), scene.chance.choice(WAYS_OUT)
     if how == "Escape":
         how = "Tab"  # in a box Escape gives up what is typed
-    scene.say(f"{name} {text!r}, left by {how}")
+    scene.say(f"{name} {text!r}, stored by {how}")
     box.find(scene.page).fill(text)
     scene.typed.keep(name, text)
     _leave(scene, how)
