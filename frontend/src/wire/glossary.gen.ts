@@ -3650,7 +3650,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A load cell read more than F_max (50 N), at which the springs reach their end."
+        "A load cell read more than F_max (50 N), at which the springs reach the end of their travel."
       ],
       [
         "Reaction",
@@ -3700,7 +3700,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A tendon under control stayed below 1 N for more than 0.1 s. A shorter time below 1 N is no fault."
+        "A tendon under control stayed below 1 N for more than 0.1 s. A shorter time below 1 N is not a fault."
       ],
       [
         "Reaction",
@@ -3750,11 +3750,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A motor encoder did not move by a count for 0.1 s although its motor was driven; or a load cell did not change in its last digit while its motor turned by 2 rad; or a reading stayed constant while tension and encoders began to contradict each other (see implausible). A constant reading without motion is no fault."
+        "A motor encoder did not move by a count for 0.1 s although its motor was driven; or a load cell did not change by a single digit while its motor turned by 2 rad; or a reading stayed constant while tension and encoders began to contradict each other (see implausible). A constant reading without motion is not a fault."
       ],
       [
         "Reaction",
-        "Hard stop. The next pretension winds up from slack and sets the encoder zeros again."
+        "Hard stop. The next pretension starts with slack tendons, winds them up and sets the encoder zeros again."
       ],
       [
         "Within",
@@ -3775,7 +3775,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A reading changed by more than the rig can move in one tick: the joint by 0.1 rad, a motor by 0.09 rad, a load cell by 9 N with the shipped parameters. Torn tendons and unplugged cables cause such a jump."
+        "A reading changed by more than the rig permits in one tick: with the shipped parameters 0.1 rad for the joint, 0.09 rad for a motor and 9 N for a load cell. Torn tendons and unplugged cables cause such a jump."
       ],
       [
         "Reaction",
@@ -3800,7 +3800,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "For 0.2 s a load cell and the elongation that the encoders imply (x_A = r_m θ_A − r_j q, x_B = r_m θ_B + r_j q) differed by more than 6 N, with constant sign."
+        "For 0.2 s a load cell and the spring force at the elongation that the encoders imply (x_A = r_m θ_A − r_j q, x_B = r_m θ_B + r_j q) differed by more than 6 N, with constant sign."
       ],
       [
         "Reaction",
@@ -3825,11 +3825,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The loop missed so many consecutive periods that its plant was uncontrolled for the longest time allowed: 0.4 s on the simulator, which waits meanwhile."
+        "The loop missed so many consecutive periods that its plant was uncontrolled for the longest time allowed: 0.4 s on the simulator, which waits during this time."
       ],
       [
         "Reaction",
-        "Hard stop in the first tick after them."
+        "Hard stop in the first tick after the missed periods."
       ],
       [
         "Within",
@@ -3850,11 +3850,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The control loop received no message from the service for 0.34 s: the service hangs, was killed or lost its connection. Or the part of the service that supervises a running experiment died; the run stops then, because no other part would stop it. The status line names the part."
+        "The control loop received no message from the service for 0.34 s: the service hangs, was killed or lost its connection. The same fault occurs if the part of the service that supervises a running experiment dies: the run stops, because no other part would stop it. The status line names the part."
       ],
       [
         "Reaction",
-        "Soft stop by the loop alone: latched at once, the joint braked below 5 % of its speed within 0.5 s of the last message, then zero volts. The loop process ends if the service is gone."
+        "Soft stop by the loop alone: the fault is latched at once, the joint is braked below 5 % of its speed within 0.5 s of the last message, and zero volts follow. The control loop ends if the process of the service no longer exists."
       ],
       [
         "Within",
@@ -3875,11 +3875,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The page that holds control sent no heartbeat for 2 s: it is closed, asleep, or disconnected. A page that returns before the stop keeps control. Or the part of the service that supervises pages died: motion is then stopped softly at once, and the status line names the part."
+        "The page that holds control sent no heartbeat for 2 s: the page is closed, suspended or disconnected. A page that returns before the stop keeps control. The same fault occurs if the part of the service that supervises pages dies: motion is then stopped softly at once, and the status line names the part."
       ],
       [
         "Reaction",
-        "References are held for 2 s more, then a soft stop follows; control becomes free."
+        "References are held for 2 s more, then a soft stop follows; the control lease becomes free."
       ],
       [
         "Within",
@@ -3929,7 +3929,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "Hard stop; if writing fails too, the watchdog of the card cuts the outputs. Outputs that cannot be written keep their values: chart and recording continue to show the last voltages written. While the failure lasts, the problems of the state list it, whatever fault is latched; the log has its start, and its end once it has been over for 1 s. A reset opens a failed card again, with a new loop; the earlier connection cannot be restored."
+        "Hard stop; if writing fails too, the watchdog of the card cuts the drives. Outputs that cannot be written keep their values: the chart and the recording continue to show the last voltages written. While the failure lasts, the list of problems in the state contains it, regardless of the latched fault. The event log records the start of the failure, and its end once the failure has been over for 1 s. A reset opens a failed card again, with a new loop; the earlier connection cannot be restored."
       ],
       [
         "Within",
@@ -3950,11 +3950,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The outputs of the card were not written for 0.5 s: the loop hung or died. On the simulator registers in shared memory and a separate watchdog process imitate the card, see decision 0012."
+        "The outputs of the card were not written for 0.5 s: the loop hung or died. On the simulator, registers in shared memory and a separate watchdog process simulate the card: see decision 0012."
       ],
       [
         "Reaction",
-        "The watchdog clears the outputs and switches the drive-enable line off, whether or not the loop is alive; a loop that recovers latches the fault. The service reports a dead loop within 1 s; a reset starts a new one."
+        "The watchdog switches the drive-enable line off and, on the simulator, clears the outputs, whether or not the loop is alive; a loop that recovers latches the fault. The service reports a dead loop within 1 s; a reset starts a new one."
       ],
       [
         "Within",
@@ -3975,11 +3975,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The watchdog's count of its checks, which the loop reads at each write, did not change for 0.5 s: its process was killed or hangs. A pause of the whole machine counts as two ticks."
+        "The watchdog's count of its checks, which the loop reads at each write, did not change for 0.5 s: the process of the watchdog was killed or hangs. A pause of the whole machine counts as two ticks."
       ],
       [
         "Reaction",
-        "The loop switches the drive-enable line off and the outputs to zero volts, and stays in this state. If the loop dies before it has noticed, the service clears the outputs within 0.7 s of the loop's last write; if the service is dead as well, only the safety module and the e-stop remain."
+        "The loop switches the drive-enable line off, sets the outputs to zero volts, and stays in this state. If the loop dies before it has noticed, the service clears the outputs within 0.7 s of the loop's last write; if the service is dead as well, only the safety module and the e-stop remain."
       ],
       [
         "Within",
@@ -4000,11 +4000,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "SIGTERM, SIGHUP (its terminal was closed) or SIGINT (Ctrl+C) sent to the service."
+        "The service received SIGTERM, SIGHUP (its terminal was closed) or SIGINT (Ctrl+C)."
       ],
       [
         "Reaction",
-        "Soft stop, then the loop process ends. With the motors off there is no stop, and no trip is stored. An interrupted run ends as stopped, with \"service ended by SIGTERM\" or the name of the other signal."
+        "Soft stop, then the control loop ends. If the motors are off, there is no stop, and no trip is stored. An interrupted run ends as stopped, with \"service ended by SIGTERM\" or the name of the other signal."
       ],
       [
         "Within",
@@ -4025,7 +4025,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The voltage of a load cell came within 0.1 % of ±10 V, or left its calibration table by more than a twentieth of the table's span: the reading corresponds to no force. On a card only."
+        "The voltage of a load cell came within 0.1 % of ±10 V, or left its calibration table by more than a twentieth of the table's span: the reading does not correspond to a force. This fault occurs only with a card."
       ],
       [
         "Reaction",
@@ -4058,7 +4058,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Within",
-        "110 ms of the first such voltage, which follows within a tenth of a second of the wrong motion, because the error grows."
+        "110 ms of the first such voltage, which occurs within a tenth of a second of the start of the wrong motion, because the control error grows."
       ],
       [
         "Remedy",
@@ -4079,11 +4079,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "Hard stop in the same tick, whatever fault was latched before. Zero volts replace the voltages of the step, or follow right after them if the sample counter was changed. The loop continues at zero volts and records, but is no longer trusted: a reset starts a new one."
+        "Hard stop in the same tick, regardless of any fault latched before. Zero volts replace the voltages of the step, or follow immediately after them if the sample counter was changed. The loop continues to record at zero volts, but does not start another motion: a reset starts a new loop."
       ],
       [
         "Within",
-        "1 ms of the mistake."
+        "1 ms of the error."
       ],
       [
         "Remedy",
