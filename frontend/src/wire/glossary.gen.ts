@@ -1674,7 +1674,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "geometry.q_max",
     "term": "q_max",
-    "meaning": "joint range, to either side; trips beyond",
+    "meaning": "joint range in each direction; a position beyond it trips the control loop",
     "unit": "rad",
     "equation": "abs(q) ≤ q_max",
     "source": "docs/reference/notation.md"
@@ -1692,7 +1692,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "spring.points",
     "term": "spring.points",
-    "meaning": "alternative: pairs of elongation and force, from zero force up, interpolated by a monotone curve",
+    "meaning": "alternative to the coefficients: pairs of elongation and force, from zero force upwards, interpolated by a monotone curve",
     "unit": "m, N",
     "source": "docs/reference/notation.md"
   },
@@ -1708,7 +1708,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "spring.k_solid",
     "term": "k_solid",
-    "meaning": "slope of the force beyond",
+    "meaning": "slope of the force beyond x_solid",
     "unit": "N/m",
     "source": "docs/reference/notation.md"
   },
@@ -1778,7 +1778,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "motor.u_max",
     "term": "u_max",
-    "meaning": "range of the analog output, to either side",
+    "meaning": "range of the analog output in each direction",
     "unit": "V",
     "equation": "abs(U) ≤ u_max",
     "source": "docs/reference/notation.md"
@@ -1804,7 +1804,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "motor.stiction_ratio",
     "term": "F_s/F_c",
-    "meaning": "break-away torque over Coulomb friction F_c = c0 + c1 r_m F",
+    "meaning": "ratio of the break-away torque to Coulomb friction F_c = c0 + c1 r_m F",
     "equation": "g = F_c + (F_s − F_c) e^(−(θ'/ω_s)²)",
     "source": "docs/reference/notation.md"
   },
@@ -1820,7 +1820,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "identified.K_m",
     "term": "K_m",
-    "meaning": "gain of the motor that the controller uses",
+    "meaning": "motor gain that the controller uses",
     "unit": "rad/(V·s)",
     "equation": "θ/U = K_m/(s (T_m s + 1))",
     "source": "paper, equation (17)"
@@ -1829,7 +1829,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "identified.T_m",
     "term": "T_m",
-    "meaning": "time constant of the motor that the controller uses",
+    "meaning": "motor time constant that the controller uses",
     "unit": "s",
     "equation": "θ/U = K_m/(s (T_m s + 1))",
     "source": "paper, equation (17)"
@@ -1838,7 +1838,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "identified.k",
     "term": "k0, k1, k2 ...",
-    "meaning": "coefficients of the spring that the controller uses",
+    "meaning": "spring coefficients that the controller uses",
     "unit": "N/m^i",
     "equation": "F(x) = k0 + k1 x + k2 x² + …; 0 when slack",
     "source": "paper, equations (3), (4)"
@@ -1847,7 +1847,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "identified.points",
     "term": "identified.points",
-    "meaning": "alternative: measured points of that spring",
+    "meaning": "alternative to the coefficients: measured points of the spring",
     "unit": "m, N",
     "source": "docs/reference/notation.md"
   },
@@ -1883,7 +1883,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "sensors.joint_counts",
     "term": "sensors.joint_counts",
-    "meaning": "counts of the joint encoder, 0 for exact",
+    "meaning": "counts of the joint encoder, 0 for an exact measurement",
     "unit": "1/rev",
     "source": "docs/reference/notation.md"
   },
@@ -1891,7 +1891,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "sensors.motor_counts",
     "term": "sensors.motor_counts",
-    "meaning": "counts of a motor encoder, 0 for exact",
+    "meaning": "counts of a motor encoder, 0 for an exact measurement",
     "unit": "1/rev",
     "source": "docs/reference/notation.md"
   },
@@ -1915,7 +1915,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "sensors.converter_bits",
     "term": "sensors.converter_bits",
-    "meaning": "resolution of analog in and out, 0 for exact",
+    "meaning": "resolution of analog inputs and outputs, 0 for exact values",
     "source": "docs/reference/notation.md"
   },
   "parameter:safety.F_max": {
@@ -2011,7 +2011,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "b",
     "term": "b",
-    "meaning": "weight of the reference in the proportional part, 0 by default",
+    "meaning": "setpoint weight: weight of the reference in the proportional action, 0 by default",
     "equation": "k_r = b k_p",
     "source": "paper, table 2"
   },
@@ -2019,7 +2019,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "motion",
     "term": "motion",
-    "meaning": "method of following references: lambda, with the law of the paper and the governor; time-optimal, with a trajectory and feed-forward",
+    "meaning": "how references are followed: lambda, with the control law of the paper and the reference governor; time-optimal, with a trajectory and feed-forward",
     "source": "docs/decisions, decision 0052"
   },
   "quantity:u_plan": {
@@ -2041,7 +2041,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "q_c",
     "term": "q_c",
-    "meaning": "output of the position loop, into the decoupler (q_cont of the paper)",
+    "meaning": "output of the position loop and input of the decoupler (q_cont of the paper)",
     "unit": "rad",
     "equation": "θ_ref = ±(r_j/r_m) q_c + (S_c − 2 k1 r_j²)/(4 k2 r_j² r_m)",
     "source": "paper, equations (18), (19)"
@@ -2050,7 +2050,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "S_c",
     "term": "S_c",
-    "meaning": "output of the stiffness loop, into the decoupler (S_cont of the paper)",
+    "meaning": "output of the stiffness loop and input of the decoupler (S_cont of the paper)",
     "unit": "N·m/rad",
     "equation": "θ_ref = ±(r_j/r_m) q_c + (S_c − 2 k1 r_j²)/(4 k2 r_j² r_m)",
     "source": "paper, equations (18), (19)"
@@ -2059,7 +2059,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "M_s",
     "term": "M_s",
-    "meaning": "sensitivity peak (maximum sensitivity) of a loop, the inverse of its distance from instability; the smallest λ offered has 1.7",
+    "meaning": "sensitivity peak (maximum sensitivity) of a loop, the inverse of its distance from instability; 1.7 at the smallest λ offered",
     "equation": "max over ω of 1/abs(1 + L(jω))",
     "source": "docs/explanation/tuning.md"
   },
@@ -2067,7 +2067,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "gain_margin",
     "term": "GM",
-    "meaning": "gain margin: factor by which the gain may rise before the loop is unstable",
+    "meaning": "gain margin: factor by which the loop gain may rise before the loop becomes unstable",
     "equation": "1/abs(L(jω)) where L has a phase of −180°",
     "source": "docs/reference/notation.md"
   },
@@ -2075,7 +2075,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "phase_margin_deg",
     "term": "PM",
-    "meaning": "phase margin: phase that the loop may lose before it is unstable",
+    "meaning": "phase margin: phase that the loop may lose at gain one before it becomes unstable",
     "unit": "°",
     "equation": "180° + phase of L(jω) where abs(L) = 1",
     "source": "docs/reference/notation.md"
@@ -2093,7 +2093,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "u_peak_V",
     "term": "u_peak",
-    "meaning": "predicted largest motor voltage of a step of a reference",
+    "meaning": "predicted largest motor voltage during a step of a reference",
     "unit": "V",
     "source": "docs/reference/notation.md"
   },
@@ -2101,7 +2101,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "F_min_N",
     "term": "F_min",
-    "meaning": "predicted smallest tendon tension of that step",
+    "meaning": "predicted smallest tendon tension during a step of a reference",
     "unit": "N",
     "source": "docs/reference/notation.md"
   },
@@ -2109,7 +2109,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "G_q",
     "term": "G_q",
-    "meaning": "model from θ_A,ref to q, motor B held still",
+    "meaning": "model from θ_A,ref to q, with motor B held at rest",
     "equation": "K/(T s + 1), or K/((T s + 1)(a2 s² + a1 s + 1))",
     "source": "paper, table 1"
   },
@@ -2117,7 +2117,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "G_S",
     "term": "G_S",
-    "meaning": "model from θ_A,ref to S, motor B held still",
+    "meaning": "model from θ_A,ref to S, with motor B held at rest",
     "equation": "K/(T s + 1), or K/((T s + 1)(a2 s² + a1 s + 1))",
     "source": "paper, table 1"
   },
@@ -2125,7 +2125,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "K",
     "term": "K",
-    "meaning": "static gain; geometry gives r_m/(2 r_j) for G_q and 2 r_j² k2 r_m for G_S",
+    "meaning": "static gain; the geometry gives r_m/(2 r_j) for G_q and 2 r_j² k2 r_m for G_S",
     "unit": "1 or N·m/rad",
     "source": "docs/reference/notation.md"
   },
@@ -2133,7 +2133,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "T",
     "term": "T",
-    "meaning": "time constant of the reduced model: sum of lags",
+    "meaning": "time constant of the reduced model: sum of all lags",
     "unit": "s",
     "equation": "K/(T s + 1)",
     "source": "docs/reference/notation.md"
@@ -2194,7 +2194,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "fit_percent",
     "term": "fit",
-    "meaning": "share of the variation of the validation data that a model explains",
+    "meaning": "share of the variation of the validation data that a model predicts",
     "unit": "%",
     "equation": "100 (1 − rms(y − y_hat)/rms(y − mean y))",
     "source": "docs/reference/notation.md"
