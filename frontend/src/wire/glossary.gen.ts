@@ -3750,7 +3750,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A motor encoder did not move by a count for 0.1 s although its motor was driven; or a load cell did not change by a single digit while its motor turned by 2 rad; or a reading stayed constant while tension and encoders began to contradict each other (see implausible). A constant reading without motion is not a fault."
+        "A motor encoder did not move by a count for 0.1 s although its motor was driven; or a load cell did not change by even one digit while its motor turned by 2 rad; or a reading stayed constant while tension and encoders began to contradict each other (see implausible). A constant reading without motion is not a fault."
       ],
       [
         "Reaction",
@@ -3775,7 +3775,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A reading changed by more than the rig permits in one tick: with the shipped parameters 0.1 rad for the joint, 0.09 rad for a motor and 9 N for a load cell. Torn tendons and unplugged cables cause such a jump."
+        "A reading changed by more than is physically possible in one tick: with the shipped parameters, 0.1 rad for the joint, 0.09 rad for a motor and 9 N for a load cell. Torn tendons and unplugged cables cause such a jump."
       ],
       [
         "Reaction",
