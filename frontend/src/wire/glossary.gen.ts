@@ -18,21 +18,21 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "variable stiffness actuator (VSA)",
     "term": "variable stiffness actuator (VSA)",
-    "meaning": "Joint whose position and stiffness two motors set at the same time.",
+    "meaning": "Actuator in which two motors set the position and the stiffness of a joint at the same time.",
     "source": "docs/glossary.md"
   },
   "concept:antagonistic": {
     "kind": "concept",
     "name": "antagonistic",
     "term": "antagonistic",
-    "meaning": "Two motors pull the joint in opposite directions.",
+    "meaning": "Said of two motors that pull a joint in opposite directions.",
     "source": "docs/glossary.md"
   },
   "concept:tendon": {
     "kind": "concept",
     "name": "tendon",
     "term": "tendon",
-    "meaning": "Cable from one motor through a non-linear spring to the joint.",
+    "meaning": "Cable that connects one motor to the joint through a non-linear spring.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -45,14 +45,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "pretension",
     "term": "pretension",
-    "meaning": "Tension that both tendons hold before the loops close.",
+    "meaning": "Tension of both tendons before the loops close.",
     "source": "docs/glossary.md"
   },
   "concept:slack": {
     "kind": "concept",
     "name": "slack",
     "term": "slack",
-    "meaning": "Said of a tendon whose tension is below the limit that keeps it taut.",
+    "meaning": "Said of a tendon whose tension is below the minimum for a taut tendon.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -105,7 +105,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "external force",
     "term": "external force",
-    "meaning": "Force on the joint that neither motor causes, as a pull of the tendons at r_j.",
+    "meaning": "Force on the joint that neither motor causes, stated as an equivalent tendon force at the radius r_j.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -125,7 +125,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "obstacle",
     "term": "obstacle",
-    "meaning": "Simulated wall with angle, stiffness and damping that blocks the joint.",
+    "meaning": "Simulated wall that blocks the joint; it has an angle, a stiffness and a damping.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -151,14 +151,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "backlash",
     "term": "backlash",
-    "meaning": "Play of a gear: motion of the motor that does not move the output.",
+    "meaning": "Play in a gear: motion of the motor that does not move the output.",
     "source": "docs/glossary.md"
   },
   "concept:hysteresis": {
     "kind": "concept",
     "name": "hysteresis",
     "term": "hysteresis",
-    "meaning": "Difference of a curve between rising and falling input.",
+    "meaning": "Difference between the outputs for rising and for falling input.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -184,7 +184,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "static friction",
     "term": "static friction",
-    "meaning": "Friction that holds a motor at rest up to a break-away torque.",
+    "meaning": "Friction that holds a motor at rest until the torque exceeds the break-away torque.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -197,12 +197,12 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "control step",
     "term": "control step",
-    "meaning": "One execution of the control law, every millisecond.",
+    "meaning": "One execution of the control law, once per millisecond.",
     "source": "docs/glossary.md",
     "more": [
       [
         "Not used",
-        "tick (of a person's text)"
+        "tick (in texts for people)"
       ]
     ]
   },
@@ -210,7 +210,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "tick",
     "term": "tick",
-    "meaning": "Index of a control step, and of the sample that it writes.",
+    "meaning": "Index of a control step and of the sample that the step writes.",
     "source": "docs/glossary.md"
   },
   "concept:control loop": {
@@ -230,21 +230,21 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "rehearsal",
     "term": "rehearsal",
-    "meaning": "Execution of every mode before the first deadline, so that nothing is compiled later.",
+    "meaning": "Execution of every mode before the first deadline, so that no code is compiled later.",
     "source": "docs/glossary.md"
   },
   "concept:batch": {
     "kind": "concept",
     "name": "batch",
     "term": "batch",
-    "meaning": "Control steps that are computed together on the simulator, faster than real time.",
+    "meaning": "Group of control steps that are computed together on the simulator, faster than real time.",
     "source": "docs/glossary.md"
   },
   "concept:headless": {
     "kind": "concept",
     "name": "headless",
     "term": "headless",
-    "meaning": "Said of a run without page and service.",
+    "meaning": "Said of a run without the page and the service.",
     "source": "docs/glossary.md"
   },
   "concept:ring buffer": {
@@ -284,35 +284,35 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "motion",
     "term": "motion",
-    "meaning": "How references are followed: lambda or time-optimal.",
+    "meaning": "Way in which the loops follow references: lambda or time-optimal.",
     "source": "docs/glossary.md"
   },
   "concept:decoupler": {
     "kind": "concept",
     "name": "decoupler",
     "term": "decoupler",
-    "meaning": "Function from requested position and stiffness to the angles of both motors.",
+    "meaning": "Function that maps the requested position and stiffness to the angles of both motors.",
     "source": "docs/glossary.md"
   },
   "concept:envelope": {
     "kind": "concept",
     "name": "envelope",
     "term": "envelope",
-    "meaning": "Bounds of the decoupler's inputs that keep tension and position within their limits.",
+    "meaning": "Bounds on the decoupler's inputs that keep tension and position within their limits.",
     "source": "docs/glossary.md"
   },
   "concept:reference governor": {
     "kind": "concept",
     "name": "reference governor",
     "term": "reference governor",
-    "meaning": "Filter that limits references to what keeps voltage and tension within their limits.",
+    "meaning": "Filter that limits references so that voltage and tension stay within their limits.",
     "source": "docs/glossary.md"
   },
   "concept:trajectory feed-forward": {
     "kind": "concept",
     "name": "trajectory feed-forward",
     "term": "trajectory feed-forward",
-    "meaning": "Time-optimal trajectory within a voltage limit that the loops follow.",
+    "meaning": "Time-optimal trajectory that the loops follow, computed for a voltage limit.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -325,7 +325,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "feed-forward voltage limit u_plan",
     "term": "feed-forward voltage limit u_plan",
-    "meaning": "Voltage that a trajectory may use; 0 selects the reference governor alone.",
+    "meaning": "Largest voltage that a trajectory may use; 0 selects the reference governor alone.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -364,7 +364,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "bias of the external force",
     "term": "bias of the external force",
-    "meaning": "Estimate at rest without contact, subtracted from the external force.",
+    "meaning": "Estimated external force at rest without contact; it is subtracted from the estimate.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -377,7 +377,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "contact reaction",
     "term": "contact reaction",
-    "meaning": "Switch to mode compliance when a contact is detected.",
+    "meaning": "Switch to compliance mode when a contact is detected.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -390,7 +390,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "bumpless transfer",
     "term": "bumpless transfer",
-    "meaning": "Change of law, gains or mode without a step of the voltage.",
+    "meaning": "Change of control law, gains or mode without a step in the voltage.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -410,7 +410,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "tuning",
     "term": "tuning",
-    "meaning": "Set of tuning parameters, feed-forward limit, rejection gain and bank.",
+    "meaning": "Set that contains the tuning parameters, the motion, the feed-forward voltage limit, the gain of the disturbance rejection and the bank.",
     "source": "docs/glossary.md"
   },
   "concept:active tuning": {
@@ -482,35 +482,35 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "sensitivity peak M_s",
     "term": "sensitivity peak M_s",
-    "meaning": "Largest gain of the sensitivity function; the inverse of the distance to −1.",
+    "meaning": "Largest gain of the sensitivity function; the inverse of the smallest distance between the loop's Nyquist curve and −1.",
     "source": "docs/glossary.md"
   },
   "concept:gain margin": {
     "kind": "concept",
     "name": "gain margin",
     "term": "gain margin",
-    "meaning": "Factor by which the loop gain may rise before the loop becomes unstable, as a ratio and in dB.",
+    "meaning": "Factor by which the loop gain may increase before the loop becomes unstable, stated as a ratio and in dB.",
     "source": "docs/glossary.md"
   },
   "concept:phase margin": {
     "kind": "concept",
     "name": "phase margin",
     "term": "phase margin",
-    "meaning": "Phase that the loop may lose at gain one before it becomes unstable.",
+    "meaning": "Additional phase lag at unity loop gain that makes the loop unstable.",
     "source": "docs/glossary.md"
   },
   "concept:rise time": {
     "kind": "concept",
     "name": "rise time",
     "term": "rise time",
-    "meaning": "Time from 10 % to 90 % of a step.",
+    "meaning": "Time in which the signal changes from 10 % to 90 % of a step.",
     "source": "docs/glossary.md"
   },
   "concept:settling time": {
     "kind": "concept",
     "name": "settling time",
     "term": "settling time",
-    "meaning": "Time from a step until the signal stays within ±2 % of it.",
+    "meaning": "Time from a step until the signal stays within ±2 % of the step size around its reference.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -523,14 +523,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "overshoot",
     "term": "overshoot",
-    "meaning": "Largest excess over a step, in percent of it.",
+    "meaning": "Largest excess of the signal beyond its reference after a step, in percent of the step.",
     "source": "docs/glossary.md"
   },
   "concept:saturation": {
     "kind": "concept",
     "name": "saturation",
     "term": "saturation",
-    "meaning": "A motor voltage at its limit.",
+    "meaning": "State in which a motor voltage is at its limit.",
     "source": "docs/glossary.md"
   },
   "concept:windup": {
@@ -558,14 +558,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "soft stop",
     "term": "soft stop",
-    "meaning": "Brings the joint to rest under tension, then to zero volts.",
+    "meaning": "Command that brings the joint to rest under tension and then sets zero volts.",
     "source": "docs/glossary.md"
   },
   "concept:soft abort": {
     "kind": "concept",
     "name": "soft abort",
     "term": "soft abort",
-    "meaning": "Ends a run at constant references under tension.",
+    "meaning": "Command that ends a run and holds constant references under tension.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -578,7 +578,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "trip",
     "term": "trip",
-    "meaning": "Zero volts because of a fault, latched until Reset.",
+    "meaning": "Response to a fault with zero volts, latched until Reset.",
     "source": "docs/glossary.md"
   },
   "concept:fault": {
@@ -598,7 +598,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "limit",
     "term": "limit",
-    "meaning": "Bound of a quantity: a command is clipped to it, and a measured value beyond it is a fault.",
+    "meaning": "Bound on a quantity: commands are clipped to it, and a measured value beyond it is a fault.",
     "source": "docs/glossary.md"
   },
   "concept:injected fault": {
@@ -618,7 +618,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "watchdog",
     "term": "watchdog",
-    "meaning": "Timer of the card that disables the drives if the control loop does not write.",
+    "meaning": "Timer on the card that disables the drives if the control loop stops writing.",
     "source": "docs/glossary.md"
   },
   "concept:proof test": {
@@ -638,14 +638,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "safety chain",
     "term": "safety chain",
-    "meaning": "The parts that can stop the actuator, with the state of each.",
+    "meaning": "Parts that can stop the actuator, with the state of each.",
     "source": "docs/glossary.md"
   },
   "concept:drive lockout": {
     "kind": "concept",
     "name": "drive lockout",
     "term": "drive lockout",
-    "meaning": "Drives disabled while people work at the rig.",
+    "meaning": "State in which the drives are disabled while people work at the rig.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -717,7 +717,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "token",
     "term": "token",
-    "meaning": "Secret that a person signs in with.",
+    "meaning": "Secret with which a person or a script signs in.",
     "source": "docs/glossary.md"
   },
   "concept:session": {
@@ -744,7 +744,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "service",
     "term": "service",
-    "meaning": "Process that serves page and interface and records samples.",
+    "meaning": "Process that serves the page and the HTTP interface and records samples.",
     "source": "docs/glossary.md"
   },
   "concept:live stream": {
@@ -771,7 +771,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "supervisor",
     "term": "supervisor",
-    "meaning": "Part of the service that restarts what has died and reports it.",
+    "meaning": "Part of the service that restarts failed parts and reports the failure.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -791,7 +791,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "round-trip time",
     "term": "round-trip time",
-    "meaning": "Time from the page to the service and back.",
+    "meaning": "Time that a message takes from the page to the service and back.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -804,7 +804,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "lateness",
     "term": "lateness",
-    "meaning": "Delay of a control step against its deadline.",
+    "meaning": "Delay of a control step relative to its deadline.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -824,21 +824,21 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "data folder",
     "term": "data folder",
-    "meaning": "Folder that holds database and recordings of one service.",
+    "meaning": "Folder that contains the database and the recordings of one service.",
     "source": "docs/glossary.md"
   },
   "concept:station": {
     "kind": "concept",
     "name": "station",
     "term": "station",
-    "meaning": "Name of one rig among several on one database.",
+    "meaning": "Name of one of several rigs that share a database.",
     "source": "docs/glossary.md"
   },
   "concept:commissioning": {
     "kind": "concept",
     "name": "commissioning",
     "term": "commissioning",
-    "meaning": "Guided first setup of a rig: wiring test, directions, calibration, zeros. Label: bring-up.",
+    "meaning": "Guided first setup of a rig: wiring test, directions, calibration, zeros. Label on the page: Bring-up.",
     "source": "docs/glossary.md"
   },
   "concept:homing": {
@@ -852,14 +852,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "wiring file",
     "term": "wiring file",
-    "meaning": "File that assigns channels, counters and lines of the card, with calibrations.",
+    "meaning": "File that assigns the channels, counters and lines of the card and contains the calibrations.",
     "source": "docs/glossary.md"
   },
   "concept:virtual card": {
     "kind": "concept",
     "name": "virtual card",
     "term": "virtual card",
-    "meaning": "Simulated DAQ card below the driver of a real one.",
+    "meaning": "Simulated DAQ card that the driver uses in place of a real card.",
     "source": "docs/glossary.md"
   },
   "concept:replay": {
@@ -873,7 +873,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "excitation",
     "term": "excitation",
-    "meaning": "Signal that an identification applies.",
+    "meaning": "Signal that an identification applies to the actuator.",
     "source": "docs/glossary.md"
   },
   "concept:maximum-length sequence (PRBS)": {
@@ -907,7 +907,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "fit",
     "term": "fit",
-    "meaning": "Share of the output's variation that the model predicts, in percent.",
+    "meaning": "Share of the variation of the output that the model predicts, in percent.",
     "source": "docs/glossary.md"
   },
   "concept:validation data": {
@@ -927,7 +927,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "cross-validation",
     "term": "cross-validation",
-    "meaning": "Estimate of the error on data left out of a fit.",
+    "meaning": "Estimate of the prediction error on data that is excluded from the fit.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -940,7 +940,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "residual",
     "term": "residual",
-    "meaning": "Difference between measured and predicted output.",
+    "meaning": "Difference between the measured and the predicted output.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -992,7 +992,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "grade",
     "term": "grade",
-    "meaning": "Verdict on a model: usable, caution, unusable.",
+    "meaning": "Verdict on a model: usable, usable with caution, not usable.",
     "source": "docs/glossary.md"
   },
   "concept:verdict": {
@@ -1006,7 +1006,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "forecast",
     "term": "forecast",
-    "meaning": "Path of the joint, tensions and duration of an identification before it starts.",
+    "meaning": "Predicted joint path, tensions and duration of an identification, computed before it starts.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -1019,7 +1019,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "bank",
     "term": "bank",
-    "meaning": "Set of models, one per operating point, from which gains are computed.",
+    "meaning": "Set of models, one per operating point, from which the gains are computed.",
     "source": "docs/glossary.md"
   },
   "concept:active bank": {
@@ -1039,7 +1039,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "scheduling",
     "term": "scheduling",
-    "meaning": "Choice of gains by the operating point.",
+    "meaning": "Selection of the gains according to the operating point.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -1052,7 +1052,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "geometric gains",
     "term": "geometric gains",
-    "meaning": "Gains from the parameters, without a bank.",
+    "meaning": "Gains that are computed from the parameters, without a bank.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -1065,7 +1065,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "active parameters",
     "term": "active parameters",
-    "meaning": "Parameters of the plant that controller and predictions use now.",
+    "meaning": "Parameters of the plant that the controller and the predictions use now.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -1118,7 +1118,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "hold",
     "term": "hold",
-    "meaning": "Range of a run with constant references and without disturbance.",
+    "meaning": "Time range of a run with constant references and without disturbance.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -1138,7 +1138,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "composer",
     "term": "composer",
-    "meaning": "Page area in which a person builds an experiment from parts.",
+    "meaning": "Area of the page in which a person builds an experiment from parts.",
     "source": "docs/glossary.md"
   },
   "concept:run": {
@@ -1165,7 +1165,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "preview",
     "term": "preview",
-    "meaning": "Simulation of an experiment or tuning before it is applied. Label for experiments: dry run.",
+    "meaning": "Simulation of an experiment or of a tuning before it is applied. Label for experiments: Dry run.",
     "source": "docs/glossary.md"
   },
   "concept:metric": {
@@ -1198,14 +1198,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "criterion",
     "term": "criterion",
-    "meaning": "Metric with a bound: passed, failed or not measured.",
+    "meaning": "Metric with a bound; its result is passed, failed or not measured.",
     "source": "docs/glossary.md"
   },
   "concept:not measured": {
     "kind": "concept",
     "name": "not measured",
     "term": "not measured",
-    "meaning": "Said of a metric without a value; a reason is given.",
+    "meaning": "Said of a metric without a value; the reason is given.",
     "source": "docs/glossary.md"
   },
   "concept:lineage": {
@@ -1225,14 +1225,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "study",
     "term": "study",
-    "meaning": "Many simulated runs of one experiment over varied settings.",
+    "meaning": "Many simulated runs of one experiment with varied settings.",
     "source": "docs/glossary.md"
   },
   "concept:report": {
     "kind": "concept",
     "name": "report",
     "term": "report",
-    "meaning": "Page or PDF with results of one or several runs.",
+    "meaning": "Page or PDF with the results of one or several runs.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -1258,14 +1258,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "verification",
     "term": "verification",
-    "meaning": "Recomputation of a report from the recordings.",
+    "meaning": "Recomputation of a report from the recordings, and comparison with the report.",
     "source": "docs/glossary.md"
   },
   "concept:signature": {
     "kind": "concept",
     "name": "signature",
     "term": "signature",
-    "meaning": "Proof of the installation that issued a report.",
+    "meaning": "Cryptographic proof of which installation issued a report.",
     "source": "docs/glossary.md"
   },
   "concept:gateway": {
@@ -1285,35 +1285,35 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "bundle",
     "term": "bundle",
-    "meaning": "Archive of runs with everything that they refer to.",
+    "meaning": "Archive that contains runs and all records to which they refer.",
     "source": "docs/glossary.md"
   },
   "concept:flight record": {
     "kind": "concept",
     "name": "flight record",
     "term": "flight record",
-    "meaning": "Samples around a trip at full rate.",
+    "meaning": "Samples around a trip, at the full rate.",
     "source": "docs/glossary.md"
   },
   "concept:trigger capture": {
     "kind": "concept",
     "name": "trigger capture",
     "term": "trigger capture",
-    "meaning": "Samples around a condition on a signal.",
+    "meaning": "Samples around the time at which a condition on a signal becomes true.",
     "source": "docs/glossary.md"
   },
   "concept:derived signal": {
     "kind": "concept",
     "name": "derived signal",
     "term": "derived signal",
-    "meaning": "Signal that a formula computes from recorded ones.",
+    "meaning": "Signal that a formula computes from recorded signals.",
     "source": "docs/glossary.md"
   },
   "concept:event log": {
     "kind": "concept",
     "name": "event log",
     "term": "event log",
-    "meaning": "List of commands, faults and runs with time and author.",
+    "meaning": "List of commands, faults and runs, with time and author.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -1326,7 +1326,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "note",
     "term": "note",
-    "meaning": "Text of a person about an event or a run.",
+    "meaning": "Text that a person writes about an event or a run.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -1339,7 +1339,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "tag",
     "term": "tag",
-    "meaning": "Word of a person that groups runs.",
+    "meaning": "Word that a person assigns to runs to group them.",
     "source": "docs/glossary.md"
   },
   "signal:tick": {
@@ -2230,7 +2230,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "setting:wall.q_wall": {
     "kind": "setting",
     "name": "wall.q_wall",
-    "term": "angle of the wall",
+    "term": "angle of the obstacle",
     "meaning": "angle of the obstacle",
     "unit": "rad"
   },
@@ -2243,14 +2243,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "setting:wall.k_wall": {
     "kind": "setting",
     "name": "wall.k_wall",
-    "term": "stiffness of the wall",
+    "term": "stiffness of the obstacle",
     "meaning": "stiffness of the obstacle at the joint pulley",
     "unit": "N/m"
   },
   "setting:wall.c_wall": {
     "kind": "setting",
     "name": "wall.c_wall",
-    "term": "damping of the wall",
+    "term": "damping of the obstacle",
     "meaning": "damping of the obstacle at the joint pulley",
     "unit": "s/m"
   },
@@ -2468,7 +2468,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "identification.periods",
     "term": "periods",
-    "meaning": "periods of the sequence; the last third of all is kept for validation",
+    "meaning": "periods of the sequence; the last third of the excitation is used for validation",
     "more": [
       [
         "Accepted",
@@ -2480,7 +2480,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "identification.settle_s",
     "term": "settle s",
-    "meaning": "time the tension is held before the excitation starts",
+    "meaning": "hold time of the tension before the excitation starts",
     "unit": "s",
     "more": [
       [
@@ -2493,13 +2493,13 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "identification.estimator",
     "term": "estimator",
-    "meaning": "what makes the models from the record; arx is the paper's, of first order"
+    "meaning": "method that estimates the models from the recording; arx is the first-order method of the paper"
   },
   "figure:rise_q_s": {
     "kind": "figure",
     "name": "rise_q_s",
     "term": "Rise time of q",
-    "meaning": "longest 10-90 % time of all q steps",
+    "meaning": "longest 10–90 % rise time of all q steps",
     "unit": "s",
     "equation": "t(90 %) − t(10 %)",
     "source": "docs/how-to/experiments.md"
@@ -2508,7 +2508,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "rise_S_s",
     "term": "Rise time of S",
-    "meaning": "longest 10-90 % time of all S steps",
+    "meaning": "longest 10–90 % rise time of all S steps",
     "unit": "s",
     "equation": "t(90 %) − t(10 %)",
     "source": "docs/how-to/experiments.md"
@@ -2517,7 +2517,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "settling_q_s",
     "term": "Settling time of q",
-    "meaning": "latest last exit from ±2 % of the step and half a count, q steps",
+    "meaning": "longest time until the signal stays within ±2 % of the step plus half a count, q steps",
     "unit": "s",
     "equation": "last t with |q − q_ref| > 0.02 |Δq_ref|, from the step",
     "source": "docs/how-to/experiments.md"
@@ -2526,7 +2526,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "settling_S_s",
     "term": "Settling time of S",
-    "meaning": "latest last exit from ±2 % of the step, S steps",
+    "meaning": "longest time until the signal stays within ±2 % of the step, S steps",
     "unit": "s",
     "equation": "last t with |S − S_ref| > 0.02 |ΔS_ref|, from the step",
     "source": "docs/how-to/experiments.md"
@@ -2534,8 +2534,8 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:reach_q_s": {
     "kind": "figure",
     "name": "reach_q_s",
-    "term": "Largest q step alone, to 90 %",
-    "meaning": "longest time to 90 %, less half a count, of the largest q steps that are made while S_ref stays",
+    "term": "Time to 90 % of the largest q step",
+    "meaning": "longest time to 90 %, less half a count, of the largest q steps at constant S_ref",
     "unit": "s",
     "equation": "t(90 %) − t(step), of the largest |Δq_ref| with ΔS_ref = 0",
     "source": "docs/how-to/experiments.md"
@@ -2543,8 +2543,8 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:reach_bound_q_s": {
     "kind": "figure",
     "name": "reach_bound_q_s",
-    "term": "Bound of the motors for it",
-    "meaning": "90 % of the same turn by one motor at full voltage, unloaded: K_m, T_m alone",
+    "term": "Lower bound from the motors",
+    "meaning": "time to 90 % of the same rotation by the slower motor, unloaded at full voltage, from K_m and T_m",
     "unit": "s",
     "equation": "T_m θ'' + θ' = K_m u_max, until θ = 0.9 Δθ",
     "source": "docs/how-to/experiments.md"
@@ -2552,8 +2552,8 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:reach_ratio_q": {
     "kind": "figure",
     "name": "reach_ratio_q",
-    "term": "Times the bound of the motors",
-    "meaning": "time to 90 % divided by the bound of the motors; none can be below 1",
+    "term": "Ratio to the lower bound",
+    "meaning": "time to 90 % divided by the lower bound from the motors; at least 1",
     "equation": "reach_q_s / reach_bound_q_s",
     "source": "docs/how-to/experiments.md"
   },
@@ -2561,7 +2561,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "overshoot_q_percent",
     "term": "Overshoot of q",
-    "meaning": "largest, in per cent of its step",
+    "meaning": "largest overshoot, in percent of its step",
     "unit": "%",
     "equation": "100 max(q − q_ref)/Δq_ref, along the step",
     "source": "docs/how-to/experiments.md"
@@ -2570,7 +2570,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "overshoot_S_percent",
     "term": "Overshoot of S",
-    "meaning": "largest, in per cent of its step",
+    "meaning": "largest overshoot, in percent of its step",
     "unit": "%",
     "equation": "100 max(S − S_ref)/ΔS_ref, along the step",
     "source": "docs/how-to/experiments.md"
@@ -2586,7 +2586,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Compliance",
-        "max |S − S_ref| while pushed"
+        "max |S − S_ref| from the first push on"
       ],
       [
         "Robustness",
@@ -2688,7 +2688,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "u_rest_rms_V",
     "term": "Voltage at rest",
-    "meaning": "root mean square of u_A or u_B about its mean, the larger one, from 1 s after each step has settled to its end",
+    "meaning": "root mean square of u_A or u_B about its mean, the larger one, from 1 s after settling to the end of each step",
     "unit": "V",
     "equation": "√(1/N Σ (u − mean u)²)",
     "source": "docs/how-to/experiments.md"
@@ -2697,7 +2697,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "bandwidth_q_Hz",
     "term": "Bandwidth of q",
-    "meaning": "where |q/q_ref| falls to 0.707; at rest it is 1",
+    "meaning": "frequency at which |q/q_ref| falls to 0.707 of its static value 1",
     "unit": "Hz",
     "equation": "f with |G(f)| = 1/√2, G = q/q_ref",
     "source": "docs/how-to/experiments.md"
@@ -2706,7 +2706,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "bandwidth_S_Hz",
     "term": "Bandwidth of S",
-    "meaning": "where |S/S_ref| falls to 0.707; at rest it is 1",
+    "meaning": "frequency at which |S/S_ref| falls to 0.707 of its static value 1",
     "unit": "Hz",
     "equation": "f with |G(f)| = 1/√2, G = S/S_ref",
     "source": "docs/how-to/experiments.md"
@@ -2715,7 +2715,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "resonance_q_dB",
     "term": "Resonance of q",
-    "meaning": "largest |q/q_ref| over that at rest, which is 1",
+    "meaning": "largest |q/q_ref| relative to its static value 1",
     "unit": "dB",
     "equation": "20 log₁₀ max(1, |G|), G = q/q_ref",
     "source": "docs/how-to/experiments.md"
@@ -2724,7 +2724,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "resonance_S_dB",
     "term": "Resonance of S",
-    "meaning": "largest |S/S_ref| over that at rest, which is 1",
+    "meaning": "largest |S/S_ref| relative to its static value 1",
     "unit": "dB",
     "equation": "20 log₁₀ max(1, |G|), G = S/S_ref",
     "source": "docs/how-to/experiments.md"
@@ -2732,8 +2732,8 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:lag_q_deg": {
     "kind": "figure",
     "name": "lag_q_deg",
-    "term": "Lag of q at its bandwidth",
-    "meaning": "phase of q behind q_ref there",
+    "term": "Phase lag of q at its bandwidth",
+    "meaning": "phase lag of q behind q_ref at the bandwidth",
     "unit": "°",
     "equation": "−arg(q/q_ref) at the bandwidth",
     "source": "docs/how-to/experiments.md"
@@ -2741,8 +2741,8 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:lag_S_deg": {
     "kind": "figure",
     "name": "lag_S_deg",
-    "term": "Lag of S at its bandwidth",
-    "meaning": "phase of S behind S_ref there",
+    "term": "Phase lag of S at its bandwidth",
+    "meaning": "phase lag of S behind S_ref at the bandwidth",
     "unit": "°",
     "equation": "−arg(S/S_ref) at the bandwidth",
     "source": "docs/how-to/experiments.md"
@@ -2751,15 +2751,15 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "bandwidth_q_predicted_Hz",
     "term": "Bandwidth of q, predicted",
-    "meaning": "the same of the response that models and gains in use let expect",
+    "meaning": "the same, of the response predicted from the models and the active gains",
     "unit": "Hz",
     "source": "docs/how-to/experiments.md"
   },
   "figure:gain_off_q_dB": {
     "kind": "figure",
     "name": "gain_off_q_dB",
-    "term": "Gain of q off its prediction",
-    "meaning": "largest difference of both gains at the measured lines up to the predicted bandwidth",
+    "term": "Prediction error of the gain of q",
+    "meaning": "largest difference between measured and predicted gain at the lines up to the predicted bandwidth",
     "unit": "dB",
     "equation": "max |20 log₁₀ |G| − 20 log₁₀ |G_predicted||",
     "source": "docs/how-to/experiments.md"
@@ -2767,8 +2767,8 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:phase_off_q_deg": {
     "kind": "figure",
     "name": "phase_off_q_deg",
-    "term": "Phase of q off its prediction",
-    "meaning": "the same of the phase",
+    "term": "Prediction error of the phase of q",
+    "meaning": "largest difference between measured and predicted phase at the same lines",
     "unit": "°",
     "equation": "max |arg G − arg G_predicted|",
     "source": "docs/how-to/experiments.md"
@@ -2777,7 +2777,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "unlike_q_percent",
     "term": "Repeatability of q",
-    "meaning": "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)",
+    "meaning": "largest change of a measured line from one period to the next; for a sweep √(1 − γ²)",
     "unit": "%",
     "source": "docs/how-to/experiments.md"
   },
@@ -2785,7 +2785,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "residual_q_percent",
     "term": "Residual of q",
-    "meaning": "RMS of q outside the excited lines divided by that at them, last period: friction, noise",
+    "meaning": "RMS of q outside the excited lines divided by that at the lines, last period: caused by friction and noise",
     "unit": "%",
     "source": "docs/how-to/experiments.md"
   },
@@ -2793,15 +2793,15 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "bandwidth_S_predicted_Hz",
     "term": "Bandwidth of S, predicted",
-    "meaning": "the same of the response that models and gains in use let expect",
+    "meaning": "the same, of the response predicted from the models and the active gains",
     "unit": "Hz",
     "source": "docs/how-to/experiments.md"
   },
   "figure:gain_off_S_dB": {
     "kind": "figure",
     "name": "gain_off_S_dB",
-    "term": "Gain of S off its prediction",
-    "meaning": "largest difference of both gains at the measured lines up to the predicted bandwidth",
+    "term": "Prediction error of the gain of S",
+    "meaning": "largest difference between measured and predicted gain at the lines up to the predicted bandwidth",
     "unit": "dB",
     "equation": "max |20 log₁₀ |G| − 20 log₁₀ |G_predicted||",
     "source": "docs/how-to/experiments.md"
@@ -2809,8 +2809,8 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:phase_off_S_deg": {
     "kind": "figure",
     "name": "phase_off_S_deg",
-    "term": "Phase of S off its prediction",
-    "meaning": "the same of the phase",
+    "term": "Prediction error of the phase of S",
+    "meaning": "largest difference between measured and predicted phase at the same lines",
     "unit": "°",
     "equation": "max |arg G − arg G_predicted|",
     "source": "docs/how-to/experiments.md"
@@ -2819,7 +2819,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "unlike_S_percent",
     "term": "Repeatability of S",
-    "meaning": "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)",
+    "meaning": "largest change of a measured line from one period to the next; for a sweep √(1 − γ²)",
     "unit": "%",
     "source": "docs/how-to/experiments.md"
   },
@@ -2827,7 +2827,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "residual_S_percent",
     "term": "Residual of S",
-    "meaning": "RMS of S outside the excited lines divided by that at them, last period: friction, noise",
+    "meaning": "RMS of S outside the excited lines divided by that at the lines, last period: caused by friction and noise",
     "unit": "%",
     "source": "docs/how-to/experiments.md"
   },
@@ -2844,7 +2844,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "rmse_aligned_N",
     "term": "RMSE, aligned",
-    "meaning": "the same without sensor delay, each minus its mean before",
+    "meaning": "as RMSE, raw, but without the sensor delay and the means at rest",
     "unit": "N",
     "source": "docs/how-to/experiments.md"
   },
@@ -2852,7 +2852,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "rmse_estimated_N",
     "term": "RMSE, estimated",
-    "meaning": "F_ext_hat against F_B − F_A, aligned, each minus its mean before",
+    "meaning": "F_ext_hat against F_B − F_A, without the sensor delay and the means at rest",
     "unit": "N",
     "source": "docs/how-to/experiments.md"
   },
@@ -2860,14 +2860,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "delay_s",
     "term": "Sensor delay",
-    "meaning": "of the load cells behind the encoder, that which aligns best",
+    "meaning": "delay of the load cells relative to the encoder that minimizes the RMSE",
     "unit": "s",
     "source": "docs/how-to/experiments.md"
   },
   "figure:stiffness_felt": {
     "kind": "figure",
     "name": "stiffness_felt",
-    "term": "Stiffness felt",
+    "term": "Apparent stiffness",
     "meaning": "slope of −r_j (F_A − F_B) over q, aligned",
     "unit": "N·m/rad",
     "equation": "−r_j d(F_A − F_B)/dq",
@@ -2903,7 +2903,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:push_back_s": {
     "kind": "figure",
     "name": "push_back_s",
-    "term": "Back after a push",
+    "term": "Recovery time after a push",
     "meaning": "longest time from the end of a push until |q − q_ref| stays below 0.01 rad",
     "unit": "s",
     "source": "docs/how-to/experiments.md"
@@ -2912,7 +2912,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "held_q_swing_counts",
     "term": "Swing of q, in counts",
-    "meaning": "max − min of q while held, in counts of the joint encoder (4000 where exact)",
+    "meaning": "max − min of q during a hold, in counts of the joint encoder (4000 per turn for an ideal sensor)",
     "equation": "(max q − min q)/count",
     "source": "docs/how-to/experiments.md"
   },
@@ -2920,7 +2920,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "held_q_swing",
     "term": "Swing of q",
-    "meaning": "max − min of q while held",
+    "meaning": "max − min of q during a hold",
     "unit": "rad",
     "equation": "max q − min q",
     "source": "docs/how-to/experiments.md"
@@ -2928,7 +2928,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:held_off_counts": {
     "kind": "figure",
     "name": "held_off_counts",
-    "term": "Off the reference, in counts",
+    "term": "Deviation from the reference, in counts",
     "meaning": "max |q − q_ref| during a hold, minus half a count of the encoder",
     "source": "docs/how-to/experiments.md"
   },
@@ -2936,7 +2936,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "held_u_swing_V",
     "term": "Swing of the voltages",
-    "meaning": "max − min of u_A or u_B while held",
+    "meaning": "max − min of u_A or u_B during a hold",
     "unit": "V",
     "equation": "max u − min u",
     "source": "docs/how-to/experiments.md"
@@ -2945,7 +2945,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "held_S_swing",
     "term": "Swing of S",
-    "meaning": "max − min of S while held",
+    "meaning": "max − min of S during a hold",
     "unit": "N·m/rad",
     "equation": "max S − min S",
     "source": "docs/how-to/experiments.md"
@@ -2954,7 +2954,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "held_moving_percent",
     "term": "Motors moving",
-    "meaning": "ticks in which the count of a motor's encoder changed while held (8000 where exact)",
+    "meaning": "share of the control steps of a hold in which the count of a motor's encoder changed (8000 per turn for an ideal sensor)",
     "unit": "%",
     "source": "docs/how-to/experiments.md"
   },
@@ -2962,7 +2962,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "hits",
     "term": "Hits",
-    "meaning": "contacts with the wall at least 0.3 s after the one before",
+    "meaning": "collisions with the obstacle at least 0.3 s after the previous one",
     "source": "docs/how-to/experiments.md"
   },
   "figure:peak_force_N": {
@@ -2986,36 +2986,36 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:soft_to_stiff_peak": {
     "kind": "figure",
     "name": "soft_to_stiff_peak",
-    "term": "Peak force, soft over stiff",
-    "meaning": "mean over the speeds: peak at the lowest S_ref over that at the highest",
+    "term": "Peak force ratio, soft to stiff",
+    "meaning": "mean over the speeds of the peak at the lowest S_ref divided by that at the highest",
     "source": "docs/how-to/experiments.md"
   },
   "figure:soft_to_stiff_impulse": {
     "kind": "figure",
     "name": "soft_to_stiff_impulse",
-    "term": "Impulse, soft over stiff",
-    "meaning": "mean over the speeds: impulse at the lowest S_ref over that at the highest",
+    "term": "Impulse ratio, soft to stiff",
+    "meaning": "mean over the speeds of the impulse at the lowest S_ref divided by that at the highest",
     "source": "docs/how-to/experiments.md"
   },
   "figure:reaction_peak": {
     "kind": "figure",
     "name": "reaction_peak",
-    "term": "Peak force, with over without reaction",
-    "meaning": "mean over stiffness and speed of the peaks' ratio",
+    "term": "Peak force ratio, with to without reaction",
+    "meaning": "mean over stiffness and speed of the peak with reaction divided by that without",
     "source": "docs/how-to/experiments.md"
   },
   "figure:reaction_impulse": {
     "kind": "figure",
     "name": "reaction_impulse",
-    "term": "Impulse, with over without reaction",
-    "meaning": "mean over stiffness and speed of the impulses' ratio",
+    "term": "Impulse ratio, with to without reaction",
+    "meaning": "mean over stiffness and speed of the impulse with reaction divided by that without",
     "source": "docs/how-to/experiments.md"
   },
   "figure:felt_after_s": {
     "kind": "figure",
     "name": "felt_after_s",
     "term": "Longest time to detect",
-    "meaning": "from the touch until the estimated force passes the threshold",
+    "meaning": "from the start of the collision until the estimated external force exceeds the threshold",
     "unit": "s",
     "source": "docs/how-to/experiments.md"
   },
@@ -3023,7 +3023,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "gave_way_after_s",
     "term": "Longest time to react",
-    "meaning": "from the threshold to the start of the contact reaction",
+    "meaning": "from the detection to the start of the contact reaction",
     "unit": "s",
     "source": "docs/how-to/experiments.md"
   },
@@ -3031,7 +3031,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "fell_after_s",
     "term": "Longest time to the peak",
-    "meaning": "from the threshold until the force is at its largest, from where on it falls",
+    "meaning": "from the detection until |F_wall| reaches its peak",
     "unit": "s",
     "source": "docs/how-to/experiments.md"
   },
@@ -3056,7 +3056,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:pushed_back_s": {
     "kind": "figure",
     "name": "pushed_back_s",
-    "term": "Back after a push",
+    "term": "Recovery time after a push",
     "meaning": "longest time from a push's end until |q − q_ref| stays below 0.01 rad",
     "unit": "s",
     "source": "docs/how-to/experiments.md"
@@ -3064,8 +3064,8 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:pushed_off_percent": {
     "kind": "figure",
     "name": "pushed_off_percent",
-    "term": "Peaks off their prediction",
-    "meaning": "largest |measured/predicted − 1| of the peaks of q, gains in use",
+    "term": "Prediction error of the peaks",
+    "meaning": "largest |measured/predicted − 1| of the peaks of q, with the active gains",
     "unit": "%",
     "equation": "100 max |measured/predicted − 1|",
     "source": "docs/how-to/experiments.md"
@@ -3073,8 +3073,8 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:pushed_static_ratio": {
     "kind": "figure",
     "name": "pushed_static_ratio",
-    "term": "Largest share of the static deviation",
-    "meaning": "largest peak of q over r_j F/S, impulses left out",
+    "term": "Largest ratio to the static deviation",
+    "meaning": "largest peak deviation of q divided by r_j F/S, without impulses",
     "equation": "max |q − q(before)|/(r_j F/S)",
     "source": "docs/how-to/experiments.md"
   },
@@ -3082,7 +3082,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "deviation_A_rad",
     "term": "Deviation of motor A",
-    "meaning": "max |θ_A − θ_A,ref| after its load steps on or off",
+    "meaning": "max |θ_A − θ_A,ref| after its load is applied or removed",
     "unit": "rad",
     "equation": "max |θ_A − θ_A,ref|",
     "source": "docs/how-to/experiments.md"
@@ -3091,7 +3091,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "deviation_B_rad",
     "term": "Deviation of motor B",
-    "meaning": "max |θ_B − θ_B,ref| after its load steps on or off",
+    "meaning": "max |θ_B − θ_B,ref| after its load is applied or removed",
     "unit": "rad",
     "equation": "max |θ_B − θ_B,ref|",
     "source": "docs/how-to/experiments.md"
@@ -3099,8 +3099,8 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:back_s": {
     "kind": "figure",
     "name": "back_s",
-    "term": "Back on the reference",
-    "meaning": "longest time from a step of the load until |θ_ref − θ| stays within 5 % of its largest",
+    "term": "Recovery time",
+    "meaning": "longest time from a load step until |θ_ref − θ| stays within 5 % of its maximum",
     "unit": "s",
     "source": "docs/how-to/experiments.md"
   },
@@ -3169,7 +3169,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "u_c_A",
     "term": "Coulomb voltage of motor A",
-    "meaning": "part of the voltage that overcomes Coulomb friction",
+    "meaning": "voltage that overcomes Coulomb friction",
     "unit": "V",
     "source": "docs/how-to/experiments.md"
   },
@@ -3177,14 +3177,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "u_c_B",
     "term": "Coulomb voltage of motor B",
-    "meaning": "part of the voltage that overcomes Coulomb friction",
+    "meaning": "voltage that overcomes Coulomb friction",
     "unit": "V",
     "source": "docs/how-to/experiments.md"
   },
   "figure:turn_rad": {
     "kind": "figure",
     "name": "turn_rad",
-    "term": "Largest turn",
+    "term": "Largest rotation",
     "meaning": "largest |θ| of both motors, of ±15.7 rad",
     "unit": "rad",
     "source": "docs/how-to/experiments.md"
@@ -3193,7 +3193,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "load_N",
     "term": "Largest load",
-    "meaning": "largest tendon force of both load cells during the steps",
+    "meaning": "largest tendon force at both load cells during the steps",
     "unit": "N",
     "source": "docs/how-to/experiments.md"
   },
@@ -3227,7 +3227,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "hysteresis_N",
     "term": "Hysteresis",
-    "meaning": "largest mean force difference between the ways up and down",
+    "meaning": "largest mean force difference between loading and unloading",
     "unit": "N",
     "source": "docs/how-to/experiments.md"
   },
@@ -3244,47 +3244,47 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "outcome",
     "name": "passed",
     "term": "passed",
-    "meaning": "Every criterion was measured on the whole run and held.",
+    "meaning": "Every criterion was measured on the whole run and passed.",
     "source": "docs/how-to/experiments.md"
   },
   "outcome:failed": {
     "kind": "outcome",
     "name": "failed",
     "term": "failed",
-    "meaning": "At least one criterion was measured and did not hold; one that failed decides.",
+    "meaning": "At least one criterion was measured and failed; one failed criterion decides.",
     "source": "docs/how-to/experiments.md"
   },
   "outcome:incomplete": {
     "kind": "outcome",
     "name": "incomplete",
     "term": "incomplete",
-    "meaning": "The run ended early, or a criterion could not be measured: nothing passes unseen.",
+    "meaning": "The run ended early, or a criterion could not be measured: a criterion passes only if it was measured completely.",
     "source": "docs/how-to/experiments.md"
   },
   "outcome:neutral": {
     "kind": "outcome",
     "name": "neutral",
     "term": "neutral",
-    "meaning": "Nothing to judge by: this kind of run has no criteria.",
+    "meaning": "No verdict: this kind of run has no criteria.",
     "source": "docs/how-to/experiments.md"
   },
   "criterion:pass": {
     "kind": "criterion",
     "name": "pass",
     "term": "pass",
-    "meaning": "The figure was measured on all of the run and lies on the right side of its bound."
+    "meaning": "The metric was measured on the whole run and satisfies its bound."
   },
   "criterion:fail": {
     "kind": "criterion",
     "name": "fail",
     "term": "fail",
-    "meaning": "The figure violates its bound; the measured data suffice for this verdict."
+    "meaning": "The metric violates its bound; the measured data suffice for this verdict."
   },
   "criterion:not_measured": {
     "kind": "criterion",
     "name": "not_measured",
     "term": "not measured",
-    "meaning": "The figure was not measured, or only in part, for the given reason. It is neither passed nor failed.",
+    "meaning": "The metric was not measured, or only in part, for the given reason. It is neither passed nor failed.",
     "more": [
       [
         "Rule",
@@ -3296,12 +3296,12 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "grade",
     "name": "usable",
     "term": "usable",
-    "meaning": "The model may be used for tuning: no test speaks against it.",
+    "meaning": "The model may be used for tuning: it passed every test.",
     "source": "docs/explanation/identification.md",
     "more": [
       [
         "Rule",
-        "fit ≥ 80 % on unseen data, K and T known to ±3 %, gain within 5 % of geometry, no Coulomb friction found"
+        "fit ≥ 80 % on validation data, standard errors of K and T within ±3 %, gain within 5 % of the geometric value, no Coulomb friction found"
       ]
     ]
   },
@@ -3314,7 +3314,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Rule",
-        "fit ≥ 50 %, K and T known to ±10 %, gain within 10 % of geometry"
+        "fit ≥ 50 %, standard errors of K and T within ±10 %, gain within 10 % of the geometric value"
       ]
     ]
   },
@@ -3327,7 +3327,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Rule",
-        "less than 20 counts of motion, fit < 50 %, K or T not known to ±10 %, or gain more than 10 % off geometry"
+        "less than 20 counts of motion, fit < 50 %, a standard error of K or T beyond ±10 %, or gain more than 10 % off the geometric value"
       ]
     ]
   },
@@ -3349,14 +3349,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "end",
     "name": "stopped",
     "term": "stopped",
-    "meaning": "Somebody pressed STOP or ended the service before the run was over.",
+    "meaning": "A person pressed STOP or stopped the service before the run ended.",
     "source": "docs/how-to/notebook.md"
   },
   "end:tripped": {
     "kind": "end",
     "name": "tripped",
     "term": "tripped",
-    "meaning": "A fault stopped the run; the timing of it is in the flight record.",
+    "meaning": "A fault stopped the run; its timing is in the flight record.",
     "source": "docs/how-to/notebook.md"
   },
   "end:link_lost": {
@@ -3370,7 +3370,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "end",
     "name": "service_died",
     "term": "service died",
-    "meaning": "The service died or hung, and the loop stopped automatically.",
+    "meaning": "The service failed or hung, and the control loop stopped automatically.",
     "source": "docs/how-to/notebook.md"
   },
   "mode:off": {
@@ -3401,13 +3401,13 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "mode",
     "name": "identify",
     "term": "identify",
-    "meaning": "An excitation is played to identify motors, springs or the actuator."
+    "meaning": "An excitation is applied to identify motors, springs or the actuator."
   },
   "mode:experiment": {
     "kind": "mode",
     "name": "experiment",
     "term": "experiment",
-    "meaning": "A program of references is played by the loop itself."
+    "meaning": "The control loop executes a program of references."
   },
   "mode:stopping": {
     "kind": "mode",
@@ -3419,7 +3419,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "mode",
     "name": "tripped",
     "term": "tripped",
-    "meaning": "A fault is latched at zero volts; reset leads to off once its cause is gone."
+    "meaning": "A fault is latched at zero volts; Reset returns to mode off after the cause is removed."
   },
   "cause:requested": {
     "kind": "cause",
@@ -3437,7 +3437,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "cause",
     "name": "program ended",
     "term": "program ended",
-    "meaning": "A program came to its end."
+    "meaning": "A program ended."
   },
   "cause:contact": {
     "kind": "cause",
@@ -3461,13 +3461,13 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "cause",
     "name": "motor trial",
     "term": "motor trial",
-    "meaning": "The bring-up tries the direction of a motor at low voltage."
+    "meaning": "The bring-up tests the direction of a motor at low voltage."
   },
   "cause:motor tried": {
     "kind": "cause",
     "name": "motor tried",
     "term": "motor tried",
-    "meaning": "The trial of a motor's direction is over."
+    "meaning": "The test of a motor's direction has ended."
   },
   "cause:homing": {
     "kind": "cause",
@@ -3479,13 +3479,13 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "cause",
     "name": "homed at the end switch",
     "term": "homed at the end switch",
-    "meaning": "The end switch closed where it should: the joint has its zero."
+    "meaning": "The end switch closed at the expected position and set the zero of the joint."
   },
   "cause:homing: the end switch did not close": {
     "kind": "cause",
     "name": "homing: the end switch did not close",
     "term": "homing: the end switch did not close",
-    "meaning": "The joint reached the end of its travel without meeting the end switch; no zero was set."
+    "meaning": "The joint reached the end of its travel without reaching the end switch; no zero was set."
   },
   "cause:homing: the end switch stayed closed": {
     "kind": "cause",
@@ -3509,13 +3509,13 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "cause",
     "name": "homing: a motor did not go where it was sent",
     "term": "homing: a motor did not go where it was sent",
-    "meaning": "A motor did not come to where it was sent; no zero was set."
+    "meaning": "A motor did not reach its reference; no zero was set."
   },
   "cause:homing: a tendon was too taut": {
     "kind": "cause",
     "name": "homing: a tendon was too taut",
     "term": "homing: a tendon was too taut",
-    "meaning": "A tendon pulled harder than homing allows; no zero was set."
+    "meaning": "The tension of a tendon exceeded the limit of homing; no zero was set."
   },
   "cause:homing: a tendon was slack": {
     "kind": "cause",
@@ -3527,13 +3527,13 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "cause",
     "name": "homing: it took too long",
     "term": "homing: it took too long",
-    "meaning": "Homing took longer than it may; no zero was set."
+    "meaning": "Homing exceeded its time limit; no zero was set."
   },
   "chain:page": {
     "kind": "chain",
     "name": "page",
     "term": "Page in control",
-    "meaning": "The page that holds control sends signs of life. After 2 s without one the loop holds its references; 2 s later the loop stops softly.",
+    "meaning": "The page that holds control sends heartbeats. After 2 s without one the loop holds its references; 2 s later the loop stops softly.",
     "source": "docs/reference/faults.md"
   },
   "chain:service": {
@@ -3561,7 +3561,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "chain",
     "name": "safety_module",
     "term": "Safety module",
-    "meaning": "Independent of the controller: it cuts the motors at F_max or at the end of the joint's range and stays tripped until it is acknowledged at the rig.",
+    "meaning": "Independent of the controller: it disables the motors at F_max or at the end of the joint's range and stays tripped until it is acknowledged at the rig.",
     "source": "docs/reference/faults.md"
   },
   "step:never": {
@@ -3575,21 +3575,21 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "step",
     "name": "current",
     "term": "current",
-    "meaning": "Done, and it still holds for this wiring and for the time it is good for.",
+    "meaning": "Done, and still valid for this wiring and within its period of validity.",
     "source": "docs/how-to/rig.md"
   },
   "step:out_of_date": {
     "kind": "step",
     "name": "out_of_date",
     "term": "out of date",
-    "meaning": "Done once; wiring, start of the loop or age have made it doubtful since.",
+    "meaning": "Done, but out of date since a change of the wiring, a start of the control loop or the end of its period of validity.",
     "source": "docs/how-to/rig.md"
   },
   "step:failed": {
     "kind": "step",
     "name": "failed",
     "term": "failed",
-    "meaning": "Done last without success.",
+    "meaning": "The last execution failed.",
     "source": "docs/how-to/rig.md"
   },
   "setup:missing": {
@@ -3645,7 +3645,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "fault",
     "name": "force_limit",
     "term": "force limit",
-    "meaning": "A tendon pulled harder than its limit.",
+    "meaning": "The tension of a tendon exceeded its limit.",
     "source": "docs/reference/faults.md",
     "more": [
       [
@@ -3720,7 +3720,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "fault",
     "name": "sensor_invalid",
     "term": "sensor invalid",
-    "meaning": "A sensor gave no number.",
+    "meaning": "A sensor returned no valid value.",
     "source": "docs/reference/faults.md",
     "more": [
       [
@@ -3737,7 +3737,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Remedy",
-        "Check its cable and supply; reset once the reading is back."
+        "Check its cable and supply; reset when the reading is valid again."
       ]
     ]
   },
@@ -3770,7 +3770,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "fault",
     "name": "sensor_jump",
     "term": "sensor jump",
-    "meaning": "A sensor jumped further than the rig can move.",
+    "meaning": "A sensor changed faster than the rig can move.",
     "source": "docs/reference/faults.md",
     "more": [
       [
@@ -3845,7 +3845,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "fault",
     "name": "service_lost",
     "term": "service lost",
-    "meaning": "The loop lost the service and stopped softly.",
+    "meaning": "The control loop lost the heartbeat of the service and stopped softly.",
     "source": "docs/reference/faults.md",
     "more": [
       [
@@ -3870,7 +3870,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "fault",
     "name": "operator_lost",
     "term": "operator lost",
-    "meaning": "The browser that held control was lost.",
+    "meaning": "The connection to the page that held control was lost.",
     "source": "docs/reference/faults.md",
     "more": [
       [
@@ -3895,7 +3895,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "fault",
     "name": "safety_module",
     "term": "safety module",
-    "meaning": "The independent safety module cut the motors.",
+    "meaning": "The independent safety module disabled the motors.",
     "source": "docs/reference/faults.md",
     "more": [
       [
@@ -3945,7 +3945,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "fault",
     "name": "watchdog",
     "term": "watchdog",
-    "meaning": "The card's watchdog cut the drives.",
+    "meaning": "The card's watchdog disabled the drives.",
     "source": "docs/reference/faults.md",
     "more": [
       [
@@ -3962,7 +3962,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Remedy",
-        "The loop did not write for too long: close other programs on this machine, then reset."
+        "The control loop did not write in time: close other programs on this machine, then reset."
       ]
     ]
   },
@@ -3970,7 +3970,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "fault",
     "name": "watchdog_dead",
     "term": "watchdog dead",
-    "meaning": "The card's watchdog is dead.",
+    "meaning": "The card's watchdog has failed.",
     "source": "docs/reference/faults.md",
     "more": [
       [
@@ -3987,7 +3987,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Remedy",
-        "Reset: it starts a new loop with a new watchdog, which is tried first. If this comes back, do not go on."
+        "Reset: this starts a new control loop with a new watchdog after its proof test. If the fault recurs, do not continue."
       ]
     ]
   },
@@ -4012,7 +4012,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Remedy",
-        "Start the service again; it comes up without the fault."
+        "Start the service again; it starts without the fault."
       ]
     ]
   },
@@ -4020,7 +4020,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "fault",
     "name": "sensor_saturated",
     "term": "sensor saturated",
-    "meaning": "A load cell is beyond what its input can read.",
+    "meaning": "The signal of a load cell exceeds the range of its input.",
     "source": "docs/reference/faults.md",
     "more": [
       [
@@ -4037,7 +4037,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Remedy",
-        "Check for a blocked joint, then check the load cell's amplifier, supply and calibration; reset once the reading is back."
+        "Check for a blocked joint, then check the load cell's amplifier, supply and calibration; reset when the reading is valid again."
       ]
     ]
   },
@@ -4087,7 +4087,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Remedy",
-        "Reset: it starts a new loop. Keep the flight record and the log, and report them; if this comes back, do not go on."
+        "Reset: this starts a new control loop. Keep the flight record and the log, and report them; if the fault recurs, do not continue."
       ]
     ]
   },
