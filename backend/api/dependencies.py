@@ -85,18 +85,14 @@ def require_stop_permission(connection: HTTPConnection) -> User:
     """
     person = find_authentication(connection).authenticate_for_stop(read_credentials(connection))
     if person is None:
-        raise RequestRejectedError(
-            ErrorCode.NOT_SIGNED_IN, f"nothing was stopped, because you are not signed in: {_SIGN_IN}"
-        )
+        raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, f"nothing was stopped, not signed in: {_SIGN_IN}")
     return person
 
 
 # Declared for the documentation only: the generated schema lists both ways of authentication.
 _bearer = HTTPBearer(auto_error=False, description="token from the data folder")
 _cookie = APIKeyCookie(
-    name=f"{COOKIE}8000",
-    auto_error=False,
-    description="cookie from the sign-in; its name ends with the port of the address",
+    name=f"{COOKIE}8000", auto_error=False, description="cookie of the sign-in; its name ends with the port"
 )
 
 # These are coroutines, because commands whose dependencies run in threads could change their order.
@@ -125,8 +121,7 @@ async def _get_operator(request: Request, person: SignedInUser) -> User:
         if request.method not in ("GET", "HEAD"):
             request.state.commanding = person, b""  # for the log; values of viewers are not logged
         raise RequestRejectedError(
-            ErrorCode.NOT_ALLOWED,
-            f"{person.name} is signed in as {person.role}; this request needs the operator's token",
+            ErrorCode.NOT_ALLOWED, f"{person.name} is signed in as {person.role}; this needs the operator's token"
         )
     return person
 
@@ -287,10 +282,7 @@ CurrentService = Annotated[Service, Depends(_get_current_service)]
 
 
 CommandTokenHeader = Annotated[
-    str | None,
-    Header(
-        alias=CONTROL_HEADER, max_length=40, description="command token of the page that holds control: key.sequence"
-    ),
+    str | None, Header(alias=CONTROL_HEADER, max_length=40, description="command token of the page in control")
 ]
 
 

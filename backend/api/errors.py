@@ -115,11 +115,7 @@ def install_handlers(
     async def handle_unexpected_error(request: Request, error: Exception) -> JSONResponse:
         _log.error("An unexpected error ended %s %s.", request.method, request.url.path, exc_info=error)
         return _build_json_response(
-            500,
-            ErrorDetail(
-                code="internal_error",
-                message="the request failed because of an internal error; see the log of the service",
-            ),
+            500, ErrorDetail(code="internal_error", message="the request failed; see the log of the service")
         )
 
 

@@ -424,7 +424,7 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML comes without ty
             line = self.peek_event().start_mark.line + 1
             raise ExperimentError("anchors and aliases are not supported: write the parts out, or use repeat", (), line)
         if (tag := getattr(self.peek_event(), "tag", None)) is not None:
-            raise ExperimentError(f"the tag {tag} is not taken", (), self.peek_event().start_mark.line + 1)
+            raise ExperimentError(f"the tag {tag} is not supported", (), self.peek_event().start_mark.line + 1)
         return super().compose_node(parent, index)
 
 
@@ -530,7 +530,7 @@ def _convert_node(node: Any, path: Path, lines: dict[Path, int], depth: int, *, 
             for index, item in enumerate(node.value)
         ]
     if not isinstance(node, yaml.ScalarNode):
-        raise ExperimentError(f"the tag {node.tag} is not taken", path, line)
+        raise ExperimentError(f"the tag {node.tag} is not supported", path, line)
     match node.tag.removeprefix(_PLAIN):
         case "str":
             words = _join_surrogates(node.value)
@@ -551,7 +551,7 @@ def _convert_node(node: Any, path: Path, lines: dict[Path, int], depth: int, *, 
         case "float" if math.isfinite(float(node.value)):
             return float(node.value)
         case _:
-            raise ExperimentError(f"{node.value[:40]!r} with the tag {node.tag} is not taken", path, line)
+            raise ExperimentError(f"{node.value[:40]!r} with the tag {node.tag} is not supported", path, line)
 
 
 def _join_surrogates(words: str) -> str:

@@ -509,8 +509,8 @@ CHAIN: dict[str, tuple[str, str]] = {
     "loop": ("Loop process", "Samples arrive from the 1 kHz loop; after 1 s without one the loop counts as failed."),
     "watchdog": ("Watchdog, drive-enable", "The card disables the drives if the loop does not write in time; a test "
                  "proves this before each start."),
-    "safety_module": ("Safety module", "Independent of the controller: it disables the motors at F_max or at the end of "
-                      "the joint's range and stays tripped until it is acknowledged at the rig."),
+    "safety_module": ("Safety module", "Independent of the controller: it disables the motors at F_max or at the end "
+                      "of the joint's range and stays tripped until it is acknowledged at the rig."),
 }  # fmt: skip
 """Term and meaning of each link of the safety chain; each watches the one before it."""
 

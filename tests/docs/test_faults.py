@@ -26,7 +26,7 @@ def test_every_limit_is_listed_with_its_bit() -> None:
 
 def test_a_remedy_names_control_before_the_reset_that_is_refused_without_it() -> None:
     remedies = [explained.remedy for explained in EXPLANATIONS.values()] + [LOST_PAGES.consequence]
-    told = [remedy.lower() for remedy in remedies if "control" in remedy]
+    told = [remedy.lower() for remedy in remedies if "take control" in remedy]
     assert len(told) == 2
     for remedy in told:
         assert 0 <= remedy.find("take control") < remedy.find("reset"), remedy

@@ -62,7 +62,7 @@ def test_times_and_bounds_of_the_faults_are_those_of_the_code(statement: str) ->
 def test_silence_is_as_long_wherever_it_is_told() -> None:
     told = f"{process.SILENCE_S:g} s"
     assert f"receives no heartbeat for {told}" in decision_page("0001")
-    assert f"nothing for {told}" in supervisor._HEARTBEAT_PART.consequence
+    assert f"{told} without a heartbeat" in supervisor._HEARTBEAT_PART.consequence
     longest_s = heartbeat.STALE_S + heartbeat.HEARTBEAT_S + process.SILENCE_S + motion_primitives.SOFT_STOP_S
     assert f"within {longest_s:.0f} s" in supervisor._LIVENESS_PART.consequence
     # In comments and docstrings the constant is named: a number there would be held by nothing.

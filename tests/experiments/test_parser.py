@@ -151,10 +151,10 @@ def test_equal_experiments_have_equal_texts() -> None:
         ("duration_s: 2.0", "duration_s: " + "1+" * 100 + "1", 10, "duration_s"),
         ("duration_s: 2.0", "2: 2.0", 10, "the key 2 is not a text"),
         ("do: hold", "do: [", 11, "it is neither YAML nor JSON"),
-        ("do: hold", "do: fly", 9, "'fly' is not a motion; choose one of hold, step, ramp"),
+        ("do: hold", "do: fly", 9, "'fly' is not a kind of part; choose one of hold, step, ramp"),
         ("name: small", "name: small\nname: other", 4, "name: the key is given twice"),
         ("format: 1", "format: 2", 2, "2 is not a known format: this version of Sinew reads format 1"),
-        ("format: 1", "format: one", 2, "'one' is not known"),
+        ("format: 1", "format: one", 2, "'one' is not a known format"),
         ("title: Small", f"title: {'x' * 101}", 4, "title"),
         ("title: Small", "title: Small\n---\nname: other", 5, "it is neither YAML nor JSON"),
     ],
@@ -171,7 +171,7 @@ def test_an_unsupported_construct_is_rejected_with_its_line(old: str, new: str, 
 @pytest.mark.parametrize("least", [MAX_CHARACTERS + 1, 1_000_000])
 def test_a_text_that_is_too_long_is_not_parsed(least: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(parser, "_Loader")
-    with pytest.raises(ExperimentError, match=f"it has {least} characters, but at most {MAX_CHARACTERS} are taken"):
+    with pytest.raises(ExperimentError, match=f"it has {least} characters, at most {MAX_CHARACTERS} are accepted"):
         parse_experiment(SMALL + "#" * (least - len(SMALL)))
 
 

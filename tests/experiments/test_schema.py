@@ -146,13 +146,13 @@ def test_a_wrong_value_is_refused_as_of_any_other_setting(
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [
-        (declared(name="lam_q"), "'lam_q' is taken"),
-        (declared(name="bank"), "'bank' is taken"),
-        (declared(name="seed"), "'seed' is taken"),
-        (declared(name="experiment"), "'experiment' is taken"),
-        (declared(name="pi"), "'pi' is taken"),
-        (declared(name="max"), "'max' is taken"),
-        (declared(name="first"), "'first' is taken"),
+        (declared(name="lam_q"), "'lam_q' is already the name"),
+        (declared(name="bank"), "'bank' is already the name"),
+        (declared(name="seed"), "'seed' is already the name"),
+        (declared(name="experiment"), "'experiment' is already the name"),
+        (declared(name="pi"), "'pi' is already the name"),
+        (declared(name="max"), "'max' is already the name"),
+        (declared(name="first"), "'first' is already the name"),
         (declared(minimum=None), "depth needs a minimum and a maximum"),
         (declared(maximum=None), "depth needs a minimum and a maximum"),
         (declared(default=1.1), "1.1 is outside 0 to 1"),
@@ -171,7 +171,7 @@ def test_a_declaration_that_cannot_be_is_refused_in_its_line(wrong: Declared, to
     with pytest.raises(ExperimentError) as refused:
         build_settings(experiment(declared(name="first"), wrong), lines)
     assert told in str(refused.value)
-    assert refused.value.line == (8 if "taken" in told else 7)
+    assert refused.value.line == (8 if "already the name" in told else 7)
     assert refused.value.path[:2] == ("settings", 1)
 
 

@@ -74,7 +74,7 @@ def test_a_run_comes_back_with_its_samples_gaps_parameters_and_settings(
         np.testing.assert_array_equal(ours.columns["q"], theirs.columns["q"])
         kept = recordings.get(other, 1)
         assert (kept.missed, kept.problem) == (10, "the disk was full")
-        assert origins.of_runs(other, [1])[1].sentence == f"imported from run.{kind}, there run 2"
+        assert origins.of_runs(other, [1])[1].sentence == f"imported from run.{kind}, originally run 2"
     assert import_export(there, tmp_path / f"run.{kind}", "Ben") == ImportResult(run=1, was=2, new=False)
     assert import_export(here, tmp_path / f"run.{kind}", "Ben") == ImportResult(run=2, was=2, new=False)
 
@@ -107,9 +107,9 @@ def test_what_a_csv_says_of_itself_has_to_hold(
     whole, before = file.read_text(encoding="utf-8"), held(there)
     for said, other, why in (
         ('"format":1', '"format":2', "not of format 1"),
-        ('"samples":2300', '"samples":2299', "holds 2300 samples, and has a stated size of 2299"),
+        ('"samples":2300', '"samples":2299', "holds 2300 samples, its metadata state 2299"),
         ('"period_s":0.001', '"period_s":0.0015', "not multiples"),
-        ('"of":"run 2"', '"of":"trip 2"', "no run"),
+        ('"of":"run 2"', '"of":"trip 2"', "not of a run"),
         ('"end_state":"completed"', '"end_state":"running"', "not over"),
         ('"end_state":"completed"', '"end_state":7', "end_state of a run cannot be '7'"),
         ('"kind":"actuator_identification",', "", "a run has the parts"),
@@ -181,7 +181,7 @@ def mat_that_swells(file: Path, facts: str) -> None:
 @pytest.mark.parametrize(
     ("kind", "swell", "why"),
     [
-        ("mcap", mcap_that_swells, "unpacks to 167.* bytes, where 8388608 are the maximum .* export the run again"),
+        ("mcap", mcap_that_swells, "decompresses to 167.* bytes, but 8388608 are the maximum, .* export the run again"),
         ("mat", mat_that_swells, "it is compressed, unlike an export"),
     ],
 )

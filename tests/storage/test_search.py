@@ -168,7 +168,7 @@ REFUSED = (
     ("end = gone", 7, "known: running, completed"),
     ("verdict = good", 11, "known: passed"),
     ("station = rig-9", 11, "there is no station 'rig-9'"),
-    ("overshoot_q_percent < many", 23, "compared with a number, which 'many' is not"),
+    ("overshoot_q_percent < many", 23, "requires a number, and 'many' is not a number"),
     ("overshoot_q_percent < nan", 23, "which 'nan' is not"),
     ("overshoot_q_percent = many", 23, "which 'many' is not"),
     ("overshoot_q_percent != 0%", 24, "which '0%' is not"),

@@ -218,7 +218,7 @@ def test_a_bank_of_another_station_is_read_but_not_driven_by(stations: tuple[Dat
         assert banks.own(session, bank.id) == bank
     with b.reading() as session:
         assert banks.get(session, bank.id) == bank
-        with pytest.raises(UnknownRecordError, match=r"of station rig-a: export it there and import it here"):
+        with pytest.raises(UnknownRecordError, match=r"belongs to station rig-a: export it there and import it here"):
             banks.own(session, bank.id)
 
 

@@ -78,8 +78,7 @@ def list_runs(
     ] = None,
     search: Annotated[str, Query(max_length=100, description="words in kind, title, note, person or tags")] = "",
     where: Annotated[
-        tuple[Where, ...],
-        Query(max_length=10, description="searches, see docs/reference/search.md; a run must match all of them"),
+        tuple[Where, ...], Query(max_length=10, description="searches, see docs/reference/search.md; all must match")
     ] = (),
     everywhere: Annotated[bool, Query(description="include all stations, not only this one")] = False,
     limit: Annotated[int, Query(ge=1, le=500)] = 100,
@@ -163,10 +162,7 @@ async def _parse_slice(
     to_s: Annotated[
         Finite | None, Query(alias="to", gt=0.0, le=LONGEST_S, description="end [s]; default: the end of the run")
     ] = None,
-    points: Annotated[
-        int,
-        Query(ge=10, le=20000, description="maximum number of points; longer ranges are reduced to minima and maxima"),
-    ] = 2000,
+    points: Annotated[int, Query(ge=10, le=20000, description="maximum; longer ranges give minima and maxima")] = 2000,
     signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
 ) -> SampleSlice:
     return SampleSlice(id, from_s, math.inf if to_s is None else to_s, points, signals.split(","))

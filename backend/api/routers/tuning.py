@@ -112,9 +112,7 @@ async def activate_bank(id: RowId, service: CurrentService, person: ActuatorOper
 
 def _require_one(other: int | None, run: list[int] | None) -> None:
     if (other is None) == (not run):
-        raise RequestRejectedError(
-            ErrorCode.BAD_VALUE, "select either another bank or runs that identified operating points again"
-        )
+        raise RequestRejectedError(ErrorCode.BAD_VALUE, "give either another bank or runs that identified points again")
 
 
 # Tuning --------------------------------------------------------------------------------------------

@@ -4,8 +4,7 @@ export const TEXTS = {
   cookiesHint:
     "This browser blocks cookies for {host}, so nobody can sign in and STOP does not work here. Allow cookies for {host} and reload this page. Until then, use the stop at the machine.",
   title: "Sign in to Sinew",
-  lead:
-    "Open the sign-in link that the service printed when it started, or paste its token here. The token is also in the data folder.",
+  lead: "Open the sign-in link that the service printed when it started, or paste its token here. The token is also in the data folder.",
   stopHint:
     "STOP works here if this browser was signed in and did not sign out. If STOP is not confirmed, use the stop at the machine.",
   token: "Token",
