@@ -118,7 +118,7 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         ("{do: choose, by: nothing, of: {a: []}}", "'nothing' is not a setting with choices"),
         ("&loop {do: hold, duration_s: 1}", "anchors and aliases are not supported"),
         ("*loop", "anchors and aliases are not supported"),
-        ("!!python/object:os.system {do: hold}", "the tag tag:yaml.org,2002:python/object:os.system is not taken"),
+        ("!!python/object:os.system {do: hold}", "the tag tag:yaml.org,2002:python/object:os.system is not supported"),
         (
             "{do: repeat, index: pi, times: 2, parts: [{do: hold, duration_s: 1}]}",
             "'pi' is already in use",
