@@ -55,14 +55,14 @@ class RateLimit(logging.Filter):
             window_start, count = self._kinds.pop(kind, (now, 0))
             if now - window_start >= WINDOW_S:
                 if count > LINES_PER_WINDOW:
-                    record.msg = f"{record.getMessage()} [{count - LINES_PER_WINDOW} more like this were left out]"
+                    record.msg = f"{record.getMessage()} [{count - LINES_PER_WINDOW} similar messages were omitted]"
                     record.args = ()
                 window_start, count = now, 0
             self._kinds[kind] = (window_start, count + 1)
             while len(self._kinds) > MAX_KINDS:
                 del self._kinds[next(iter(self._kinds))]
         if count + 1 == LINES_PER_WINDOW:
-            record.msg = f"{record.getMessage()} [more like this are left out for {WINDOW_S:.0f} s]"
+            record.msg = f"{record.getMessage()} [similar messages are omitted for {WINDOW_S:.0f} s]"
             record.args = ()
         return count < LINES_PER_WINDOW
 

@@ -35,7 +35,7 @@ NICENESS = -10
 SWITCH_INTERVAL_S = 0.5e-3
 """Longest time [s] a thread holds the interpreter lock, and so delays STOP."""
 
-LIBRARIES_PART = Part("The loading of libraries", "The first preview or forecast takes some seconds longer.")
+LIBRARIES_PART = Part("The library loader", "The first preview or forecast takes a few seconds longer.")
 
 
 def serve(settings: Settings, on_ready: Callable[[str, Tokens | None], None]) -> None:

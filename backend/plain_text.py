@@ -47,30 +47,30 @@ class PlainTextError(SinewError, ValueError):
 def check_plain_text(text: str) -> None:
     """Raise PlainTextError for a control character or a lone surrogate."""
     if (found := _REFUSED_ANYWHERE.search(text)) is not None:
-        raise _build_error(text, found, "no text here may have")
+        raise _build_error(text, found, "is not allowed in any text")
 
 
 def check_single_line(text: str) -> str:
     """Return a text of one line, possibly empty, or raise PlainTextError."""
     if (found := _REFUSED_IN_LINE.search(text)) is not None:
-        raise _build_error(text, found, "no name, title or other text of one line may have")
+        raise _build_error(text, found, "is not allowed in a name, title or other text of one line")
     if text and not text.strip():
-        raise PlainTextError(f"the text {text!r} is blank: write something that can be seen")
+        raise PlainTextError(f"the text {text!r} is blank: enter visible characters")
     return text
 
 
 def _build_error(text: str, found: re.Match[str], rule: str) -> PlainTextError:
     code, position = ord(found[0]), found.start()
     context = ascii(text[max(0, position - 20) : position + 20])
-    character = f"U+{code:04X}, {_describe_character(found[0])}, at place {position + 1} (near {context})"
-    return PlainTextError(f"a text has the character {character}, which {rule}: delete it")
+    character = f"U+{code:04X}, {_describe_character(found[0])}, at position {position + 1} (near {context})"
+    return PlainTextError(f"the text contains the character {character}, which {rule}: delete it")
 
 
 def _describe_character(character: str) -> str:
     if "\ud800" <= character <= "\udfff":
-        return "half a character"
+        return "an unpaired surrogate"
     if character in "\u2028\u2029":
-        return "the end of a line"
+        return "a line or paragraph separator"
     if character < "\xa0":
         return "a control character"
     return "which changes the direction of the text" if re.match(f"[{_DIRECTION}]", character) else "which is invisible"

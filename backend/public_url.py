@@ -75,9 +75,9 @@ def parse_public_url(text: str) -> PublicUrl:
         raise ValueError(f"{text!r} has more than scheme, host, port and path: {_FORM}")
     host = parts.netloc.lower().removesuffix(f":{port}") if port is not None else parts.netloc.lower().rstrip(":")
     if not _HOST.fullmatch(host) or port == 0:
-        raise ValueError(f"{text!r} has no usable host: {_FORM}")
+        raise ValueError(f"{text!r} has no valid host: {_FORM}")
     if not _PREFIX.fullmatch(parts.path) or any(part in (".", "..") for part in parts.path.split("/")):
-        raise ValueError(f"{text!r}: the path may have letters, digits and . _ ~ - between slashes: {_FORM}")
+        raise ValueError(f"{text!r}: the path may contain only letters, digits and . _ ~ - between slashes: {_FORM}")
     return PublicUrl(parts.scheme, host, _PORTS[parts.scheme] if port is None else port, parts.path.rstrip("/"))
 
 

@@ -42,8 +42,8 @@ def test_a_setting_is_named_as_its_form_labels_it() -> None:
     assert said(refused.value).startswith("joint position steps between ±q_max: 114.592° is outside 0.573 to 80.2°")
     with pytest.raises(SettingError) as odd:
         build_ready_plan("tracking", **{"q_amplitude": "wide"})
-    assert said(odd.value) == "joint position steps between ±q_max: 'wide' is refused: it needs a number in °"
-    assert said(odd.value, RAD).endswith("it needs a number in rad")
+    assert said(odd.value) == "joint position steps between ±q_max: 'wide' is refused: a number is required in °"
+    assert said(odd.value, RAD).endswith("a number is required in rad")
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_what_is_no_number_is_called_that_where_there_is_no_bound() -> None:
 
 def test_a_refusal_comes_whole_from_one_process_to_another() -> None:
     inner = OutOfRangeError("lam_q", 9.0, 0.01, 3.0, "s")
-    for refused in (inner, ExperimentError(inner, ("axes", 0), 5), SettingError("b", "x", "it needs a number")):
+    for refused in (inner, ExperimentError(inner, ("axes", 0), 5), SettingError("b", "x", "a number is required")):
         come = pickle.loads(pickle.dumps(refused))
         assert type(come) is type(refused)
         assert (str(come), come.path, said(come)) == (str(refused), refused.path, said(refused))

@@ -55,8 +55,8 @@ def test_what_was_typed_in_degrees_is_read_again(parse_quantity: Fraction) -> No
     ("text", "degrees"),
     [
         (
-            "q = 1.602~rad; the bound is 1.571~rad to either side",
-            "q = 91.79°; the bound is 90.01° to either side",
+            "q = 1.602~rad; the limit is 1.571~rad in either direction",
+            "q = 91.79°; the limit is 90.01° in either direction",
         ),
         ("outside -1.4 to 1.4~rad; choose another", "outside -80.21 to 80.21°; choose another"),
         ("q_ref 0.5236~rad, S_ref 10.00~N·m/rad", "q_ref 30°, S_ref 10.00 N·m/rad"),

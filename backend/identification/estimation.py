@@ -104,7 +104,9 @@ def fit_percent(error: Signal, motion: Signal) -> float:
     Raises IdentificationError if there is no motion.
     """
     if np.ptp(motion) == 0.0:
-        raise IdentificationError("the output of the comparison record is constant: there is no motion to explain")
+        raise IdentificationError(
+            "the output of the comparison record is constant, so no fit can be computed: use a record with motion"
+        )
     return 100.0 * (1.0 - float(np.linalg.norm(error)) / float(np.linalg.norm(motion)))
 
 
@@ -315,15 +317,16 @@ def _cause_in(record: Record, structure_name: str) -> NotConvergedError | None:
     wrap = find_wrap(record.y)
     if wrap is not None:
         return NotConvergedError(
-            f"{structure_name}: no model is found, as the output jumps by {wrap[1]:.4g} and back after sample"
-            f" {wrap[0]}, as an angle does that wraps: unwrap it (numpy.unwrap)"
+            f"{structure_name}: no model found: the output jumps by {wrap[1]:.4g} and back after sample"
+            f" {wrap[0]}, as a wrapped angle does; unwrap it first (numpy.unwrap)"
         )
     lead = _lead(record, float("inf"))
     if lead is None:
         return None
     return NotConvergedError(
-        f"{structure_name}: no lag is found, as the output follows the input of the same sample (y = {lead:.3g} u +"
-        " offset): check that the columns are two signals, sample faster"
+        f"{structure_name}: no time constant found: the output follows the input within the same sample "
+        f"(y = {lead:.3g} u +"
+        " offset): check that the columns are two different signals, or sample faster"
     )
 
 

@@ -79,7 +79,8 @@ def continuous_poles(sampled: Poles, period_s: float) -> Poles:
     if np.any(real & (sampled.real <= 0.0)) or np.any(np.abs(sampled) >= 1.0):
         shown = np.array2string(sampled, precision=4)
         raise NotContinuousError(
-            f"the ARX poles z = {shown} belong to no stable continuous system: filter more, or choose another estimator"
+            f"the ARX poles z = {shown} have no stable continuous-time equivalent: filter more strongly "
+            f"or choose another estimator"
         )
     return np.asarray(np.log(sampled) / period_s)
 
@@ -214,7 +215,7 @@ def fit_refined_iv(start: FitEvaluation, noise_free_input: NoiseFreeInput) -> Fi
             return here
         here = _stable_step(here, least_squares(matrix, right))
     name = start.problem.structure.name
-    raise NotConvergedError(f"{name}: refined IV did not settle within {MAX_ITERATIONS} iterations")
+    raise NotConvergedError(f"{name}: refined IV did not converge within {MAX_ITERATIONS} iterations")
 
 
 def _equation(here: FitEvaluation, instruments: Signal) -> tuple[Signal, Signal]:

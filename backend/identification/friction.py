@@ -260,19 +260,19 @@ class LoadFrictionFit:
     """Friction of motor A over the load: c0 [N·m], c1 [1], and ``K_t`` [N·m/V].
 
     ``c0_c1_covariance`` [N·m] is the covariance of the two estimates, which are strongly correlated. ``runs`` are the
-    used runs, ``tensions_N`` their mean tensions, ``samples`` the number of used samples.
+    used runs, ``tensions_N`` mean tensions of the used runs, ``samples`` the number of used samples.
     """
 
     c0: float = field(metadata=describe_field("Coulomb friction without load", "N·m"))
-    c1: float = field(metadata=describe_field("friction per load torque r_m F"))
-    K_t: float = field(metadata=describe_field("torque per volt at rest, from the same fit", "N·m/V"))
+    c1: float = field(metadata=describe_field("increase of Coulomb friction per load torque r_m F"))
+    K_t: float = field(metadata=describe_field("stall torque per volt, from the same fit", "N·m/V"))
     c0_std: float = field(metadata=describe_field("standard error of c0", "N·m"))
     c1_std: float = field(metadata=describe_field("standard error of c1"))
     K_t_std: float = field(metadata=describe_field("standard error of K_t", "N·m/V"))
     c0_c1_covariance: float = field(metadata=describe_field("covariance of c0 and c1 [N·m]"))
     runs: tuple[int, ...] = field(metadata=describe_field("runs that were used"))
-    tensions_N: tuple[float, ...] = field(metadata=describe_field("their mean tensions", "N"))
-    samples: int = field(metadata=describe_field("samples that counted"))
+    tensions_N: tuple[float, ...] = field(metadata=describe_field("mean tensions of the used runs", "N"))
+    samples: int = field(metadata=describe_field("number of used samples"))
 
 
 @dataclass(frozen=True)
@@ -290,11 +290,11 @@ class LoadFrictionResult:
     def sentence(self) -> str:
         """The result in one line."""
         if self.estimate is None:
-            return f"Coulomb friction of motor A over the load: not measured, {self.problem}"
+            return f"Coulomb friction of motor A as a function of the load: not measured, {self.problem}"
         e = self.estimate
         tensions = ", ".join(f"{one:.3g}" for one in e.tensions_N)
         return (
-            f"Coulomb friction of motor A over the load: c0 = {with_error(e.c0, e.c0_std)} N·m,"
+            f"Coulomb friction of motor A as a function of the load: c0 = {with_error(e.c0, e.c0_std)} N·m,"
             f" c1 = {with_error(e.c1, e.c1_std)} (c0 + c1 r_m F, ± standard error; runs at {tensions} N)"
         )
 
@@ -352,7 +352,7 @@ def _solve(columns: Signal, u: Signal) -> tuple[tuple[float, float, float], Sign
     """Return c0, c1, K_t and their covariance, shape (3, 3), or an error message."""
     size = np.linalg.norm(columns, axis=0)
     if not np.all(size > 0.0):
-        return "the motor did not turn both ways; excite more"
+        return "the motor did not turn in both directions; increase the excitation"
     solution, _, rank, _ = np.linalg.lstsq(columns / size, u)
     if rank < columns.shape[1]:
         return "friction, inertia and load cannot be separated in these records; use a richer excitation"
@@ -360,7 +360,7 @@ def _solve(columns: Signal, u: Signal) -> tuple[tuple[float, float, float], Sign
     covariance = sandwich(columns, columns, u - columns @ solution)
     load, sign, sign_load = (_PARAMETERS.index(name) for name in ("load", "sign", "sign_load"))
     if not solution[load] > 0.0:
-        return "the voltage does not rise with the load cell's force; check the load cell of tendon A"
+        return "the voltage does not increase with the force of the load cell; check the load cell of tendon A"
     K_t = 1.0 / float(solution[load])
     c0, c1 = K_t * float(solution[sign]), K_t * float(solution[sign_load])
     gradient = np.zeros((3, columns.shape[1]))
@@ -375,8 +375,8 @@ def _too_few(tensions: Sequence[float]) -> str:
         "there is none" if not tensions else f"there is {', '.join(f'{one:.3g} N' for one in sorted(tensions))} only"
     )
     return (
-        f"it needs usable runs at two tensions at least {MIN_TENSION_SPREAD_N:g} N apart, {there};"
-        " identify at further tensions"
+        f"usable runs are required at two tensions at least {MIN_TENSION_SPREAD_N:g} N apart, {there};"
+        " identify at more tensions"
     )
 
 
@@ -392,7 +392,7 @@ def _equations(run: TensionRun, r_m: float) -> tuple[Signal, Signal] | str:
         return f"its record has no {', '.join(missing)}"
     u, theta, q, F = (np.asarray(run.columns[name], dtype=np.float64) for name in COLUMNS)
     if not all(np.all(np.isfinite(values)) for values in (u, theta, q, F)):
-        return "its record has samples that are not finite"
+        return "its record has non-finite samples"
     period_s = run.period_s
     if u.size < MIN_SAMPLES:
         return f"its record has {u.size} samples, fewer than {MIN_SAMPLES}"
@@ -413,7 +413,7 @@ def _equations(run: TensionRun, r_m: float) -> tuple[Signal, Signal] | str:
     is_one_direction[: 2 * reach] = is_one_direction[-2 * reach - most :] = False
     counted = int(np.count_nonzero(is_one_direction))
     if counted < MIN_SAMPLES:
-        return f"motor A turns in one direction in {counted} samples, fewer than {MIN_SAMPLES}"
+        return f"motor A turns without reversal in {counted} samples, fewer than {MIN_SAMPLES}"
     sign = np.sign(theta_d)
     columns = (
         np.gradient(theta_d, period_s),

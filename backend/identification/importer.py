@@ -93,7 +93,7 @@ def find_time_column(
     """
     if unit is not None and unit not in (*SECONDS, DAY_FIRST, MONTH_FIRST):
         raise DataFileError(
-            f"--time-unit {unit}: give it in {UNITS}; for dates {DAY_FIRST} or {MONTH_FIRST}",
+            f"--time-unit {unit}: give one of {UNITS}; for dates {DAY_FIRST} or {MONTH_FIRST}",
             FileFault.OPTION,
             option="--time-unit",
         )
@@ -131,8 +131,8 @@ def _named_like_one(columns: Columns, taken: Collection[str], period_s: float | 
     doubtful = [name for name in names if _DOUBTFUL.match(name) and not columns.units.get(name)]
     if doubtful and period_s is None:
         raise DataFileError(
-            f"column '{doubtful[0]}' may be the time or something else: --time {doubtful[0]} takes it, else give the"
-            " sample time by --period",
+            f"column '{doubtful[0]}' may or may not be the time: --time {doubtful[0]} uses it as the "
+            f"time; otherwise give the sample time with --period",
             FileFault.AMBIGUOUS_TIME,
             column=doubtful[0],
             option="--time",
@@ -149,7 +149,7 @@ def _is_certain(name: str, unit: str) -> bool:
 def _read_dates(name: str, texts: list[str], unit: str | None) -> TimeColumn:
     if unit in SECONDS:
         raise DataFileError(
-            f"the time column '{name}' holds '{texts[0]}', so it has no unit: leave --time-unit out",
+            f"the time column '{name}' holds '{texts[0]}', which is not a number and has no unit: omit --time-unit",
             FileFault.OPTION,
             column=name,
             option="--time-unit",
@@ -176,7 +176,7 @@ def _read_sample_numbers(name: str, columns: Columns, unit: str | None, period_s
             minimum=None,
             maximum=0,
             unit="1",
-            remedy=f"cut the file, or give the sample time by --period with --time {NO_COLUMN}",
+            remedy=f"shorten the file, or give the sample time with --period and set --time {NO_COLUMN}",
         )
     whole = columns.whole.get(name)
     since = values - values[:1] if whole is None else (whole - whole[:1]).astype(np.float64)
@@ -192,7 +192,8 @@ def _find_time_unit(name: str, columns: Columns, since: Signal, period_s: float 
         if known in SECONDS:
             return known, "heading"
         raise DataFileError(
-            f"the time column '{name}' is in '{unit_text}': choose which of {UNITS} that is with --time-unit",
+            f"the time column '{name}' is in '{unit_text}': this unit is unknown; choose one of {UNITS} "
+            f"with --time-unit",
             FileFault.TIME_UNIT,
             column=name,
             option="--time-unit",
@@ -206,12 +207,13 @@ def _find_time_unit(name: str, columns: Columns, since: Signal, period_s: float 
     size = float(np.min(values)) if values.size else 0.0
     for one, least in _EPOCHS.items():
         if least <= size < 4.1 * least and 0.0 < step * SECONDS[one] <= 1.0:
-            return one, "its size, a time since 1970"
+            return one, "magnitude of its values, a time since 1970"
     is_whole = bool(np.all(since == np.round(since)))
     is_day = size > 1e4 and 0.0 < step < 1e-4
     if (is_whole or is_day or step > _LONGEST_PERIOD_S) and step > 0.0:
         raise DataFileError(
-            f"the unit of the time column '{name}', whose rows are {step:.6g} apart, is unknown: give it "
+            f"the unit of the time column '{name}', whose values differ by {step:.6g} from row to row, "
+            f"is unknown: give it "
             f"with --time-unit, one of {UNITS}"
             + (f"; if it is not a time, use --time {NO_COLUMN} with --period" if period_s else ""),
             FileFault.TIME_UNIT,
@@ -246,7 +248,7 @@ def require_forward(time: TimeColumn, first_row: int) -> None:
             minimum=0.0,
             maximum=None,
             unit="s",
-            remedy="the rows are in reverse order: turn them round",
+            remedy="the rows are in reverse order: reverse them",
         )
     at = int(np.argmax(steps < 0.0))
     row = first_row + at + 1
@@ -256,8 +258,8 @@ def require_forward(time: TimeColumn, first_row: int) -> None:
         minimum=0.0,
         maximum=None,
         unit="s",
-        remedy=f"the time must not run back{_cause(float(steps[at]), SECONDS.get(time.unit, 1.0))}; "
-        f"take the rows before it (--skip {first_row} --take {at + 1}) or after it (--skip {row})",
+        remedy=f"the time must not decrease{_cause(float(steps[at]), SECONDS.get(time.unit, 1.0))}; "
+        f"use the rows before it (--skip {first_row} --take {at + 1}) or after it (--skip {row})",
     )
 
 
@@ -265,7 +267,7 @@ def _cause(step_s: float, unit_s: float) -> str:
     """Return the usual cause of a backward step of this size."""
     for bits, size in _COUNTERS.items():
         if abs(-step_s / unit_s / size - 1.0) < 0.05:
-            return f", as a counter of {bits} bits does that overflows"
+            return f", as in an overflow of a counter of {bits} bits"
     if abs(step_s + 3600.0) < 60.0:
         return ", as local time does at the end of daylight saving"
     if abs(step_s + 86400.0) < 60.0:
@@ -287,7 +289,7 @@ def even(t: Signal, values: Signal, period_s: float, *, held: bool) -> Signal:
             minimum=0.0,
             maximum=None,
             unit="s",
-            remedy="the time must not run back",
+            remedy="the time must not decrease",
         )
     if float(np.max(steps)) > MAX_BRIDGED * period_s:
         at = int(np.argmax(steps))
@@ -297,13 +299,13 @@ def even(t: Signal, values: Signal, period_s: float, *, held: bool) -> Signal:
             minimum=None,
             maximum=MAX_BRIDGED * period_s,
             unit="s",
-            remedy=f"too long to be bridged: use the part before it (--range {t[0]:.6g}:{t[at]:.6g}) or after it"
+            remedy=f"use the part before the gap (--range {t[0]:.6g}:{t[at]:.6g}) or after it"
             f" (--range {t[at + 1]:.6g}:)",
         )
     count = (t[-1] - t[0]) / period_s
     if count > MAX_SAMPLES:
         raise RecordError(
-            quantity="samples at even instants",
+            quantity="number of samples after resampling",
             value=float(count),
             minimum=None,
             maximum=MAX_SAMPLES,
@@ -359,9 +361,7 @@ def read_parquet(stream: BinaryIO) -> Columns:
     try:
         table = pyarrow.parquet.ParquetFile(stream).read()  # unlike read_table it accepts duplicate column names
     except (pyarrow.ArrowException, OSError, ValueError):
-        raise DataFileError(
-            "not a readable Parquet file: it is damaged, or of another kind", FileFault.UNREADABLE
-        ) from None
+        raise DataFileError("the file is damaged or not a Parquet file", FileFault.UNREADABLE) from None
     if table.num_rows > MAX_SAMPLES:
         raise DataFileError(
             f"the file holds {table.num_rows} rows, at most {MAX_SAMPLES} are read: cut it", FileFault.TOO_LONG
@@ -377,7 +377,9 @@ def read_parquet(stream: BinaryIO) -> Columns:
             try:
                 _take(columns, name, values)
             except pyarrow.ArrowException:
-                columns.leave_out(name, f"column '{name}' holds values of the kind {values.type}, which are not read")
+                columns.leave_out(
+                    name, f"column '{name}' holds values of type {values.type}, which Sinew does not read"
+                )
             unit = (table.schema.field(index).metadata or {}).get(b"unit", b"").decode(errors="replace")
             columns.units.setdefault(name, unit)
     return columns
@@ -411,7 +413,7 @@ def _take(columns: Columns, name: str, values: "pyarrow.ChunkedArray") -> None:
         columns[name] = np.asarray(of_day.to_numpy(), dtype=np.float64) * 1e-9
         columns.units[name] = "s"
     else:
-        columns.leave_out(name, f"column '{name}' holds values of the kind {kind}, which are not numbers")
+        columns.leave_out(name, f"column '{name}' holds values of type {kind}, which are not numbers")
 
 
 @dataclass(frozen=True)
@@ -510,7 +512,7 @@ def import_record(
     signals = {name: columns.column(name) for name in roles.values()}
     if time.column in signals:
         raise DataFileError(
-            f"--time {time.column}: that column is a signal, so it is not the time",
+            f"--time {time.column}: this column is already used as a signal: name another column",
             FileFault.OPTION,
             column=time.column,
             option="--time",
@@ -527,8 +529,8 @@ def import_record(
         )
     if found is None and (period_s is None or selection.resample):
         raise DataFileError(
-            "the file has no time column (t, time, timestamp, ...): name it by --time COLUMN, or give the sample time"
-            " by --period",
+            "the file has no time column (t, time, timestamp, ...): name it with --time COLUMN, or give "
+            "the sample time with --period",
             FileFault.NO_TIME,
             option="--time",
         )
@@ -598,7 +600,7 @@ def _require_one_length(signals: dict[str, Signal], found: TimeColumn | None) ->
                 minimum=expected,
                 maximum=expected,
                 unit="samples",
-                remedy=f"give columns of one length, {first} has {expected}",
+                remedy=f"give columns of equal length; {first} has {expected}",
             )
 
 
@@ -613,15 +615,16 @@ def _part(found: TimeColumn | None, at: Signal, selection: Selection) -> slice:
         rows = rows[(at[rows] >= selection.start_s) & (at[rows] <= selection.end_s)]
     if not rows.size:
         raise DataFileError(
-            f"no row is left: the file holds {at.size} rows from 0 to {at[-1] if at.size else 0.0:.6g} s",
+            f"the selection contains no row: the file holds {at.size} rows from 0 to "
+            f"{at[-1] if at.size else 0.0:.6g} s",
             FileFault.ROWS,
         )
     part = slice(int(rows[0]), int(rows[-1]) + 1)
     if part.stop - part.start != rows.size:
         apart = int(rows[np.argmax(np.diff(rows) > 1)]) + 1
         raise DataFileError(
-            "the times of --range are those of rows that do not follow each other, as the time runs back after row"
-            f" {apart}: choose rows by --skip and --take",
+            "--range selects rows that are not contiguous, because the time decreases after row"
+            f" {apart}: choose rows with --skip and --take",
             FileFault.ROWS,
             option="--take",
         )
@@ -649,8 +652,9 @@ def _require_finite(signals: dict[str, Signal]) -> None:
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _VERSION_7_3 = (
-    "the file is of MATLAB version 7.3 (HDF5), which is not read: load it in MATLAB or Octave and save it again with "
-    "save('new.mat', 'u', 'y', '-v7'), the names of its variables in place of u and y"
+    "the file is of MATLAB version 7.3 (HDF5), which Sinew does not read: load it in MATLAB or Octave "
+    "and save it again with "
+    "save('new.mat', 'u', 'y', '-v7'), with the names of its variables in place of u and y"
 )
 _SAVE = {
     "table": "u = {0}.u; y = {0}.y; save('new.mat', 'u', 'y', '-v7')",
@@ -697,9 +701,7 @@ def read_mat(stream: BinaryIO) -> Columns:
         ArithmeticError, AttributeError, AssertionError, EOFError, LookupError, MatReadError, MemoryError, OSError,
         TypeError, UnboundLocalError, ValueError, struct.error, zlib.error,
     ):  # fmt: skip
-        raise DataFileError(
-            "not a readable MATLAB file: it is damaged, or of another kind", FileFault.UNREADABLE
-        ) from None
+        raise DataFileError("the file is damaged or not a MATLAB file", FileFault.UNREADABLE) from None
     objects = dict(_objects(content))
     columns = _collect_columns(variables, objects)
     columns.layout |= {"format": "MATLAB file"}
@@ -791,11 +793,11 @@ def _reason(values: Any) -> str:
     if _is_object(values):
         return "a MATLAB object"
     if not isinstance(values, np.ndarray):
-        return "a sparse matrix: save it as full(x)" if hasattr(values, "toarray") else "no array of numbers"
+        return "a sparse matrix: save it as full(x)" if hasattr(values, "toarray") else "not a numeric array"
     if values.dtype.kind in "US":
         return "a text"
     if values.dtype.kind == "c":
-        return "complex: save real and imaginary part as vectors"
+        return "complex: save the real and imaginary parts as separate vectors"
     if values.dtype.kind not in "biuf":
         return "a cell array or struct array: save its columns as vectors"
     if values.ndim != 1 or not values.size:

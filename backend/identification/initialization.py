@@ -106,11 +106,11 @@ class FitEvaluation:
         dead_time_s = problem.structure.dead_time(parameters)
         if not dead_time_s <= problem.first * problem.record.period_s:
             raise UnstableModelError(
-                f"a dead time of {Quantity(dead_time_s, 's'):.3g} exceeds the longest dead time that is searched"
+                f"a dead time of {Quantity(dead_time_s, 's'):.3g} exceeds the longest dead time that the search covers"
             )
         self._from_rest = problem.whiten(problem.simulate(parameters, problem.record.u))
         if not np.all(np.isfinite(self._from_rest)):
-            raise UnstableModelError("the simulation leaves the range of numbers")
+            raise UnstableModelError("the simulation exceeds the floating-point range")
         self.error = problem.whiten(problem.record.y) - self._from_rest
         columns = problem.nuisance(parameters)
         self._size = np.linalg.norm(columns, axis=0)
@@ -161,7 +161,7 @@ def least_squares(columns: Signal, right: Signal, rcond: float | None = None) ->
     LinAlgError.
     """
     if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(right))):
-        raise UnstableModelError("the equations leave the range of numbers")
+        raise UnstableModelError("the equations exceed the floating-point range")
     return np.asarray(np.linalg.lstsq(columns, right, rcond=rcond)[0])
 
 
@@ -291,7 +291,7 @@ def dominant_lag(problem: FitProblem) -> float:
     single = FitProblem(problem.record, find_structure("first"), problem.whitening)
     ranked = ranked_starts(single, _equal_lags(single, single.structure, _LAGS))
     if not ranked:
-        raise NoStartError("the input does not reach the output")
+        raise NoStartError("the output does not respond to the input")
     return float(ranked[0][1][1])
 
 
@@ -321,7 +321,7 @@ def _fit_gain(problem: FitProblem, candidate: Signal) -> tuple[float, Signal]:
     factor = triangle(columns)
     gain = factor[-2, -1] / factor[-2, -2] if factor[-2, -2] else 0.0
     if gain == 0.0 or not np.isfinite(gain):
-        raise UnstableModelError("the input does not reach the output")
+        raise UnstableModelError("the output does not respond to the input")
     return float(abs(factor[-1, -1])), np.concatenate(([gain], candidate[1:]))
 
 

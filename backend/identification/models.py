@@ -203,10 +203,12 @@ def check_stable(poles: Poles, period_s: float) -> None:
     rates = np.abs(poles) * period_s
     if not (np.all(np.isfinite(poles)) and np.all(poles.real < 0.0)):
         raise UnstableModelError(
-            f"poles {np.array2string(poles, precision=4)} rad/s are not all in the left half plane"
+            f"poles {np.array2string(poles, precision=4)} rad/s are not all in the left half-plane"
         )
     if not (np.all(rates > 1e-9) and np.all(rates < 50.0)):
-        raise UnstableModelError(f"poles {np.array2string(poles, precision=4)} rad/s are outside the sampled band")
+        raise UnstableModelError(
+            f"poles {np.array2string(poles, precision=4)} rad/s are outside the range that the sample time can resolve"
+        )
 
 
 # Structures ----------------------------------------------------------------------------------------
@@ -333,11 +335,11 @@ def _roots(ascending: Signal) -> np.ndarray[tuple[int], np.dtype[np.complex128]]
     order = ascending.size - 1
     scale = abs(ascending[-1]) ** (1.0 / order)
     if not (scale > 0.0 and np.all(np.isfinite(ascending))):
-        raise UnstableModelError("the coefficients leave the range of numbers")
+        raise UnstableModelError("the coefficients are outside the floating-point range")
     scaled = ascending / scale ** np.arange(order + 1)
     found = np.asarray(np.roots(scaled[::-1]) / scale, dtype=np.complex128)
     if found.size != order or not np.all(np.isfinite(found)):  # a coefficient that underflows loses its root
-        raise UnstableModelError("the coefficients leave the range of numbers")
+        raise UnstableModelError("the coefficients are outside the floating-point range")
     return found
 
 
@@ -535,7 +537,7 @@ class Hint:
         """The recommendation with its values."""
         return (
             f"{'a dead time' if self.dead_time else 'a higher order'} would help: {self.structure} fits"
-            f" {format_percent(self.fit_percent)} % of the record where this structure fits"
+            f" {format_percent(self.fit_percent)} % of the record, while this structure fits"
             f" {format_percent(self.fit_percent_before)} %"
             f" (BIC lower by {self.BIC_gain:.3g}, F = {self.F:.3g})"
         )

@@ -96,7 +96,7 @@ class VoltageStepRecord:
                 minimum=50,
                 maximum=None,
                 unit="samples",
-                remedy="give u and theta of one length",
+                remedy="give u and theta of equal length",
             )
         for name, values in (("u", self.u), ("theta", self.theta)):
             bad = int(np.count_nonzero(~np.isfinite(values)))
@@ -116,7 +116,7 @@ class VoltageStepRecord:
                 minimum=None,
                 maximum=self.u_max,
                 unit="V",
-                remedy="the output saturates: step lower",
+                remedy="the voltage saturates: use a smaller step",
             )
         after = self.u[self.first :]
         if self.voltage == 0.0 or float(np.ptp(after)) > 1e-3 * abs(self.voltage):
@@ -135,7 +135,8 @@ class VoltageStepRecord:
                 minimum=None,
                 maximum=MAX_LOAD_N,
                 unit="N",
-                remedy="the load touches: step towards the slack side or take the tendon off",
+                remedy="the tendon loads the motor: step in the direction that slackens the tendon, or "
+                "detach the tendon",
             )
         counts = float(np.ptp(self.theta)) / self.count_rad
         if counts < MIN_MOTION_COUNTS:
@@ -145,7 +146,7 @@ class VoltageStepRecord:
                 minimum=MIN_MOTION_COUNTS,
                 maximum=None,
                 unit="counts",
-                remedy="step higher or record for longer",
+                remedy="use a larger voltage or record for longer",
             )
 
     @property
@@ -205,7 +206,7 @@ def identify_motor(runs: Sequence[VoltageStepRecord]) -> MotorIdentification:
             minimum=MIN_RUNS,
             maximum=None,
             unit="1",
-            remedy="gain and Coulomb friction cannot be separated with one voltage: step to several voltages",
+            remedy="gain and Coulomb friction cannot be separated with one voltage: apply steps of several voltages",
         )
     rule = tuple(rule_of_63_percent(run) for run in runs)
     gains, lags = np.array([[result.K_m, result.T_m] for result in rule]).T
@@ -258,7 +259,7 @@ def _least_squares(runs: Sequence[VoltageStepRecord], start: Signal, *, coulomb:
     found = least_squares(residuals, start[:free], x_scale=np.maximum(np.abs(start[:free]), 0.1), method="trf")
     if not found.success or found.x[1] <= 0.0:
         raise NotConvergedError(
-            "no motor K_m/(s (T_m s + 1)) describes these runs: check that they are steps from rest"
+            "no motor model K_m/(s (T_m s + 1)) fits these runs: check that they are steps from rest"
         )
     covariance = np.zeros((3, 3))
     sensitivities = -np.asarray(found.jac, dtype=np.float64)
@@ -317,7 +318,7 @@ def _check_length(runs: Sequence[VoltageStepRecord], T_m: float) -> None:
             minimum=_MIN_LENGTH_LAGS * T_m,
             maximum=None,
             unit="s",
-            remedy="wait until the speed is steady",
+            remedy="record until the speed is steady",
         )
 
 
@@ -343,14 +344,16 @@ def spread_percent(K_m: float, T_m: float, std_K_m: float, std_T_m: float) -> fl
 def _verdict(solution: Signal, std: Signal, coulomb: bool, counts: float, misfit_percent: float) -> Verdict:
     K_m, T_m, u_c = (float(value) for value in solution)
     spread = spread_percent(K_m, T_m, float(std[0]), float(std[1]))
-    known = f"known to ±{spread:.2g} %" if np.isfinite(spread) else "known to no measured error"
+    known = (
+        f"have standard errors within ±{spread:.2g} %" if np.isfinite(spread) else "have no measured standard errors"
+    )
     reasons = [
         f"K_m and T_m {known}",
-        f"Coulomb friction takes {u_c:.3f} V" if coulomb else "no Coulomb friction found",
-        f"position fitted to {counts:.1f} counts, {misfit_percent:.2g} % of the turn",
+        f"Coulomb friction accounts for {u_c:.3f} V" if coulomb else "no Coulomb friction found",
+        f"position fitted to within {counts:.1f} counts, {misfit_percent:.2g} % of the rotation",
     ]
     if K_m <= 0.0:
-        reasons.insert(0, "the motor turns against its voltage (check the wiring)")
+        reasons.insert(0, "the motor turns opposite to its voltage (check the wiring)")
     return Verdict(judge_motor(K_m, T_m, spread, counts, misfit_percent), tuple(reasons))
 
 
@@ -367,11 +370,11 @@ _LAGS = 10
 _FRICTIONS = (0.0, 0.1, 0.3, 0.6)
 _MAX_STEPS = 60
 _STARTS_TRIED = 3
-_NO_MOTOR = "no motor K_m/(s (T_m s + 1)) describes this record: is it voltage and angle?"
-_NO_FIT = "fit on unseen data not measured"
+_NO_MOTOR = "no motor model K_m/(s (T_m s + 1)) fits this record: check that its columns are voltage and angle"
+_NO_FIT = "fit on validation data not measured"
 _RESTS_WORDS = (
-    _NO_FIT + ", as the angle rests in the first two thirds of the record or in its last third; the fit on the record"
-    " itself is {:.1f} %"
+    _NO_FIT + ", because the angle is at rest in the first two thirds or the last third of the record; "
+    "the fit on the whole record is {:.1f} %"
 )
 _RESTS = 0.1
 _MAX_CONDITION = 1e5
@@ -477,7 +480,7 @@ def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
             minimum=None,
             maximum=0.5 * wrap[1],
             unit="(unit of y)",
-            remedy="the angle wraps: unwrap it first, as numpy.unwrap does",
+            remedy="the angle wraps: unwrap it first (numpy.unwrap)",
         )
     resolution = y_resolution or coarse_resolution(record.y)
     counts = float(np.ptp(record.y)) / resolution if resolution else None
@@ -488,7 +491,7 @@ def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
             minimum=MIN_COUNTS,
             maximum=None,
             unit="counts",
-            remedy="step higher or record for longer",
+            remedy="use a larger voltage or record for longer",
         )
     both = _has_both_directions(record)
     free = [which for which in _ALL if both or which != _OFFSET]
@@ -522,11 +525,13 @@ def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
     ]
     reasons = [
         *(words for grade, words in findings if words and grade is not Grade.USABLE),
-        f"K_m and T_m known to ±{spread:.2g} %" if np.isfinite(spread) else "errors of K_m and T_m not measured",
-        f"Coulomb friction takes {Quantity(u_c, 'V'):.3g}" if u_c > 0.0 else "no Coulomb friction found",
+        f"standard errors of K_m and T_m within ±{spread:.2g} %"
+        if np.isfinite(spread)
+        else "standard errors of K_m and T_m not measured",
+        f"Coulomb friction accounts for {Quantity(u_c, 'V'):.3g}" if u_c > 0.0 else "no Coulomb friction found",
         f"dead time of {1e3 * t_d:.3g} ms" if t_d > 0.0 else "no dead time found",
         *([f"input offset of {Quantity(u_0, 'V'):.3g} ± {Quantity(found.std_errors[4], 'V'):.2g}"] if u_0 else []),
-        *([] if rests else [f"fit of {format_percent(fit)} % on unseen data" if np.isfinite(fit) else _NO_FIT]),
+        *([] if rests else [f"fit of {format_percent(fit)} % on validation data" if np.isfinite(fit) else _NO_FIT]),
     ]
     errors = dict.fromkeys(_ORDER, 0.0) | {
         which: float(std) for which, std in zip(_ORDER, found.std_errors, strict=True) if which in free
@@ -602,7 +607,7 @@ def _findings(
             "motor with several voltages",
         )
     if not is_friction_significant:
-        yield Grade.CAUTION, "the residuals are not white: the motor does something that this model leaves out"
+        yield Grade.CAUTION, "the residuals are not white: this model does not describe all dynamics of the motor"
 
 
 def _model(record: Record, z: Signal) -> Signal:

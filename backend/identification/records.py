@@ -188,7 +188,7 @@ class Record:
                     minimum=self.u.size,
                     maximum=self.u.size,
                     unit="samples",
-                    remedy="give columns of one length",
+                    remedy="give columns of equal length",
                 )
         _require("length of the record", self.u.size, MIN_SAMPLES, "samples", "record for longer")
         for name in ("u", "y"):
@@ -385,7 +385,7 @@ def mean_period(t: Signal) -> float:
             minimum=1e-7,
             maximum=None,
             unit="s",
-            remedy="the time column does not rise: give the sample time by --period, with --time none",
+            remedy="the time column does not increase: give the sample time with --period and set --time none",
         )
     return float((t[-1] - t[0]) / (t.size - 1))
 
@@ -420,7 +420,7 @@ def check_time(t: Signal, period_s: float) -> None:
             maximum=MAX_STEP * period_s,
             unit="s",
             remedy=f"samples are missing: use the part before the gap (--range {t[0]:.6g}:{t[at]:.6g}) or after it"
-            f" (--range {t[at + 1]:.6g}:), or --resample where it is short",
+            f" (--range {t[at + 1]:.6g}:), or use --resample if the gap is short",
         )
     mean = mean_period(t)
     if abs(mean / period_s - 1.0) > MAX_PERIOD_ERROR:
@@ -430,7 +430,7 @@ def check_time(t: Signal, period_s: float) -> None:
             minimum=(1.0 - MAX_PERIOD_ERROR) * period_s,
             maximum=(1.0 + MAX_PERIOD_ERROR) * period_s,
             unit="s",
-            remedy="give the sample time the record was taken with, or --resample",
+            remedy="give the sample time of the record, or use --resample",
         )
 
 
@@ -443,7 +443,7 @@ def _check_moves(name: str, values: Signal) -> None:
             minimum=1e-12,
             maximum=None,
             unit=f"(unit of {name})",
-            remedy="a constant signal identifies nothing: excite the input and record again",
+            remedy="a constant signal allows no identification: excite the input and record again",
         )
 
 
@@ -454,7 +454,7 @@ def _check_saturation(u: Signal, y: Signal) -> None:
     moves = rest is not None and rest.moving_percent > MAX_SATURATED_PERCENT
     if rest is not None and moves and rest.abrupt and rest.limit != 0.0:
         raise RecordError(
-            quantity=f"time that y spends at its limit of {rest.limit:.6g} while u moves",
+            quantity=f"time with y at its limit of {rest.limit:.6g} while u moves",
             value=rest.moving_percent,
             minimum=None,
             maximum=MAX_SATURATED_PERCENT,

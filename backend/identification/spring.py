@@ -81,7 +81,7 @@ def read_load_sweep(
         if columns.units[name] not in units:
             raise DataFileError(
                 f"the unit of '{name}' is '{columns.units[name]}': the table needs the columns 'x [m]' or 'x [mm]', and"
-                " 'F [N]', units in the heading",
+                " 'F [N]', with units in the heading",
                 FileFault.NO_COLUMN,
                 column=name,
             )
@@ -101,12 +101,12 @@ def _check_points(x: Signal, F: Signal, order: int) -> None:
     bad = int(np.count_nonzero(~(np.isfinite(x) & np.isfinite(F))))
     if bad:
         raise RecordError(
-            quantity="number of points that are not finite",
+            quantity="number of non-finite points",
             value=bad,
             minimum=None,
             maximum=0,
             unit="1",
-            remedy="leave those points out",
+            remedy="remove these points",
         )
     needed = MIN_POINTS_PER_ORDER * (order + 1)
     if np.unique(x).size < needed:
@@ -126,7 +126,7 @@ def _check_points(x: Signal, F: Signal, order: int) -> None:
             minimum=lowest,
             maximum=None,
             unit="N",
-            remedy="a tendon never pushes: check the sensor",
+            remedy="a tendon cannot push: check the force sensor",
         )
 
 
@@ -176,7 +176,8 @@ def _recommend(fits: tuple[SpringFit, ...]) -> tuple[int, str]:
     errors = ", ".join(f"{Quantity(fit.cross_validation_N, 'N'):.3g} (order {fit.order})" for fit in fits)
     if chosen is fits[0]:
         return chosen.order, (
-            f"order {chosen.order}: higher orders do not predict points left out {100 * MIN_IMPROVEMENT:.0f} % better"
+            f"order {chosen.order}: higher orders do not reduce the cross-validation error by "
+            f"{100 * MIN_IMPROVEMENT:.0f} %"
             f" ({errors}), and order 2 keeps the decoupler analytic"
         )
-    return chosen.order, f"order {chosen.order}: it predicts points left out clearly better, {errors}"
+    return chosen.order, f"order {chosen.order}: its cross-validation error is clearly smaller, {errors}"

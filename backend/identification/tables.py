@@ -76,8 +76,9 @@ def read_dates(name: str, texts: Sequence[str], order: str | None = None) -> Dat
     if len(zones) == 2:
         row = next(at for at, match in enumerate(matches) if match["zone"] is None)
         raise DataFileError(
-            f"some dates of the time column '{name}' have an offset from UTC and some have none, as '{cells[row]}':"
-            " write all of them in one zone",
+            f"some dates of the time column '{name}' have an offset from UTC and some have none, for "
+            f"example '{cells[row]}':"
+            " write all dates in one time zone",
             FileFault.DATES,
             column=name,
         )
@@ -96,7 +97,7 @@ def read_dates(name: str, texts: Sequence[str], order: str | None = None) -> Dat
 
 def _no_date(name: str, cell: str, row: int) -> DataFileError:
     return DataFileError(
-        f"the time column '{name}' holds '{cell}' in row {row + 1}: write numbers, or dates of one form like"
+        f"the time column '{name}' holds '{cell}' in row {row + 1}: write numbers, or dates in one format such as"
         " 2026-03-04T10:20:30.125",
         FileFault.DATES,
         column=name,
@@ -295,7 +296,7 @@ def detect_decimal_mark(
         raise DataFileError(
             f"column '{names[one]}' has a decimal point, as '{columns[one][row]}' in line {lines[row]}, and column"
             f" '{names[other]}' a decimal comma, as '{columns[other][other_row]}' in line {lines[other_row]}:"
-            " write one of them throughout, or choose the columns that are read by --decimal point or comma",
+            " use one decimal mark throughout, or select the columns to read with --decimal point or --decimal comma",
             FileFault.MIXED_DECIMALS,
             column=names[other],
             line=lines[other_row],
@@ -416,7 +417,7 @@ class Columns(dict[str, Signal]):
             heading = self.layout.get("heading_line")
             raise DataFileError(
                 f"there is no column '{name}'; the file has {', '.join(self) or 'no column of numbers'}"
-                + (f" (names in line {heading}; --header LINE takes those of another)" if heading else "")
+                + (f" (names in line {heading}; --header LINE takes the names from another line)" if heading else "")
                 + "".join(f"; {note}" for note in self.notes),
                 FileFault.NO_COLUMN,
                 column=name,
@@ -560,7 +561,7 @@ class _Table:
         if above:
             options = " or ".join(f"--header {line}" for line, _ in above)
             raise DataFileError(
-                f"lines {above[0][0]} to {above[-1][0]} may all be the header row: choose one with {options}",
+                f"lines {above[0][0]} to {above[-1][0]} may each be the header row: choose one with {options}",
                 FileFault.AMBIGUOUS_HEADING,
                 line=above[-1][0],
                 option="--header",
@@ -578,7 +579,9 @@ class _Table:
                 line=line,
                 option="--header",
             )
-        raise DataFileError("the first line holds numbers: put the names of the columns there", FileFault.NO_HEADING)
+        raise DataFileError(
+            "the first line holds numbers: insert a line with the column names above it", FileFault.NO_HEADING
+        )
 
     def read_heading(self, line: int) -> tuple[_Heading, int]:
         """Return the heading of a line, comment or not, and the index of the first row.
@@ -645,13 +648,13 @@ class _Table:
         values = [_values(cells, found.mark) for cells in cells_of]
         misfits = {
             at: f"column '{_split_cell(heading.names[at])[0]}' holds '{cells_of[at][row]}' in line {lines[row]}, whose"
-            f" decimal mark is not that of the table, a {found.mark}"
+            f" decimal mark differs from that of the table, a {found.mark}"
             for at, row in (found.misfits or {}).items()
         }
         columns = _make_columns(heading, values, lines, misfits)
         for at in found.grouped:
             name = _split_cell(heading.names[at])[0]
-            columns.notes.append(f"thousands of '{name}' are grouped by '{found.mark.other.character}'")
+            columns.notes.append(f"thousands of '{name}' are separated by '{found.mark.other.character}'")
         for at, column in enumerate(values):
             name = _split_cell(heading.names[at])[0]
             if not isinstance(column, list) and name in columns and float(np.max(np.abs(column))) > LARGEST_EXACT:
@@ -695,7 +698,7 @@ class _Table:
         commented = sum(self._has_numbers(words.lstrip().lstrip("".join(_COMMENTS))) for words in between)
         columns.holes += commented
         if commented:
-            columns.notes.append(f"{commented} comments between rows hold numbers like a row and are not read")
+            columns.notes.append(f"{commented} comment lines between rows contain numbers like a row and are not read")
 
     def _note_format(self, columns: Columns, heading: _Heading, mark: DecimalMark, *, rows: int, empty: int) -> None:
         above = sum(line < heading.line for line, _ in self.lines) + (self.directive is not None)
@@ -784,7 +787,7 @@ def _make_columns(
             columns.leave_out(
                 name,
                 f"column '{name}' holds '{column[wrong]}' in line {lines[wrong]}, which is not a number"
-                + (": the heading is repeated there, so split the file" if repeated else ""),
+                + (": the heading is repeated there; split the file" if repeated else ""),
             )
         else:
             columns[name] = column

@@ -367,15 +367,15 @@ def judge(evidence: ValidationData) -> Verdict:
         if any(found is grade for found, _ in findings):
             ordered = sorted(findings, key=lambda finding: finding[0] is not Grade.UNUSABLE)
             return Verdict(grade, tuple(reason for _, reason in ordered))
-    known = f"K and T known to ±{evidence.spread:.2g} %"
+    known = f"standard errors of K and T within ±{evidence.spread:.2g} %"
     if evidence.spread_with_friction > evidence.spread:
         known += (
             f", ±{evidence.spread_with_friction:.2g} % if there is Coulomb friction below the "
             "detection limit of this record"
         )
-    praise = [f"fit of {format_percent(evidence.fit)} % on unseen data", known]
+    praise = [f"fit of {format_percent(evidence.fit)} % on validation data", known]
     if evidence.gain_error_percent is not None:
-        praise.append(f"gain {evidence.gain_error_percent:+.1f} % from the geometric one")
+        praise.append(f"gain {evidence.gain_error_percent:+.1f} % from the geometric gain")
     return Verdict(Grade.USABLE, tuple(praise))
 
 
@@ -391,14 +391,15 @@ def _unsuitable(evidence: ValidationData) -> Iterator[Finding]:
     if evidence.wrap is not None:
         yield (
             Grade.UNUSABLE,
-            f"the output jumps by {evidence.wrap:.4g} and back as an angle does that wraps: unwrap it (numpy.unwrap)",
+            f"the output jumps by {evidence.wrap:.4g} and back, as a wrapped angle does: unwrap it (numpy.unwrap)",
         )
     if evidence.lead is not None:
         yield (
             Grade.UNUSABLE,
-            f"the output follows the input of the same sample (y = {evidence.lead:.4g} u + offset), without a lag that"
-            f" the sample time of {evidence.period_s:.3g} s could show: check that the columns are two signals, sample"
-            " faster",
+            f"the output follows the input within the same sample (y = {evidence.lead:.4g} u + offset), "
+            f"without a time constant that"
+            f" the sample time of {evidence.period_s:.3g} s could resolve: check that the columns are "
+            f"two different signals, or sample faster",
         )
 
 
@@ -407,7 +408,8 @@ def _signals(evidence: ValidationData) -> Iterator[Finding]:
     if evidence.one_step:
         yield (
             Grade.CAUTION,
-            "the input takes one step only, so nothing shows whether the model holds both ways and at other amplitudes",
+            "the input contains only one step, so the record does not show whether the model holds in "
+            "both directions and at other amplitudes",
         )
     if evidence.input_at_limit_percent > MAX_SATURATED_PERCENT:
         yield (
@@ -418,16 +420,17 @@ def _signals(evidence: ValidationData) -> Iterator[Finding]:
     if evidence.biased_by_loop:
         yield (
             grade_value(evidence.misfit, 0.0, MAX_STD_PERCENT),
-            "the record is of a closed loop: the input reacts to the noise of the output, which is not white, so K and"
+            "the record comes from a closed loop: the input reacts to the noise of the output, which is "
+            "not white, so K and"
             f" T may be biased by as much as the share of this noise in the motion, {evidence.misfit:.2g} %, "
-            "whatever their standard errors are: give --setpoint or --controller",
+            "regardless of their standard errors: give --setpoint or --controller",
         )
     rest = evidence.at_limit
     if rest is not None and evidence.unexplained and not evidence.negligible:
         yield (
             (
                 Grade.UNUSABLE,
-                f"the output stops abruptly at its extreme value {rest.limit:.6g}, where it is for"
+                f"the output stops abruptly at its extreme value {rest.limit:.6g}, where it stays for"
                 f" {rest.share_percent:.1f} % of the time: it is saturated (excite with a smaller amplitude)",
             )
             if rest.abrupt
@@ -444,7 +447,7 @@ def _motion(evidence: ValidationData) -> Iterator[Finding]:
     if counts is not None and not counts >= MIN_COUNTS:
         yield (
             Grade.UNUSABLE,
-            f"not enough motion, the output moved by {counts:.1f} counts where {MIN_COUNTS:.0f} are needed"
+            f"too little motion: the output moved by {counts:.1f} counts; {MIN_COUNTS:.0f} are needed"
             " (use longer chips or a larger amplitude)",
         )
 
@@ -457,9 +460,10 @@ def _friction(evidence: ValidationData) -> Iterator[Finding]:
     grade = grade_value(max(abs(K_off), abs(T_off)), 0.0, MAX_FRICTION_ERROR_PERCENT)
     yield (
         grade,
-        f"Coulomb friction takes {friction.u_c:.3g} of the input: with it the record gives K = "
+        f"Coulomb friction accounts for {friction.u_c:.3g} of the input: with friction in the model, the "
+        f"record gives K = "
         f"{friction.K:.4g} ± {friction.K_std:.2g} and T = {friction.T:.4g} ± {friction.T_std:.2g} s"
-        f"{f' behind a dead time of {friction.t_d:.3g} s' if friction.t_d else ''}, from which"
+        f"{f' with a dead time of {friction.t_d:.3g} s' if friction.t_d else ''}, from which"
         f" this linear model is {K_off:+.1f} % and {T_off:+.1f} % off",
     )
 
@@ -468,21 +472,21 @@ def _fit(evidence: ValidationData) -> Iterator[Finding]:
     if evidence.unseen_rests:
         yield (
             worst_grade(Grade.CAUTION, grade_value(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)),
-            "fit on unseen data not measured, as the output rests in the first two thirds of the record or in its last"
-            f" third; the fit on the record itself is {format_percent(evidence.fit_all)} %",
+            "fit on validation data not measured, because the output is at rest in the first two thirds "
+            f"or the last third of the record; the fit on the whole record is {format_percent(evidence.fit_all)} %",
         )
         return
     if not np.isfinite(evidence.fit):
         yield (
             Grade.UNUSABLE,
-            "fit on unseen data not measured, as the first two thirds or the last third of the record hold too little"
-            " motion for a model of their own",
+            "fit on validation data not measured, because the first two thirds or the last third of the "
+            "record contain too little motion for a separate model",
         )
         return
     grade = grade_value(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)
     if grade is not Grade.USABLE:
         bound = MIN_FIT_PERCENT if grade is Grade.UNUSABLE else GOOD_FIT_PERCENT
-        yield grade, f"fit of {format_percent(evidence.fit)} % on unseen data, where {bound:.0f} % are needed"
+        yield grade, f"fit of {format_percent(evidence.fit)} % on validation data, where {bound:.0f} % are needed"
 
 
 def _gain(evidence: ValidationData) -> Iterator[Finding]:
@@ -491,7 +495,7 @@ def _gain(evidence: ValidationData) -> Iterator[Finding]:
         return
     grade = grade_value(abs(error), CAUTION_GAIN_ERROR_PERCENT, MAX_GAIN_ERROR_PERCENT)
     if grade is not Grade.USABLE:
-        yield grade, f"gain {error:+.1f} % off the geometric one"
+        yield grade, f"gain {error:+.1f} % from the geometric gain"
 
 
 def _errors(evidence: ValidationData) -> Iterator[Finding]:
@@ -507,13 +511,13 @@ def _errors(evidence: ValidationData) -> Iterator[Finding]:
         spread = 100.0 * evidence.std_errors[name] / abs(value)
         grade = grade_value(spread, MAX_STD_PERCENT, MAX_OTHER_STD_PERCENT)
         if grade is not Grade.USABLE and name != "T":
-            yield grade, f"{_describe_uncertainty(name, spread)} (take a simpler structure)"
+            yield grade, f"{_describe_uncertainty(name, spread)} (choose a simpler structure)"
 
 
 def _describe_uncertainty(name: str, spread: float) -> str:
     if not np.isfinite(spread):
-        return f"standard error of {name} not measured, the record does not determine it"
-    return f"{name} known to ±{spread:.3g} % only"
+        return f"standard error of {name} not measured: the record does not determine it"
+    return f"{name} has a standard error of ±{spread:.3g} %"
 
 
 def _residuals(evidence: ValidationData) -> Iterator[Finding]:
@@ -528,16 +532,17 @@ def _residuals(evidence: ValidationData) -> Iterator[Finding]:
         if grade is not Grade.USABLE:
             yield (
                 grade,
-                f"{misfit:.1f} % of the motion is neither the model's nor the sensor's (friction or missing dynamics),"
-                " so the model is local: it holds near this amplitude and point only",
+                f"{misfit:.1f} % of the motion is explained by neither the model nor the sensor "
+                f"(friction or missing dynamics), so the model is local: it holds only near this "
+                f"amplitude and operating point",
             )
             return
     if not known_sensor:
-        label = "follow the input" if follows else "are not white"
+        label = "correlate with the input" if follows else "are not white"
         yield (
             Grade.CAUTION,
-            f"the residuals ({misfit:.2g} % of the motion) {label}: the model leaves something out that standard errors"
-            " do not cover",
+            f"the residuals ({misfit:.2g} % of the motion) {label}: the model omits an effect that the "
+            f"standard errors do not cover",
         )
 
 

@@ -61,8 +61,8 @@ class DocumentCodec(Generic[T]):
             )
         if version > self._version:
             raise UnreadableDocumentError(
-                f"{owner}: {self._label} is of version {version}, written by a newer Sinew; this one reads versions up "
-                f"to {self._version}: open it with the newer one"
+                f"{owner}: {self._label} of version {version} cannot be read: a newer version of Sinew wrote it; "
+                f"this version reads versions up to {self._version}"
             )
         try:
             return self._adapter.validate_json(json.dumps(document), strict=True)

@@ -230,9 +230,9 @@ class StoredStepCurve:
     """Points of a voltage step [V] to draw, measured and modelled: t [s], angle [rad]."""
 
     voltage: float = field(metadata=describe_field("voltage of the step", "V"))
-    t: tuple[float, ...] = field(metadata=describe_field("time from the step", "s"))
-    measured: tuple[float, ...] = field(metadata=describe_field("turn as measured", "rad"))
-    model: tuple[float, ...] = field(metadata=describe_field("turn of the model", "rad"))
+    t: tuple[float, ...] = field(metadata=describe_field("time since the step", "s"))
+    measured: tuple[float, ...] = field(metadata=describe_field("measured rotation", "rad"))
+    model: tuple[float, ...] = field(metadata=describe_field("rotation of the model", "rad"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -306,7 +306,9 @@ class StoredSpringFit:
     std_errors: tuple[float | None, ...]
     rms_N: float | None = field(metadata=describe_field("RMS error", "N"))
     max_N: float | None = field(metadata=describe_field("largest error", "N"))
-    cross_validation_N: float | None = field(metadata=describe_field("RMS error at pairs left out one at a time", "N"))
+    cross_validation_N: float | None = field(
+        metadata=describe_field("RMS cross-validation error, leaving out one pair at a time", "N")
+    )
     rising: bool
 
 

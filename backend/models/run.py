@@ -102,7 +102,7 @@ class StoredPlantNumber:
 
 PlantNumbers = dict[str, dict[str, StoredPlantNumber]]
 
-PLANT_NUMBERS: DocumentCodec[PlantNumbers] = DocumentCodec(PlantNumbers, "numbers of its plant", 0)
+PLANT_NUMBERS: DocumentCodec[PlantNumbers] = DocumentCodec(PlantNumbers, "the parameters of its plant", 0)
 
 
 # Applied parameters --------------------------------------------------------------------------------
@@ -130,7 +130,7 @@ class AppliedParameters:
 
 
 APPLIED: DocumentCodec[AppliedParameters] = DocumentCodec(
-    AppliedParameters, "what was applied to the parameters", APPLIED_VERSION
+    AppliedParameters, "the record of the applied parameters", APPLIED_VERSION
 )
 
 
@@ -172,7 +172,10 @@ class MeasuredFigure:
     value: float | None
     reason: str = field(
         default="",
-        metadata=describe_field("why it was not measured; with a value: why not on all steps, so at least that"),
+        metadata=describe_field(
+            "reason if it was not measured; with a value: reason why some steps were "
+            "not measured, so the value is a lower bound"
+        ),
     )
 
 
@@ -338,7 +341,7 @@ class DeclaredValue:
 
     name: str
     symbol: str
-    unit: str = field(metadata=describe_field("SI, 1 for what has none"))
+    unit: str = field(metadata=describe_field("SI; 1 for a value without a unit"))
     meaning: str
     value: Value
 
@@ -596,11 +599,13 @@ class RunHeadline:
     name: str
     label: str
     value: float
-    unit: str = field(metadata=describe_field("SI, 1 for what has none"))
+    unit: str = field(metadata=describe_field("SI; 1 for a value without a unit"))
     relation: str = field(
-        default="", metadata=describe_field("of the criterion it was judged by, < or >; empty without a criterion")
+        default="", metadata=describe_field("relation of its criterion, < or >; empty without a criterion")
     )
-    bound: float | None = field(default=None, metadata=describe_field("bound of that criterion, null without one"))
+    bound: float | None = field(
+        default=None, metadata=describe_field("bound of its criterion; null without a criterion")
+    )
 
 
 def find_headline(

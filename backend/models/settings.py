@@ -91,27 +91,27 @@ class Setting:
             return str(value)
         if self.kind == "text":
             if not isinstance(value, str):
-                raise self._build_error(value, "it needs a text")
+                raise self._build_error(value, "a text is required")
             check_range(self.name, len(value), None, self.maximum, "1", label=f"length of {self.symbol}")
             return value
         if self.kind == "boolean":
             parsed = _BOOLEAN_WORDS.get(str(value).lower())
             if parsed is None:
-                raise self._build_error(value, "it needs true or false", ("true", "false"))
+                raise self._build_error(value, "true or false is required", ("true", "false"))
             return parsed
         number = self._parse_number(value)
         check_range(self.name, number, self.minimum, self.maximum, self.unit, label=self.meaning)
         if self.kind == "integer" and number != int(number):
-            raise self._build_error(value, "it needs a whole number")
+            raise self._build_error(value, "a whole number is required")
         return int(number) if self.kind == "integer" else number
 
     def _parse_number(self, value: object) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
-            raise self._build_error(value, "it needs a number")
+            raise self._build_error(value, "a number is required")
         try:
             return parse_quantity(value, self.unit) if isinstance(value, str) else float(value)
         except (ValueError, OverflowError):
-            raise self._build_error(value, "it needs a number") from None
+            raise self._build_error(value, "a number is required") from None
 
     def _build_error(self, value: object, reason: str, legal: tuple[str, ...] = ()) -> SettingError:
         return SettingError(self.name, value, reason, unit=self.unit, legal=legal, label=self.meaning)
@@ -153,7 +153,7 @@ def build_plan(plan: type[_T], values: Mapping[str, object]) -> _T:
     for name, value in values.items():
         if name not in known:
             legal = tuple(known)
-            raise SettingError(name, value, f"unknown setting; known are {', '.join(legal)}", legal=legal)
+            raise SettingError(name, value, f"unknown setting; choose one of {', '.join(legal)}", legal=legal)
     return plan(**{name: known[name].parse(value) for name, value in values.items()})
 
 

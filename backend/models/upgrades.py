@@ -32,7 +32,7 @@ from backend.models.run import (
 from backend.units import mark_quantities
 from plant import SIDES
 
-NO_STORED_REASON = "evaluated by an older version, which kept no reason; evaluate the run again to have one"
+NO_STORED_REASON = "evaluated by an older version, which stored no reason; evaluate the run again to obtain one"
 SEQUENCE, SEGMENTS = "sequence", "segments"
 """Names of a sequence, a former kind of experiment, and of its only setting."""
 

@@ -100,7 +100,9 @@ class Contact:
         if not np.all(np.isfinite(bias)) or np.any(np.diff(bias[:, 0]) <= 0.0):
             raise ValueError("the points of the external-force bias must have increasing S: the bias is unchanged")
         if len(bias) == 0 and self._tunings.gains.disturbance_feedforward.k_ext > 0.0:
-            raise CommandRejectedError("pushes are rejected by what was learned: set k_ext to 0 before it is forgotten")
+            raise CommandRejectedError(
+                "disturbance rejection uses the bias of the external force: set k_ext to 0 before you clear the bias"
+            )
         if command.contact_N != 0.0:
             check_range(
                 "contact_N",
@@ -108,7 +110,7 @@ class Contact:
                 minimum=CONTACT_MIN_N,
                 maximum=CONTACT_MAX_N,
                 unit="N",
-                remedy="0 N reacts to nothing",
+                remedy="0 N disables the contact reaction",
             )
         self._operator_bias, self._threshold_N = bias, command.contact_N or math.inf
         self._apply_bias()
@@ -129,7 +131,8 @@ class Contact:
         for segment in program.segments:
             if not 0 <= segment.contact_detection <= len(detections):
                 raise CommandRejectedError(
-                    f"a segment wants touch {segment.contact_detection} of the program's {len(detections)}"
+                    f"a segment refers to contact detection {segment.contact_detection} of the program's "
+                    f"{len(detections)}"
                 )
         for detection in detections:
             if detection.contact_N != 0.0:
@@ -139,7 +142,7 @@ class Contact:
                     minimum=CONTACT_MIN_N,
                     maximum=CONTACT_MAX_N,
                     unit="N",
-                    remedy="0 N reacts to nothing",
+                    remedy="0 N disables the contact reaction",
                 )
         if detections and program.law is not Law.CASCADE:
             raise CommandRejectedError(f"a {program.law} program has no contact reaction: run it with the cascade")
@@ -201,7 +204,7 @@ class Contact:
         """Raise CommandRejectedError while the loop reacts to a contact."""
         if self.is_active:
             raise CommandRejectedError(
-                "the joint is compliant after a contact: choose a mode first, then move it", legal
+                "the joint is compliant after a contact: choose a mode first, then move the joint", legal
             )
 
     def begin_reaction(self, tick: int) -> bool:
@@ -294,7 +297,7 @@ def make_yielding_motion(
 # Manual push ---------------------------------------------------------------------------------------
 # An operator's push on the joint of a plant that can be pushed (the simulator), for a limited time.
 #
-# The loop itself ends the push when its time is over, and when it leaves the modes for manual pushes, so no push
+# The loop ends the push when its duration has elapsed, and when it leaves the modes for manual pushes, so no push
 # outlives the page, the service or the control lease of its operator.
 
 
@@ -325,7 +328,7 @@ class ManualDisturbance:
         if command.F_push != 0.0 and mode not in PUSH_MODES:
             modes = " and ".join(PUSH_MODES)
             raise CommandRejectedError(
-                f"a push takes a joint under the operator's control, in {modes}; the mode is {mode}"
+                f"a push is accepted only while the operator controls the joint, in {modes}; the mode is {mode}"
             )
         check_range("F_push", command.F_push, None, None, "N")
         check_range(
@@ -334,7 +337,7 @@ class ManualDisturbance:
             minimum=0.0,
             maximum=PUSH_MAX_S,
             unit="s",
-            remedy="order it again to push for longer",
+            remedy="repeat the command to push for longer",
         )
         if command.F_push == 0.0 and self._until is None:
             return  # a program's push is not the operator's to end
@@ -350,7 +353,7 @@ class ManualDisturbance:
             self._plant.push(0.0)
         except PlantError:  # a plant that cannot be reached no longer pushes
             return ()
-        return (PushReleased(tick, "its time is over" if mode in PUSH_MODES else f"the mode is {mode}"),)
+        return (PushReleased(tick, "its duration has elapsed" if mode in PUSH_MODES else f"the mode is {mode}"),)
 
 
 # Program push --------------------------------------------------------------------------------------
@@ -377,7 +380,7 @@ class ProgramDisturbances:
         Raises CommandRejectedError during a program with obstacles and on a plant without, PlantError.
         """
         if len(self._obstacles) > 1:
-            raise CommandRejectedError("the program places its own walls: wait for its end or abort it")
+            raise CommandRejectedError("the program sets its own obstacles: wait for its end or abort it")
         self._set_obstacle(obstacle, 0, tick)
         self._obstacles = (obstacle,)
 
@@ -390,12 +393,14 @@ class ProgramDisturbances:
         obstacles = program.walls
         check_range("walls", len(obstacles), None, MAX_WALLS, "1", label="number of changes of the obstacle")
         if obstacles and program.law in IDENTIFYING:
-            raise CommandRejectedError(f"a {program.law} program does not support a wall: remove the wall")
+            raise CommandRejectedError(f"a {program.law} program does not support an obstacle: remove the obstacle")
         if obstacles:
             self._require_obstructed()
         for segment in program.segments:
             if not 0 <= segment.wall <= len(obstacles):
-                raise CommandRejectedError(f"a segment wants wall {segment.wall} of the program's {len(obstacles)}")
+                raise CommandRejectedError(
+                    f"a segment refers to obstacle {segment.wall} of the program's {len(obstacles)}"
+                )
 
     def begin(self, program: Program) -> None:
         """Store a program's obstacles and contact detections, numbered from 1."""

@@ -102,10 +102,10 @@ def execute_commissioning(
     """Execute a command. Raises CommandRejectedError, and PlantError if unsupported."""
     match command:
         case Zero():
-            _require_off(mode_manager, "a zero is set")
+            _require_off(mode_manager, "a zero can be set")
             set_zero(command, mode_manager, plant)
         case TryMotor(motor):
-            _require_off_with_drives(mode_manager, "a motor is tried")
+            _require_off_with_drives(mode_manager, "a motor can be tested")
             if isinstance(plant, SupportsDirectionCheck):
                 plant.prove_directions(proven=False)  # until the test of the direction has succeeded
             mode_manager.start_commissioning_motion(
@@ -117,7 +117,7 @@ def execute_commissioning(
             mode_manager.start_module_trial(context)
         case ProveDirections(proven):
             if proven:
-                _require_off(mode_manager, "directions are proven")
+                _require_off(mode_manager, "motor directions can be confirmed")
             if isinstance(plant, SupportsDirectionCheck):
                 plant.prove_directions(proven=proven)
         case SwitchDrives(on):
@@ -136,9 +136,9 @@ def _switch_drives(mode_manager: ModeManager, plant: Plant, context: TickContext
     If the card does not obey, the loop stays locked.
     """
     if not isinstance(plant, SupportsDriveEnable):
-        raise PlantError("this plant has no drives that could be switched off")
+        raise PlantError("this plant has no drives to switch off")
     if on:
-        _require_off(mode_manager, "drives are switched on")
+        _require_off(mode_manager, "the drives can be switched on")
     elif mode_manager.mode not in (Mode.OFF, Mode.TRIPPED):
         mode_manager.begin_stop(Stop(Fault.STOP_PRESSED, hard=True), "the drives were switched off", context)
     mode_manager.drives_off = True  # until the card has obeyed
@@ -165,9 +165,9 @@ def set_homed_zero(motion: Motion, mode_manager: ModeManager, plant: Plant, step
 
 
 def _start_homing(position: float, mode_manager: ModeManager, plant: Plant, context: TickContext) -> None:
-    _require_off_with_drives(mode_manager, "the joint is driven to its end switch")
+    _require_off_with_drives(mode_manager, "homing can be started")
     if not isinstance(plant, HasLimitSwitch):
-        raise PlantError("this plant has no end switch that its joint could be driven to")
+        raise PlantError("this plant has no end switch: homing is not possible")
     if plant.unproven:
         raise CommandRejectedError(plant.unproven)
     bounds, m = mode_manager.bounds, context.m
@@ -176,7 +176,8 @@ def _start_homing(position: float, mode_manager: ModeManager, plant: Plant, cont
     )
     if not (m.F_A <= TENSION_MAX_N and m.F_B <= TENSION_MAX_N):
         raise CommandRejectedError(
-            f"the tendons hold {m.F_A:.1f} N and {m.F_B:.1f} N, at most {TENSION_MAX_N:g} N are safe: slacken them"
+            f"the tendons hold {m.F_A:.1f} N and {m.F_B:.1f} N, at most {TENSION_MAX_N:g} N is safe: "
+            f"slacken the tendons"
         )
     ratio, at_end = mode_manager.turns_per_joint, lambda: plant.at_end
     if not plant.zeroed:
@@ -192,7 +193,9 @@ def _start_homing(position: float, mode_manager: ModeManager, plant: Plant, cont
 
 def _require_off(mode_manager: ModeManager, what: str) -> None:
     if mode_manager.mode is not Mode.OFF:
-        raise CommandRejectedError(f"{what} in off only; the mode is {mode_manager.mode}", LEGAL[mode_manager.mode])
+        raise CommandRejectedError(
+            f"{what} only in mode off; the mode is {mode_manager.mode}", LEGAL[mode_manager.mode]
+        )
 
 
 def _require_off_with_drives(mode_manager: ModeManager, what: str) -> None:
@@ -300,7 +303,7 @@ def describe_implausible_reading(
         return Fault.SENSOR_JUMP, f"{_NAMES[side]} went from {change}"
     theta, F = _NAMES[1 + side], _NAMES[3 + side]
     if fault.verdict == fault_detection.REVERSED:
-        return Fault.MOTOR_REVERSED, f"{theta} runs away from {command[side]:.1f} V, faster and faster"
+        return Fault.MOTOR_REVERSED, f"{theta} accelerates against the voltage of {command[side]:.1f} V"
     if fault.verdict == fault_detection.UNMOVED:
         text = f"{theta} stays at {Angle(raw[1 + side]):.3f} although the motor voltage is {command[side]:.1f} V"
         return Fault.SENSOR_STUCK, text
@@ -308,10 +311,11 @@ def describe_implausible_reading(
         condition = f"although its motor turned by {Angle(fault_detection.TURNED_RAD):g}"
         return Fault.SENSOR_STUCK, f"{F} stays at {raw[3 + side]:.2f} N {condition}"
     difference = (
-        f"{F} = {m[3 + side]:.1f} N, but the encoders stretch that spring to {m[3 + side] - fault.excess:.1f} N"
+        f"{F} = {m[3 + side]:.1f} N, but according to the encoders the force of this spring is "
+        f"{m[3 + side] - fault.excess:.1f} N"
     )
     if unchanged >= 0:
-        return Fault.SENSOR_STUCK, f"{_NAMES[unchanged]} does not move; {difference}"
+        return Fault.SENSOR_STUCK, f"{_NAMES[unchanged]} does not change; {difference}"
     return Fault.IMPLAUSIBLE, difference
 
 
@@ -355,7 +359,7 @@ class FaultDescriber:
             case fault_detection.SLACK:
                 F_slack = self._bounds.F_slack
                 slack, taut = _format_tensions(m, lambda F: F_slack > F)
-                return Fault.SLACK, f"{slack} below the bound of {F_slack:g} N for more than {SLACK_MAX_S:g} s{taut}"
+                return Fault.SLACK, f"{slack} below the limit of {F_slack:g} N for more than {SLACK_MAX_S:g} s{taut}"
             case _:
                 return Fault.DEADLINES_MISSED, f"{missed} periods of 1 ms missed in a row"
 
@@ -369,21 +373,24 @@ class FaultDescriber:
                 f"{name} reads {volts[name]:.2f} V" for name in invalid if math.isfinite(volts.get(name, math.nan))
             ]
             if len(saturated) == len(invalid):
-                return Fault.SENSOR_SATURATED, f"{', '.join(saturated)}: the end of its input, or of its calibration"
-            return Fault.SENSOR_INVALID, f"no number from {', '.join(invalid)}"
+                return (
+                    Fault.SENSOR_SATURATED,
+                    f"{', '.join(saturated)}: the limit of its input range, or of its calibration",
+                )
+            return Fault.SENSOR_INVALID, f"no valid reading from {', '.join(invalid)}"
         if max(m.F_A, m.F_B) > bounds.F_max:
             beyond, within = _format_tensions(m, lambda F: bounds.F_max < F)
-            return Fault.FORCE_LIMIT, f"{beyond} above the bound of {bounds.F_max:g} N{within}"
+            return Fault.FORCE_LIMIT, f"{beyond} above the limit of {bounds.F_max:g} N{within}"
         if abs(m.q) > bounds.q_trip:
             bound = Angle(bounds.q_trip)  # six digits, so that a conversion to degrees gives 90
-            return Fault.JOINT_LIMIT, f"q = {Angle(m.q)}; the bound is {bound} to either side"
+            return Fault.JOINT_LIMIT, f"q = {Angle(m.q)}; the limit is {bound} in either direction"
         return Fault.NONE, ""
 
 
 def _format_reading(name: str, value: float, digits: str, unit: str) -> str:
     """Return a reading as text; one that is not finite has no unit."""
     if not math.isfinite(value):
-        return f"no number from {name}"
+        return f"no valid reading from {name}"
     return f"{name} = {Quantity(value, unit):{digits}}"
 
 
@@ -523,7 +530,7 @@ class Loop:
             case Heartbeat():
                 pass
             case PlayRecording():
-                raise CommandRejectedError("no recording is played: there is nothing to play, pause or go to")
+                raise CommandRejectedError("no recording is replayed: play, pause and position do not apply")
             case _:
                 assert_never(command)
 
@@ -534,13 +541,15 @@ class Loop:
                 f"there is no fault to reset; the mode is {mode_manager.mode}", LEGAL[mode_manager.mode]
             )
         if self._has_internal_error:
-            raise CommandRejectedError("this loop has failed because of an error in its own code: start a new one")
+            raise CommandRejectedError(
+                "this control loop failed because of an error in its own code: start a new control loop"
+            )
         fault, detail = self._fault_describer.find_static_fault(
             mode_manager.zeros.subtract_joint_centre(self._step.m), self._plant.raw
         )
         detail = self._plant_watch.failure or detail
         if fault is not Fault.NONE or self._plant_watch.failure:
-            raise CommandRejectedError(f"the cause is still there: {detail}")
+            raise CommandRejectedError(f"the cause of the fault persists: {detail}")
         mode_manager.reset(TickContext(self._newest_tick, self._step.m))
 
     def tick(self, lateness_s: float = 0.0, overruns: int = 0) -> None:
@@ -687,7 +696,7 @@ class Loop:
         """Raise InvariantError for a voltage beyond ±u_max or NaN."""
         u_max = self._u_max
         if not (-u_max <= u_A <= u_max and -u_max <= u_B <= u_max):
-            raise InvariantError(f"the control step decided {u_A} V and {u_B} V, beyond ±{u_max:g} V")
+            raise InvariantError(f"the control step computed {u_A} V and {u_B} V, beyond ±{u_max:g} V")
 
     def _trip_on_internal_error(self, error: Exception) -> None:
         """Trip because of an error in the program. This loop cannot be reset afterwards."""

@@ -60,7 +60,7 @@ def build_cascade_tuning(command: SetTuning, plant_model: PlantModel) -> cascade
     Raises ValueError for a bank without entries, a gain that is not finite, or an invalid limit.
     """
     if not command.entries:
-        raise ValueError("a bank needs at least one entry: no gain was changed")
+        raise ValueError("a bank requires at least one entry: no gain was changed")
     rows = [astuple(entry) for entry in sorted(command.entries, key=lambda entry: entry.S_nominal)]
     table = np.array(rows, dtype=np.float64)
     inner = pid.MotorPairGains(
@@ -173,12 +173,12 @@ def build_program_tunings(program: Program, plant_model: PlantModel) -> tuple[Ga
     check_range("tunings", len(program.tunings), None, MAX_TUNINGS, "1", label="number of changes of the tuning")
     if program.tunings and (program.law in BASELINES or program.law in IDENTIFYING):
         raise CommandRejectedError(
-            f"gains are fixed while a {program.law} program plays: leave out the changes of the tuning"
+            f"gains are fixed while a {program.law} program runs: remove the tuning changes from the program"
         )
     for segment in program.segments:
         if not 0 <= segment.tuning <= len(program.tunings):
             raise CommandRejectedError(
-                f"a segment wants tuning {segment.tuning} of the program's {len(program.tunings)}"
+                f"a segment refers to tuning {segment.tuning} of the program's {len(program.tunings)}"
             )
     return tuple(
         GainsInUse(build_cascade_tuning(command, plant_model), TuningParameters(command.lam_q, command.lam_S))

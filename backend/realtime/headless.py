@@ -72,7 +72,9 @@ class SimulatedLoop:
                 await self._end_batch()
         await self._end_batch()
         if not reached():
-            raise TimeoutError(f"not reached within {timeout_s:g} s of loop time; the mode is {self._loop.mode}")
+            raise TimeoutError(
+                f"the awaited state was not reached within {timeout_s:g} s of loop time; the mode is {self._loop.mode}"
+            )
 
     async def _end_batch(self) -> None:
         self._each_batch(self.ring)

@@ -25,7 +25,7 @@ from plant import WATCHDOG_S, Card, Stillness, cache_compiled
 
 
 WATCHDOG_MONITOR_PART = Part(
-    "The watch over the card's watchdog", "A watchdog that dies now is found by the loop alone."
+    "The monitor of the card's watchdog", "If the watchdog dies now, only the control loop detects it."
 )
 
 POLL_S = 0.05
@@ -69,19 +69,19 @@ class WatchdogMonitor:
         self._polls.update(state.polls)
         unwritten_s = self._writes.update(state.writes)
         if self.is_watchdog_lost and not self.problem:
-            self._set_problem("the card's watchdog is dead: reset starts a new loop with a new one")
+            self._set_problem("the card's watchdog is dead: Reset starts a new control loop with a new watchdog")
         if loop_ended and state.drive_enabled and unwritten_s > LAST_RESORT_S:
             if state.mirror:  # a mirror keeps the last known state
                 if not self.problem:
                     self._set_problem(
-                        "the loop has died: the watchdog of the rig's card disables the drives "
+                        "the control loop has died: the watchdog of the rig's card disables the drives "
                         f"{state.watchdog_s:g} s after the last write, which the service cannot observe; "
                         "check the rig, then reset"
                     )
                 return False
             self._card.expire()
             self._set_problem(
-                "the loop and the card's watchdog had both died: the service set the outputs to zero; "
+                "the control loop and the card's watchdog had both died: the service set the outputs to zero; "
                 "check the rig, then reset"
             )
         return not loop_ended or self._card.state().drive_enabled

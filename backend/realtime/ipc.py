@@ -211,5 +211,7 @@ class ProgramParts:
             (len(tunings), rest.tunings, "tunings"),
         ):
             if arrived != expected:
-                raise CommandRejectedError(f"{arrived} of the program's {expected} {what} arrived: send it again")
+                raise CommandRejectedError(
+                    f"{arrived} of the program's {expected} {what} arrived: send the program again"
+                )
         return replace(rest.command, program=replace(rest.command.program, segments=segments, tunings=tunings))

@@ -199,7 +199,9 @@ class ModeManager:
         mode = command.mode
         self._require_legal(mode)
         if isinstance(self.motion, CommissioningMotion) and mode is not Mode.STOPPING:
-            raise CommandRejectedError("a motor is being tried: wait for its end or stop it", LEGAL[self.mode])
+            raise CommandRejectedError(
+                "a commissioning motion is in progress: wait for its end or stop it", LEGAL[self.mode]
+            )
         if mode is Mode.PRETENSION:
             if self.unready:
                 raise CommandRejectedError(self.unready)
@@ -226,7 +228,7 @@ class ModeManager:
         self._require_legal(mode)
         self._require_taut(mode)
         if not may_start_from(program.law, self.mode):
-            reason = f"a {program.law} program starts from pretension, where the joint is brought to 0 first"
+            reason = f"a {program.law} program starts only from mode pretension, where the joint is moved to 0 first"
             raise CommandRejectedError(reason, LEGAL[self.mode])
         tunings, program_gains = self.tunings, self.tunings.build_for_program(program, self._plant_model)
         motion = self._programs.make_motion(
@@ -247,7 +249,7 @@ class ModeManager:
     def start_module_trial(self, context: TickContext) -> None:
         """Provoke the safety module's trip at pretension. Raises CommandRejectedError."""
         if not self.is_pretension_done or self.motion is None:
-            raise CommandRejectedError("the safety module is tried once both tendons hold the pretension")
+            raise CommandRejectedError("the safety module can be tested only while both tendons hold the pretension")
         self.motion = ModuleTrial(self.motion.get_motor_loops(), NO_REFERENCE, context.m)
 
     def set_tuning(self, tuning: CascadeTuning, lambdas: TuningParameters) -> None:
@@ -257,7 +259,7 @@ class ModeManager:
         """
         if isinstance(self.motion, Baseline):
             raise CommandRejectedError(
-                "the gains of a baseline are fixed while its program plays: wait for its end or stop it"
+                "the gains of a baseline law are fixed while its program runs: wait for its end or stop it"
             )
         self.tunings.replace(tuning, lambdas)
 
@@ -269,7 +271,7 @@ class ModeManager:
         self.contact.require_none(LEGAL[self.mode])
         if self.mode not in (Mode.RUN, Mode.COMPLIANCE) or not isinstance(self.motion, Tracking):
             raise CommandRejectedError(
-                f"references are the operator's in run and compliance only; the mode is {self.mode}"
+                f"the operator can set references only in modes run and compliance; the mode is {self.mode}"
             )
         self._programs.require_references(command.q_ref, command.S_ref)
         self.motion.set_setpoint(Setpoint(float(command.q_ref), float(command.S_ref), 0.0))
@@ -371,13 +373,13 @@ class ModeManager:
     def _require_legal(self, mode: Mode) -> None:
         legal = LEGAL[self.mode]
         if mode not in legal:
-            names = ", ".join(legal) or "none: reset the fault first"
-            raise CommandRejectedError(f"{self.mode} cannot go to {mode}; legal now: {names}", legal)
+            names = ", ".join(legal) or "none: wait for the end of the stop, then reset the fault if there is one"
+            raise CommandRejectedError(f"{self.mode} cannot change to {mode}; legal now: {names}", legal)
 
     def _require_taut(self, mode: Mode) -> None:
         if self.mode is Mode.PRETENSION and not self.is_pretension_done:
             raise CommandRejectedError(
-                f"{mode} has to wait until both tendons hold {PRETENSION_N:g} N", LEGAL[self.mode]
+                f"{mode} is possible only after both tendons hold {PRETENSION_N:g} N", LEGAL[self.mode]
             )
 
     def _get_motor_loops(self, m: Measurement) -> MotorLoopState:

@@ -79,7 +79,7 @@ pretension (before that the command is answered by ``Refused``)."""
 
 
 DRIVES_OFF = (
-    "the drives are switched off, because people may be working at the rig: keep clear of it, then "
+    "the drives are switched off, because people may be working at the rig: keep clear of the rig, then "
     "switch the drives on in the bring-up"
 )
 """Reason why no motion starts while people may be working at the rig."""

@@ -356,7 +356,7 @@ class ProgramMotions:
         """Return the motion of a program. Raises CommandRejectedError or OutOfRangeError."""
         if program.law is Law.FORCE_HOLD:
             if program.excitation is None:
-                raise ValueError("a force-hold program needs an excitation")
+                raise ValueError("a force-hold program requires an excitation")
             # Motor B stays at zero: the rotation of motor A stretches both springs.
             theta_A = sum(self.compute_motor_angles(program.tension_N))
             return ForceHold(motor_loops, make_tension_hold_state(program, program.excitation, motor_loops, theta_A))
@@ -419,7 +419,7 @@ class ProgramMotions:
 
     def _make_motor_steps(self, program: Program, motor_loops: MotorLoopState) -> MotorSteps:
         if not program.steps:
-            raise CommandRejectedError("a program of voltage steps needs at least one step")
+            raise CommandRejectedError("a program of voltage steps requires at least one step")
         # winding over the whole range of the joint
         theta_max = self._geometry.r_j / self._geometry.r_m * self._bounds.q_trip
         for step in program.steps:
@@ -429,7 +429,7 @@ class ProgramMotions:
                 minimum=-theta_max,
                 maximum=0.0,
                 unit="rad",
-                remedy="0 is where the tendons go slack",
+                remedy="the tendons become slack at 0",
             )
             check_range("u", step.u, -self._bounds.u_max, self._bounds.u_max, "V")
         margin = VoltageMargin(*self.compute_motor_angles(PRETENSION_N), self._bounds.F_slack, theta_max)
@@ -437,7 +437,7 @@ class ProgramMotions:
 
     def _make_tension_sweep(self, program: Program, motor_loops: MotorLoopState) -> TensionSweep:
         if not program.legs:
-            raise CommandRejectedError("a sweep of the tension needs at least one leg")
+            raise CommandRejectedError("a tension sweep requires at least one leg")
         tensions = (program.tension_N, *(leg.tension_N for leg in program.legs))
         for tension_N in tensions:
             check_range("tension_N", tension_N, self._bounds.F_slack, self._bounds.F_max, "N")

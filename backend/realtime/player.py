@@ -29,8 +29,11 @@ from backend.realtime.ring_buffer import SampleRing
 from backend.sample import FIELDS, INDEX
 from plant import RecordedSamples, T_s
 
-UNREADY = "a recording is played: nothing real moves, and no mode starts"
-REFUSED = "a recording is played: nothing real moves, so it takes no commands but play, pause, speed and position"
+UNREADY = "the service replays a recording: no actuator moves, and no mode can start"
+REFUSED = (
+    "the service replays a recording: no actuator moves, and only the commands play, pause, speed "
+    "and position are accepted"
+)
 
 PRESENT = frozenset({"tick", "t", "mode", "run", "fault", "bank_entry", "lateness_s", "overruns"})
 """Columns of the replaying loop, not of the recording."""
@@ -110,7 +113,7 @@ class PlayerLoop:
         """Execute a command; return the reason of a rejection, "" if it is accepted."""
         last = self._samples - 1
         if order.sample is not None and not 0 <= order.sample <= last:
-            return f"sample {order.sample} is outside the recording: it has the samples 0 to {last}"
+            return f"sample {order.sample} is outside the recording: choose a sample from 0 to {last}"
         if order.speed is not None and not SPEED_MIN <= order.speed <= SPEED_MAX:
             return f"a speed of {order.speed:g} is outside {SPEED_MIN:g} to {SPEED_MAX:g}"
         sample = self._sample if order.sample is None else float(order.sample)

@@ -133,7 +133,7 @@ def _send_command(loop: Loop, command: Command) -> None:
     loop.handle(0, command)
     for event in loop.drain_events():
         if isinstance(event, Refused):
-            raise WarmUpError(f"{type(command).__name__} refused in rehearsal on the simulator: {event.reason}")
+            raise WarmUpError(f"{type(command).__name__} rejected in the rehearsal on the simulator: {event.reason}")
 
 
 def _run_pretension(loop: Loop) -> None:
@@ -251,7 +251,7 @@ class Worker:
             case Heartbeat():
                 pass
             case Setup():
-                self.queue_message(Refused(sequence, self._tick, "the loop is set up once, at its start"))
+                self.queue_message(Refused(sequence, self._tick, "the control loop is set up only once, at its start"))
             case ProgramPart():
                 self._parts.add(sequence, message)
             case LongProgram():

@@ -229,7 +229,7 @@ def require_few(segments: Collection[Segment]) -> None:
     )
 
 
-NO_WALL = "this plant does not support walls: simulate it as a dry run"
+NO_WALL = "this plant does not support obstacles: simulate the program as a dry run"
 
 
 def require_plant_ability(segment: Segment, *, pushes: bool, loads_shafts: bool) -> None:
@@ -239,11 +239,15 @@ def require_plant_ability(segment: Segment, *, pushes: bool, loads_shafts: bool)
     """
     check_range("F_push", segment.F_push, None, None, "N")
     if segment.F_push and not pushes:
-        raise CommandRejectedError("this plant cannot push the joint: push by hand, or simulate it as a dry run")
+        raise CommandRejectedError(
+            "this plant cannot push the joint: push by hand, or simulate the program as a dry run"
+        )
     for load in filter(None, (segment.load_A, segment.load_B)):
         if not loads_shafts:
-            raise CommandRejectedError("this plant cannot load its motors' shafts: simulate it as a dry run")
-        check_range("load", load, minimum=0.0, maximum=None, unit="N·m", remedy="loads pull as tendons do")
+            raise CommandRejectedError("this plant cannot load its motors' shafts: simulate the program as a dry run")
+        check_range(
+            "load", load, minimum=0.0, maximum=None, unit="N·m", remedy="a load pulls in the direction of the tendon"
+        )
 
 
 @dataclass(frozen=True)

@@ -72,10 +72,10 @@ class Ring:
         """
         header = np.frombuffer(os.pread(fd, _HEADER_WORDS * _WORD, 0), np.int64)
         if header.size < _HEADER_WORDS or header[_MAGIC] != _MAGIC_VALUE:
-            raise RingError(f"file descriptor {fd} holds no ring of samples")
+            raise RingError(f"file descriptor {fd} holds no ring buffer")
         if header[_WIDTH] != WIDTH or os.fstat(fd).st_size != _size(int(header[_CAPACITY])):
             raise RingError(
-                f"the ring has rows of {header[_WIDTH]} values, this version's samples have {WIDTH}: "
+                f"the ring buffer has rows of {header[_WIDTH]} values, this version's samples have {WIDTH}: "
                 "both processes must run the same version"
             )
         return cls(fd)
@@ -101,11 +101,11 @@ class Ring:
         rows than slots.
         """
         if not 0 <= rows <= self.capacity:
-            raise InvariantError(f"{rows} rows at once in a ring of {self.capacity}")
+            raise InvariantError(f"{rows} rows at once in a ring buffer of {self.capacity}")
         count, found = self._appended, self.count
         self._appended = self._header[_COUNT] = count + rows
         if found != count:
-            raise InvariantError(f"the ring counted {found} rows where {count} had been appended")
+            raise InvariantError(f"the ring buffer counted {found} rows where {count} had been appended")
 
     def read(self, since: int, limit: int) -> tuple[int, NDArray[np.float64], int]:
         """Copy rows ``since``, ``since + 1`` ... (at most ``limit``).
@@ -116,7 +116,7 @@ class Ring:
         """
         count = self.count
         if not 0 <= since <= count:
-            raise InvariantError(f"row {since} of a ring into which {count} rows have been appended")
+            raise InvariantError(f"row {since} of a ring buffer into which {count} rows have been appended")
         first = max(since, count - self.capacity + 1, 0)
         rows = self._copy(first, min(count, first + limit))
         # The writer has continued and may now be writing row `count` into the slot of row `count - capacity`.

@@ -198,9 +198,11 @@ START_TIMEOUT_S = 120.0
 ANSWER_TIMEOUT_S = 2.0
 STOP_TIMEOUT_S = 3.0
 
-_WATCH_PART = Part("The watch over the loop process", "If the loop process ends now, the service detects it late.")
-_LIVENESS_PART = Part("The sign of life to the loop process", "Without it the loop stops within 4 s.")
-_HEARTBEAT_PART = Part("The heartbeat to the loop process", "The loop stops after 0.34 s without a heartbeat.")
+_WATCH_PART = Part("The monitor of the control loop", "If the control loop ends now, the service detects it late.")
+_LIVENESS_PART = Part(
+    "The liveness signal to the control loop", "Without this signal the control loop stops within 4 s."
+)
+_HEARTBEAT_PART = Part("The heartbeat to the control loop", "The control loop stops after 0.34 s without a heartbeat.")
 PACKETS_AT_ONCE = 8
 """Packets of a long program sent without a pause; the loop receives one per tick, and a stop still fits in the
 queue."""
@@ -300,14 +302,14 @@ class Supervisor:
         async with self._lock:
             self.restarting = Restart(purpose, time.monotonic())
             try:
-                await self._stop("the loop process is replaced")
+                await self._stop("the control loop is restarted")
                 return await self._start()
             finally:
                 self.restarting = None
 
     async def _start(self) -> RealTimeStatus:
         if self._process is not None:
-            raise LoopExitedError("the loop process is there already: stop it first")
+            raise LoopExitedError("the control loop has already been started: stop it first")
         self.card.expire()  # the previous loop on the same card may have been killed a moment ago
         if self._prepared is None or (launched := self._prepared.take()) is None:
             launched = await launch_loop(self.setup.parameters)
@@ -372,7 +374,7 @@ class Supervisor:
                     if part and part % PACKETS_AT_ONCE == 0:
                         await asyncio.sleep(PACKETS_AT_ONCE * T_s)
                     if not channel.send(packet):
-                        self._kill("it does not take commands any more")
+                        self._kill("it no longer accepts commands")
                         break
             try:
                 return await wait_for_result(answer, ANSWER_TIMEOUT_S)
@@ -396,7 +398,7 @@ class Supervisor:
         while not reached():
             self._require_alive()
             if self.ring.count >= end:
-                raise TimeoutError(f"not reached within {timeout_s:g} s of loop time")
+                raise TimeoutError(f"the awaited state was not reached within {timeout_s:g} s of loop time")
             await asyncio.sleep(_POLL_S)
 
     def _require_alive(self) -> Channel:
@@ -439,7 +441,7 @@ class Supervisor:
                 try:
                     _, message = decode_from_loop(packet)
                 except ChannelError:
-                    _LOG.exception("The service cannot decode a packet of the loop process: %r", packet[:200])
+                    _LOG.exception("The service cannot decode a packet of the control loop: %r", packet[:200])
                 else:
                     self._take(message)
         except ChannelClosedError:
@@ -472,7 +474,7 @@ class Supervisor:
         while self._channel is channel:
             heartbeat_sender.refresh()
             if self.is_alive and liveness.is_hung(self.ring.count):
-                self._kill(f"it has not ticked for {MAX_MISSED_BEATS * HEARTBEAT_S:.1f} s")
+                self._kill(f"it has executed no control step for {MAX_MISSED_BEATS * HEARTBEAT_S:.1f} s")
             await asyncio.sleep(HEARTBEAT_S)
 
     async def _watch(self, process: Process) -> None:

@@ -41,10 +41,10 @@ class RealTimeStatus:
     scheduling.
     """
 
-    priority: int = field(metadata=describe_field("of SCHED_FIFO, 0 under ordinary scheduling"))
+    priority: int = field(metadata=describe_field("priority of SCHED_FIFO; 0 under ordinary scheduling"))
     memory_locked: bool
     timer_slack_ns: int
-    refusals: tuple[str, ...] = field(metadata=describe_field("what was not granted, why, and the remedy"))
+    refusals: tuple[str, ...] = field(metadata=describe_field("rights that were not granted, with reason and remedy"))
 
 
 def request_real_time() -> RealTimeStatus:

@@ -53,7 +53,7 @@ def unpack_alike(packed: Sequence[bytes], columns: int, chosen: Sequence[int]) -
     """
     inflated = [_inflate(one, columns) for one in packed]
     if len({len(one) for one in inflated}) != 1:
-        raise CodecError("damaged samples: tables that should be of the same length are not")
+        raise CodecError("damaged samples: tables that must have the same length differ in length")
     shuffled = np.frombuffer(b"".join(inflated), np.uint8).reshape(len(packed), _WIDTH, columns, -1)
     picked = np.moveaxis(shuffled[:, :, list(chosen)], 1, -1)
     values = np.ascontiguousarray(picked).view(_LITTLE_ENDIAN)[..., 0]

@@ -30,7 +30,7 @@ DIED = "loop_died"
 """Name that replaces the fault if the loop process died."""
 
 FLIGHT_RECORDER_PART = Part(
-    "The flight recorder", "The record of a trip may come late, or lack what the ring no longer holds."
+    "The flight recorder", "A flight record may be late, or lack samples that the ring buffer no longer holds."
 )
 
 _LOG = logging.getLogger(__name__)
@@ -207,7 +207,7 @@ def enforce_quota(session: Session, quota: Quota, of: str = "") -> None:
     """
     gone = flights.delete_oldest(session, quota.records, quota.size_bytes, of)
     if gone:
-        named = "captures of triggers" if of else "flight records"
+        named = "trigger captures" if of else "flight records"
         text = (
             f"the {gone} oldest {named} were deleted: at most {quota.records} and "
             f"{quota.size_bytes / 1e6:.0f} MB are kept"

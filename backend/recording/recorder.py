@@ -106,7 +106,8 @@ CHUNKS_AT_ONCE = 20
 DRAIN_PERIOD_S = 0.25
 
 RECORDER_PART = Part(
-    "The recorder", "The ring keeps the last minute of samples: runs are whole if it is back within that time."
+    "The recorder",
+    "The ring buffer keeps the last minute of samples: runs are complete if the recorder restarts within that time.",
 )
 
 _TICK, _RUN = INDEX["tick"], INDEX["run"]
@@ -237,9 +238,9 @@ class Recorder:
             case WallChanged():
                 self._obstacle_changes.add(note)
             case LoopExited(reason):
-                self._finish(EndState.LINK_LOST, f"the loop process died: {reason}")
+                self._finish(EndState.LINK_LOST, f"the control loop died: {reason}")
             case Ring():
-                self._finish(EndState.LINK_LOST, "the loop process was replaced")
+                self._finish(EndState.LINK_LOST, "the control loop was restarted")
                 self._ring, self._position = note, 0
                 self._obstacle_changes.reset()
 
@@ -260,7 +261,7 @@ class Recorder:
         # samples of an unknown run were rejected
         with suppress(UnknownRecordError), self._database.session() as session:
             if skipped := self._skipped.get(run):
-                recordings.add_gap(session, run, skipped, f"{skipped} samples are left out")
+                recordings.add_gap(session, run, skipped, f"{skipped} samples are omitted")
             runs.end(session, run, end_state, detail)
         self._open.discard(run)
         if run == self._run:
@@ -282,7 +283,7 @@ class Recorder:
             return False
         invalid = _count_invalid(rows)
         if invalid:
-            self._end_recording(f"a sample of run {rows[0, _RUN]:g} at tick {rows[0, _TICK]:g}", invalid)
+            self._end_recording(f"invalid sample of run {rows[0, _RUN]:g} at tick {rows[0, _TICK]:g}", invalid)
             self._position += invalid
             return True
         run, tick = int(rows[0, _RUN]), int(rows[0, _TICK])
@@ -312,7 +313,7 @@ class Recorder:
         _LOG.critical("The samples are not consistent: %s", reason)
         if not self._run:
             return
-        text = f"the rest of it is not recorded, as its samples are not consistent: {reason}"
+        text = f"the rest of the run is not recorded, because its samples are not consistent: {reason}"
         with self._database.session() as session:
             recordings.add_gap(session, self._run, 0, text)
             events.add(session, EventKind.RECORDING, f"run {self._run}: {text}", tick=self._next_tick)
@@ -327,7 +328,9 @@ class Recorder:
                 if not (again and recordings.is_begun(session, run)):
                     recordings.begin(session, run, list(STORED_NAMES), T_s)
                     if missed:
-                        recordings.add_gap(session, run, missed, f"up to {missed} samples before the first were lost")
+                        recordings.add_gap(
+                            session, run, missed, f"up to {missed} samples before the first recorded sample were lost"
+                        )
         except (UnknownRecordError, NotRecordableError) as error:
             with self._database.session() as session:
                 events.add(session, EventKind.RECORDING, f"samples of run {run} are not recorded: {error}", tick=tick)
@@ -377,7 +380,7 @@ def describe_end(end: RunEnded) -> tuple[EndState, str]:
     if end.completed:
         return EndState.COMPLETED, ""
     if not isinstance(end.why, Fault):
-        return EndState.STOPPED, "the program was ended before its end"
+        return EndState.STOPPED, "the program was stopped before its end"
     if end.why is Fault.SERVICE_ENDED:  # the detail says who ended it
         return runs.derive_end_state(end.why), end.detail or "service ended"
     return runs.derive_end_state(end.why), f"{end.why}: {end.detail}" if end.detail else end.why.value

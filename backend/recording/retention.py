@@ -51,14 +51,14 @@ class Overview:
         age = format_count(self.rule.keep_days, "day")
         if not self.may_go:
             return (
-                f"{takes}: nothing may go, for all of it is in use or younger than {age}; "
+                f"{takes}: none can be deleted, because all of them are in use or younger than {age}; "
                 "raise SINEW_RECORDINGS_GB or lower SINEW_RECORDINGS_KEEP_DAYS"
             )
         freed = sum(run.size_bytes for run in self.may_go)
         going = format_count(len(self.may_go), "run")
         return (
-            f"{takes}: the samples of {going} older than {age} ({_gigabytes(freed)}) may go, "
-            "see the System page or `sinew db recordings`"
+            f"{takes}: the samples of {going} older than {age} ({_gigabytes(freed)}) can be deleted; see "
+            f"the System page or `sinew db recordings`"
         )
 
 
@@ -101,7 +101,7 @@ def _remove(database: Database, run: RetentionEntry, who: str) -> None:
     day = datetime.now(UTC).date().isoformat()
     with database.session() as session:
         if next((held.in_use for held in recordings.load_held(session) if held.run_id == run.run_id), True):
-            raise NotRemovableError(f"run {run.run_id} has come into use meanwhile; its samples stay")
+            raise NotRemovableError(f"run {run.run_id} has come into use in the meantime; its samples are kept")
         recordings.mark_removed(session, run.run_id, f"the samples were deleted by {who} on {day} to make room")
         text = f"samples of run {run.run_id} deleted to make room, {_gigabytes(run.size_bytes)}"
         events.add(session, EventKind.RETENTION, text, who=who, run_id=run.run_id)

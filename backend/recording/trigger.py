@@ -122,7 +122,7 @@ AT_ONCE = 8192
 SETTING = "trigger"
 """Setting with the armed condition, which the next start of the service reports; null for none."""
 
-TRIGGER_PART = Part("The trigger", "A capture may come late, or lack what the ring no longer holds.")
+TRIGGER_PART = Part("The trigger", "A capture may be late, or lack samples that the ring buffer no longer holds.")
 
 _LOG = logging.getLogger(__name__)
 
@@ -208,10 +208,11 @@ class _Capture:
         missing = []
         if before < self.armed.before:
             missing.append(
-                f"{before * T_s:.3f} of {self.armed.before * T_s:.3f} s before it: the loop had just started"
+                f"{before * T_s:.3f} of {self.armed.before * T_s:.3f} s recorded before it: the control "
+                f"loop had just started"
             )
         if self.have < self.armed.after:
-            missing.append(f"{self.have * T_s:.3f} of {self.armed.after * T_s:.3f} s after it: {self.ended}")
+            missing.append(f"{self.have * T_s:.3f} of {self.armed.after * T_s:.3f} s recorded after it: {self.ended}")
         if self.lost:
             missing.append(f"{self.lost} samples are missing (nan): the service read too late")
         of = f", {self.number} of {self.armed.captures}" if self.armed.captures > 1 else ""
@@ -375,7 +376,7 @@ class Trigger:
         self._capture = None
         self.status.captured, self.status.left = capture.number, 0
         if capture.number == capture.armed.captures:
-            self.status.ended = "all captures were made"
+            self.status.ended = "all captures are complete"
         self._waiting.append(capture)
         self._events.publish(StateChanged())
 

@@ -33,8 +33,8 @@ def check_recordings(database: Database) -> RecordingsCheck:
         problems += found
         if without:
             not_compared.append(
-                f"run {number}: {without} chunks of samples from before digests were kept, of which only smallest and "
-                "largest values were compared"
+                f"run {number}: {without} chunks of samples are from before digests were stored; only "
+                f"their minima and maxima were compared"
             )
     return RecordingsCheck(len(numbers), tuple(problems), tuple(not_compared))
 

@@ -381,7 +381,7 @@ def iterate_configuration(run: Run, bank: Bank | None) -> Iterator[Configuration
     That is plant, software, experiment, ``bank``, machine, settings and parameters.
     """
     yield ConfigurationValue("plant", run.plant)
-    yield ConfigurationValue("name of the parameters", run.parameters_name)
+    yield ConfigurationValue("name of the parameter set", run.parameters_name)
     yield ConfigurationValue("Sinew", run.software)
     yield from (ConfigurationValue(name, version) for name, version in (run.set_to.versions or {}).items())
     if text := run.set_to.experiment:

@@ -79,12 +79,12 @@ _REST_S = 1.0
 
 _COMPLIANCE_NOTES = (
     S_NOTE,
-    "The force of the hand is measured as the reaction F_ext = F_A − F_B; commanded stiffness and "
+    "The force of the push is measured as the reaction F_ext = F_A − F_B; commanded stiffness and "
     "measured position predict F_exp = −S_ref q/r_j (equations 22 and 25 of the paper, a linear approximation).",
-    "Raw differences hold the load cells' delay and offset, as the paper's 2.239 N does. Aligned means: the measured "
-    "force is moved back by the delay that fits best, and each force counts from its mean over the second before the "
-    "first push.",
-    "The position loop is open: the decoupler's geometry alone holds q = 0, the stiffness loop is closed.",
+    "Raw differences contain the delay and offset of the load cells, as does the paper's value of 2.239 "
+    "N. For the aligned difference, the measured force is shifted back by the best-fitting delay, and "
+    "each force is relative to its mean over the second before the first push.",
+    "The position loop is open: the decoupler's geometry alone holds q = 0. The stiffness loop is closed.",
 )
 
 
@@ -163,9 +163,10 @@ Array = NDArray[np.float64]
 UNITS = {"q": "rad", "S": "N·m/rad"}
 
 GOVERNOR = (
-    "For comparison: the same references with the governor of the paper (lambda motion) in place of the trajectory, "
-    "all else alike: simulated with the run's own parameters, gains, push and seed, from rest at its first references. "
-    "It is not a measurement. With the trajectory the lags of the loops do not delay a reference; λ sets "
+    "For comparison: the same references with the reference governor of the paper (lambda motion) "
+    "instead of the trajectory and all else equal, simulated with the run's own parameters, gains, push "
+    "and seed, from rest at its first references. "
+    "It is not a measurement. With the trajectory, the time constants of the loops do not delay a reference; λ sets "
     "how deviations "
     "of the actuator from its model are corrected (docs/decisions/0046)."
 )
@@ -215,7 +216,7 @@ def simulate_paper_law(source: RunData) -> PaperLawResponse | None:
     )
     if found.tripped_at >= 0:
         return PaperLawResponse(
-            reason=f"with it the safety module would have tripped after {found.tripped_at * T_s:g} s"
+            reason=f"under this law the safety module would have tripped after {found.tripped_at * T_s:g} s"
         )
     return PaperLawResponse({"t": t, "q": found.q, "S": found.S})
 
@@ -270,7 +271,7 @@ def recording_report(source: RunData) -> Report:
     """Build the report of a session."""
     sections = [
         *results_section(source),
-        ReportSection("How it was made", (*_make_settings_tables(source), *lineage(source))),
+        ReportSection("Settings and origin", (*_make_settings_tables(source), *lineage(source))),
     ]
     if source.columns["t"].size:
         sections += [_recording_figures(source), ReportSection("Notes", (Paragraph(S_NOTE),))]
@@ -316,11 +317,11 @@ def _recording_figures(source: RunData) -> ReportSection:
 
 _ROBUSTNESS_NOTES = (
     "The paper loads the motor loop with an additional spring tension of 50 N, 0.375 N·m at the gearbox "
-    "shaft, to choose λ_motor; it prints the load and the chosen M_s = 1.4, but no response.",
+    "shaft, to choose λ_motor; it gives the load and the chosen M_s = 1.4, but no response.",
     "The load pulls in the direction of the tendon. It is applied at the shaft, in one step, in addition "
     "to the tendon's own force; joint and stiffness loops stay closed, so both motor references respond as well.",
-    "The integral of the error is what the integral part of the motor loop had to add: τ_load/(K_t k_i), but for "
-    "friction and for the little that the references move.",
+    "The integral of the error corresponds to what the integral part of the motor loop added: "
+    "τ_load/(K_t k_i), apart from friction and the small motion of the references.",
 )
 
 
@@ -379,14 +380,15 @@ def error_panels(columns: Columns, name: str, angles: AngleUnit) -> str:
 
 _TRACKING_NOTES = (
     S_NOTE,
-    "Outer gains follow k_p = (2T − λ)/(K λ). The paper's table 2, in the text we have, prints k_p = 2/(K λ), which is "
+    "Outer gains follow k_p = (2T − λ)/(K λ). The paper's table 2, in the version available to us, gives "
+    "k_p = 2/(K λ), which is "
     "dimensionally wrong and does not place the poles at −1/λ (erratum E1).",
     "Both motors move together through the decoupler, which doubles the gains identified with one motor excited; the "
     "gains are scaled for that (erratum E3).",
     "The bound for the largest q step is the time in which one unloaded motor at full voltage turns by "
     "90 % of the angle that the step needs: speed K_m u_max, time constant T_m. No law can be faster on these motors.",
-    "Tension is counted from the start of the program, after pretension; load-cell noise and delay are part of it. "
-    "Root mean squares include the steps themselves and therefore mostly measure how fast λ lets the loop move.",
+    "Tension is evaluated from the start of the program, after pretension; load-cell noise and delay are part of it. "
+    "Root mean squares include the steps themselves and therefore mostly reflect the speed of the loop that λ sets.",
 )
 
 _NAMES = {
@@ -395,7 +397,7 @@ _NAMES = {
     "settling_s": "settling",
     "overshoot_percent": "overshoot",
     "steady_error": "steady error",
-    "cross_coupling": "deviation of the other",
+    "cross_coupling": "cross-coupling",
 }
 
 
@@ -419,7 +421,7 @@ def _law_notes(law: PaperLawResponse | None) -> tuple[str, ...]:
     if law is None:
         return ()
     if law.reason:
-        return (f"What the paper's law would have made of these references was not computed: {law.reason}.",)
+        return (f"The response of the paper's law to these references was not computed: {law.reason}.",)
     return (GOVERNOR,)
 
 
@@ -433,7 +435,7 @@ def _tracking_figures(
     both = next((phase for phase in (metrics.phases if metrics else ()) if phase.name == "both"), None)
     split_s = min(both.start_s, played_s) if both else played_s
     theirs = law.columns if law and law.columns else None
-    law_note = " In grey the paper's law on the same references, simulated." if theirs else ""
+    law_note = " Grey: simulated response of the paper's law to the same references." if theirs else ""
     blocks = [
         Figure(
             "separate",
@@ -465,7 +467,7 @@ def _tracking_figures(
                     angles=source.angles,
                     paper_response=theirs,
                 ),
-                "Position and stiffness moved at once: the same in (G) to (L). "
+                "Position and stiffness moved simultaneously: the same signals in (G) to (L). "
                 f"References dashed.{law_note} Compare q, S and u with figure 7D–F of the paper{_of_governor(law)}.",
             )
         )
@@ -476,8 +478,8 @@ def _tracking_figures(
             Figure(
                 "steps",
                 tracking_step_panels(columns, steps, lam, "steps"),
-                "All steps on one scale, (A) of joint position and (B) of stiffness, over the response "
-                "that λ defines for a first-order process (dashed), and (C, D) the remaining error in "
+                "All steps on one scale: (A) joint position and (B) stiffness, with the response "
+                "that λ defines for a first-order process (dashed), (C, D) the remaining error in "
                 f"per cent of the step, with the settling band of ±2 %. {_what_shapes_a_step(law)}",
             )
         )
@@ -485,17 +487,18 @@ def _tracking_figures(
 
 
 def _of_governor(law: PaperLawResponse | None) -> str:
-    return "" if law is None else ", which has the governor and no plan"
+    return "" if law is None else ", which uses the reference governor and no trajectory feed-forward"
 
 
 def _what_shapes_a_step(law: PaperLawResponse | None) -> str:
     if law is None:
         return (
-            "The motor loops' lags delay the real one; the reference governor slows large steps, so that the motors "
-            "stay within their voltage."
+            "The time constants of the motor loops delay the real response; the reference governor slows "
+            "large steps, so that the motors stay within their voltage limit."
         )
     return (
-        "A trajectory moves a model of motors and joint, and its voltages drive the motors: a step takes the time that "
+        "The trajectory feed-forward moves a model of motors and joint and applies its voltages to the "
+        "motors: a step takes the time that "
         "the motors need within the voltage limit, and λ sets how deviations from the model are corrected."
     )
 
@@ -517,7 +520,7 @@ def steps_table(steps: Sequence[StepFigures], angles: AngleUnit) -> tuple[Table,
         Column("Settling", "s"),
         Column("Overshoot", "%"),
         Column("Steady error"),
-        Column("Deviation of the other", wide=True),
+        Column("Cross-coupling", wide=True),
     )
     rows = []
     for step in steps:
@@ -536,7 +539,7 @@ def steps_table(steps: Sequence[StepFigures], angles: AngleUnit) -> tuple[Table,
                 _deviation(step, units[other], angles),
             )
         )
-    every = Table("Every step that was played to its end.", columns, tuple(rows))
+    every = Table("All completed steps.", columns, tuple(rows))
     return (every, *_reasons(steps))
 
 
@@ -589,8 +592,8 @@ def _reasons(steps: Sequence[StepFigures]) -> tuple[Table, ...]:
 
 _COMPOSED_NOTES = (
     S_NOTE,
-    "Tension is counted from the start of the program, after pretension; load-cell noise and delay are part of it. "
-    "Root mean squares include the steps themselves and therefore mostly measure how fast λ lets the loop move.",
+    "Tension is evaluated from the start of the program, after pretension; load-cell noise and delay are part of it. "
+    "Root mean squares include the steps themselves and therefore mostly reflect the speed of the loop that λ sets.",
 )
 _ON_RESPONSES = (
     "For a periodic excitation, the last period is evaluated, line by line; for a sweep, the whole "
@@ -602,7 +605,7 @@ _ON_IMPACTS = (
     "at penetration depth δ, never a pull. In the first milliseconds the wall stops the joint's own "
     "inertia, independently of its stiffness; then the motors press through the springs. A low stiffness "
     "reduces this second part only. The contact reaction stops the motors, opens the position loop and "
-    "commands the lowest stiffness, for as long as the corresponding hit without it lasts. The contact "
+    "commands the lowest stiffness, for the duration of the corresponding hit without the reaction. The contact "
     "force is estimated from encoders and springs, less the bias that the experiment has calibrated at rest."
 )
 _ON = {
@@ -618,7 +621,7 @@ def program_report(source: RunData) -> Report:
     """Build the report of an experiment described by data."""
     plan = parse_stored_plan(source.run.kind, source.run.set_to.plan or {})
     if not isinstance(plan, ExperimentPlan):
-        raise TypeError(f"run {source.run.id} is of no experiment that is data")
+        raise TypeError(f"run {source.run.id} does not belong to an experiment described by data")
     results = list(_make_signal_sections(source, plan)) if source.columns["t"].size else []
     notes = (
         *_COMPOSED_NOTES,
@@ -678,14 +681,14 @@ def _of_measures(source: RunData, plan: ExperimentPlan) -> Iterator[Figure]:
             force_panels(
                 columns=columns, r_j=r_j, pushed_s=first_s, delay_s=delay_s, name="forces", angles=source.angles
             ),
-            "Pushes on the joint: (A) joint position, (B) measured force F_ext and the force F_exp that stiffness and "
-            "position let expect, (C) their difference as measured (grey) and aligned.",
+            "Pushes on the joint: (A) joint position, (B) measured force F_ext and the force F_exp "
+            "predicted from stiffness and position, (C) their difference as measured (grey) and aligned.",
         )
     if Measure.LOADS in measures or Measure.DISTURBANCE in measures:
         yield Figure(
             "errors",
             error_panels(columns, "errors", source.angles),
-            "Disturbances: (A) errors of both motor loops, (B) joint position, (C) both voltages.",
+            "Disturbances: (A, B) errors of the motor loops, (C) joint position, (D, E) voltages.",
         )
     hits = find_hits(columns, program) if Measure.IMPACT in measures else ()
     if hits:
@@ -699,7 +702,7 @@ def _of_measures(source: RunData, plan: ExperimentPlan) -> Iterator[Figure]:
         yield Figure(
             "responses",
             response_panels(found, "responses"),
-            "Frequency responses of the closed loops: (A) gain, (B) phase, at each line or band that was excited.",
+            "Frequency responses of the closed loops: (A) gain, (B) phase, at each excited frequency line or band.",
         )
 
 

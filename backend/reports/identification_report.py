@@ -80,11 +80,13 @@ _STRUCTURES = {"first": "K/(Ts+1)", "third": "third order", "lags4": "K/(τs+1)�
 _ACTUATOR_NOTES = (
     S_NOTE,
     "Gains are for one motor: through the decoupler both motors move, which doubles them, and the controllers are "
-    "scaled for that (erratum E3). T is the sum of the model's lags, K its static gain; the λ formulas start here.",
+    "scaled for that (erratum E3). T is the sum of the model's time constants and dead time (sum of "
+    "lags), K its static gain; the λ formulas use K and T.",
     "The fit in per cent is that of a simulation on the last third of the record by a model fitted to the first two "
-    "thirds. Standard errors allow for coloured residuals; they do not cover what the structure leaves out.",
+    "thirds. Standard errors allow for coloured residuals; they do not cover effects that the structure omits.",
     "The paper's table 1 was fitted as first order to a 1 ms sequence on the real rig, where friction grows with "
-    "tension. Its T and its gains of G_S are therefore not expected here; its gains of G_q and the geometry are.",
+    "tension. Agreement with its T and its gains of G_S is therefore not expected; agreement with its "
+    "gains of G_q and with the geometry is.",
 )
 
 
@@ -107,7 +109,7 @@ def actuator_identification_report(source: RunData) -> Report:
             ReportSection("Coefficients", actuator_blocks(found.actuator.model)),
         ]
     sections.append(
-        ReportSection("How it was made", (settings_table(source), *reproduction(source), *_actuator_data(found)))
+        ReportSection("Settings and origin", (settings_table(source), *reproduction(source), *_actuator_data(found)))
     )
     if found is not None:
         sections.append(ReportSection("Figures", _actuator_figures(source, found)))
@@ -168,8 +170,9 @@ def _models(found: Identification) -> Table:
     rows = tuple(_model_row(key, found.actuator.channel(key)) for key in CHANNELS)
     return Table(
         "Transfer functions from θ_A,ref to q [rad/rad] and to S [N·m/rad per rad]: static gain K and sum of lags T "
-        "with standard errors, gain against geometry, fit on unseen data. Residual tests: the largest correlation in "
-        "standard deviations, of what it may be at the 1 % level for all lags together.",
+        "with standard errors, gain against geometry, fit on validation data. Residual tests: the "
+        "largest correlation in "
+        "standard deviations, and its bound at the 1 % level for all lags together.",
         columns,
         rows,
     )
@@ -196,7 +199,7 @@ def _residuals(tests: Residuals) -> str:
     white, free = read_whiteness_test(tests.whiteness), read_whiteness_test(tests.input_correlation)
     return (
         f"{'white' if white.passed else 'coloured'} ({white.statistic:.1f} of {white.critical:.1f}), "
-        f"{'free of' if free.passed else 'depend on'} input ({free.statistic:.1f} of {free.critical:.1f})"
+        f"{'independent of' if free.passed else 'correlated with'} input ({free.statistic:.1f} of {free.critical:.1f})"
     )
 
 
@@ -218,7 +221,7 @@ def _actuator_figures(source: RunData, found: Identification) -> tuple[Block, ..
             "bode",
             bode_panels(columns, start, channels, period_s, "bode"),
             "Frequency responses of (A, C) G_q and (B, D) G_S: identified model, its first-order reduction (dashed), "
-            "and an estimate from the data without a model where the coherence exceeds 0.9 (dots).",
+            "and a non-parametric estimate from the data where the coherence exceeds 0.9 (dots).",
         ),
         Figure(
             "step",
@@ -229,8 +232,8 @@ def _actuator_figures(source: RunData, found: Identification) -> tuple[Block, ..
         Figure(
             "residuals",
             residual_panels(residuals, "residuals"),
-            "Correlation of the residuals with themselves (A, B) and with earlier input (C, D). Grey: the bounds of "
-            "the tests; all correlations of a model that leaves nothing out stay within them, in 99 of 100 records.",
+            "Residual autocorrelation (A, B) and input–residual cross-correlation (C, D). Grey: the "
+            "bounds of the tests; for a complete model, all correlations stay within them in 99 of 100 records.",
         ),
     )
 
@@ -289,8 +292,8 @@ def _comparison(found: Identification, tension_N: float) -> Table:
     rows = tuple(_make_comparison_row(key, channel, *paper[key]) for key, channel in channels.items())
     title = (
         f"First-order models compared with the paper's table 1 at {exact(nearest)} N. By ARX: the "
-        "paper's method, first order "
-        f"with a low-pass, on the same record, for comparison only. {_missing_arx(channels)}"
+        "paper's method, first order with a low-pass filter, on the same record, for comparison only. "
+        f"{_missing_arx(channels)}"
     )
     return Table(title.strip(), columns, rows)
 
@@ -313,7 +316,7 @@ def _make_comparison_row(key: str, channel: IdentifiedChannel, K: float, T: floa
 def _missing_arx(channels: Mapping[ChannelName, IdentifiedChannel]) -> str:
     found = {key: channel.quality.arx for key, channel in channels.items()}
     missing = {key: arx for key, arx in found.items() if not isinstance(arx, ArxEstimate)}
-    return " ".join(f"{key}: {arx.problem if arx else 'not computed then'}." for key, arx in missing.items())
+    return " ".join(f"{key}: {arx.problem if arx else 'not computed at that time'}." for key, arx in missing.items())
 
 
 def _actuator_data(found: Identification | None) -> tuple[Block, ...]:
@@ -355,13 +358,13 @@ PAPER = MotorConstants(K_m=2.86, T_m=0.22)
 """The motor of the paper: K_m [rad/(V·s)], T_m [s]."""
 
 _MOTOR_NOTES = (
-    "Least squares fits K_m, T_m and the Coulomb voltage u_c together, on position, over all steps: "
-    "T_m ω' + ω = K_m (u − u_c sign ω). u_c is left out where it does not differ from zero at the 1 % level. Standard "
+    "A least-squares fit to the positions of all steps estimates K_m, T_m and the Coulomb voltage u_c together: "
+    "T_m ω' + ω = K_m (u − u_c sign ω). u_c is omitted where it does not differ from zero at the 1 % level. Standard "
     "errors allow for coloured residuals.",
     "The 63.21 % rule is the paper's: K_m from the steady speed, T_m where the speed reaches 63.21 % of "
     "it. The rule neglects Coulomb friction, which lowers its gain most at the smallest voltage, and "
     "steps that end before the speed is steady, which lower it at the largest.",
-    "Both tendons were slack during the steps. A step that saturates or that a tendon loads is refused and listed.",
+    "Both tendons were slack during the steps. A step with saturation or with a tendon load is rejected and listed.",
 )
 
 
@@ -378,7 +381,7 @@ def motor_identification_report(source: RunData) -> Report:
         ]
         sections.append(ReportSection("Motors", (*tables, *measured_figures(source))))
     sections.append(
-        ReportSection("How it was made", (settings_table(source), *reproduction(source), *_in_force(source)))
+        ReportSection("Settings and origin", (settings_table(source), *reproduction(source), *_in_force(source)))
     )
     if found is not None:
         sections.append(ReportSection("Figures", _motor_figures(found.motors, source.angles)))
@@ -474,14 +477,14 @@ def _rule(motors: MotorsResult) -> Table:
         )
         for voltage in voltages
     )
-    return Table("The 63.21 % rule, step by step.", columns, rows)
+    return Table("The 63.21 % rule for each step.", columns, rows)
 
 
 def _make_rejected_table(motors: MotorsResult) -> tuple[Table, ...]:
     refused = [(side, item) for side in SIDES for item in motors.side(side).quality.refused]
     rows = tuple((side, exact(item.voltage), item.reason) for side, item in refused)
     columns = (Column("Motor", number=False), Column("Step", "V"), Column("Reason", number=False, wide=True))
-    return (Table("Steps that were refused.", columns, rows),) if rows else ()
+    return (Table("Rejected steps.", columns, rows),) if rows else ()
 
 
 def _in_force(source: RunData) -> tuple[Paragraph, ...]:
@@ -495,7 +498,7 @@ def _in_force(source: RunData) -> tuple[Paragraph, ...]:
     )
     text = (
         f"Identification {found.run_id} used the voltages and motor angles of that run. The motor loops take "
-        f"their model from the parameter file; to use this one, enter there: {entries}."
+        f"their model from the parameter file; to use this model, enter in that file: {entries}."
     )
     return (Paragraph(text),)
 
@@ -526,7 +529,7 @@ def step_panels(motors: MotorsResult, name: str, angles: AngleUnit) -> str:
                 turn.annotate(f"{item.voltage:+.3g} V".replace("-", "−"), (t[-1], measured[-1]), fontsize=6)
                 left.plot(t, apart, color=COLOURS[f"u_{side}"], linewidth=0.7)
             turn.margins(x=0.12)
-            turn.set_ylabel(axis_label(rf"turn of $\theta_{side}$", "rad", angles))
+            turn.set_ylabel(axis_label(rf"rotation of $\theta_{side}$", "rad", angles))
             left.set(xlabel="t from the step [s]", ylabel=axis_label("difference", "mrad", angles))
             panel_letter(turn, "AB"[column])
             panel_letter(left, "CD"[column])
@@ -540,13 +543,13 @@ def step_panels(motors: MotorsResult, name: str, angles: AngleUnit) -> str:
 _ORDER_COLOURS = {2: INK, 3: COLOURS["u_B"], 5: COLOURS["u_A"]}
 
 _SPRING_NOTES = (
-    "Elongations are x_A = r_m θ_A − r_j q and x_B = r_m θ_B + r_j q (equations 1 and 2). They count from the zero "
-    "that pretension gave the encoders, with the spring known before.",
-    "One pair is the mean of 0.1 s. Cross-validation error: the error at each pair of a polynomial "
-    "fitted to all others. A higher order is recommended only if it reduces this error by at least 20 % "
+    "Elongations are x_A = r_m θ_A − r_j q and x_B = r_m θ_B + r_j q (equations 1 and 2). They are "
+    "relative to the encoder zeros that pretension set, based on the springs active before.",
+    "Each pair is a mean over 0.1 s. Cross-validation error: the error at each pair of a polynomial "
+    "fitted to all other pairs. A higher order is recommended only if it reduces this error by at least 20 % "
     "and increases monotonically; the analytic decoupler needs order 2. The paper's order 2 stayed below 0.85 N.",
-    "The ways up and down differ by the load cells' delay and by friction between spring and load cell; fitted over "
-    "both ways, the polynomial lies between them.",
+    "The curves for rising and falling force differ (hysteresis) because of the load cells' delay and of "
+    "friction between spring and load cell; the polynomial is fitted to both curves and lies between them.",
 )
 
 
@@ -559,7 +562,7 @@ def spring_identification_report(source: RunData) -> Report:
         code = spring_blocks({side: found.springs[side].model for side in SIDES})
         sections.append(ReportSection("Springs", (*tables, *_reasons(found.springs), *code, *measured_figures(source))))
     sections.append(
-        ReportSection("How it was made", (settings_table(source), *reproduction(source), *_spring_data(source)))
+        ReportSection("Settings and origin", (settings_table(source), *reproduction(source), *_spring_data(source)))
     )
     if found is not None:
         sections.append(ReportSection("Figures", _spring_figures(found.springs)))
@@ -582,7 +585,7 @@ def _fits(side: str, model: SpringModel) -> Table:
         Column("k_0 ± [N], k_1 ± [N/m], k_2 ± [N/m²] …", number=False, wide=True),
         Column("RMS", "N"),
         Column("Largest", "N"),
-        Column("Left out", "N"),
+        Column("Cross-validation", "N"),
         Column("Use", number=False),
     )
     rows = tuple(

@@ -16,13 +16,13 @@ _PADE_ORDER = 4
 _MEANINGS = {
     "b0": "static gain",
     "K": "static gain",
-    "T": "lag of the first-order factor",
-    "tau": "lag of each factor",
+    "T": "time constant of the first-order factor",
+    "tau": "time constant of each factor",
     "t_d": "dead time",
 }
 _RAISED = str.maketrans("23456", "²³⁴⁵⁶")
 _LOWERED = {raised: f"^{chr(digit)}" for digit, raised in _RAISED.items()}
-_OF_THIRD = {"a1": "of the factor a2 s² + a1 s + 1", "a2": "of the factor a2 s² + a1 s + 1"}
+_OF_THIRD = {"a1": "coefficient of the factor a2 s² + a1 s + 1", "a2": "coefficient of the factor a2 s² + a1 s + 1"}
 
 Coefficient = tuple[str, float, float | None, int]
 """Name, value, standard error, and the power i of s that it belongs to. Its unit is s^i, except for the gain."""
@@ -92,11 +92,12 @@ def _coefficient_table(channels: Mapping[ChannelName, ChannelModel]) -> Table:
             rows.append((key, name, *figures, _meaning(shape, name)))
         for name, value, std, power in _of_denominator(shape, model):
             figures = format_measured(value, 6), format_measured(std, 2), _unit(key, power)
-            rows.append((key, name, *figures, f"of {_power(power)} in the whole denominator"))
+            rows.append((key, name, *figures, f"of {_power(power)} in the expanded denominator"))
     caption = (
-        "All coefficients of the identified models with standard errors: the parameters that were estimated and, where "
-        "these are not the coefficients of the denominator themselves, but derived ones. The gain and the sum of "
-        "lags of the first table follow from these coefficients; with the two the λ formulas and the bank compute."
+        "All coefficients of the identified models with standard errors: the estimated parameters and, "
+        "where these are not the coefficients of the denominator themselves, the coefficients derived "
+        "from them. The gain and the sum of "
+        "lags of the first table follow from these coefficients; the λ formulas and the bank use these two values."
     )
     return Table(caption, columns, tuple(rows))
 

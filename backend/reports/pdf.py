@@ -136,7 +136,7 @@ def typeset(report: Report) -> tuple[bytes, dict[str, str]]:
     template = resources.files("backend.reports").joinpath("report.typ").read_bytes()
     document = escape_document(document)
     missing = missing_letters(iterate_texts(document))
-    missing_note = sentence(missing, "The report as a page (HTML) shows it.")
+    missing_note = sentence(missing, "The HTML report shows the original text.")
     data = json.dumps(with_boxes(document, missing) | {"missing": missing_note})
     filled: dict[tuple[float, float], float] = {}
     for layout in _LAYOUTS:

@@ -361,8 +361,8 @@ def identification_step_panels(channels: Mapping[ChannelName, ChannelModel], nam
 def residual_panels(residuals: Mapping[ChannelName, Residuals], name: str) -> str:
     """Draw auto- and cross-correlation of the residuals with the bounds of the tests."""
     tests = (
-        ("residual with itself", {key: found.whiteness for key, found in residuals.items()}),
-        ("residual with input", {key: found.input_correlation for key, found in residuals.items()}),
+        ("residual autocorrelation", {key: found.whiteness for key, found in residuals.items()}),
+        ("input–residual cross-correlation", {key: found.input_correlation for key, found in residuals.items()}),
     )
     with figure(2, 2, height_in=3.3, gap_in=(0.5, 0.6)) as (drawn, axes):
         letters = iter("ABCD")
@@ -425,10 +425,10 @@ WHAT_IS_DRAWN = (
     "(A) joint position and (B) its error q − q_ref, (C) stiffness and (D) its error S − S_ref, (E, F) voltages"
 )
 CUT_OFF = (
-    "The scale of errors is that of the error after a step has come within 2 % of its final value; "
-    "outside the panel the transient is still in progress."
+    "The error axes are scaled to the errors after a step is within 2 % of its final value; during the "
+    "transient, the error may leave the panel."
 )
-TENSIONS = "Tendon tensions as the load cells show them: (A) of tendon A, (B) of tendon B."
+TENSIONS = "Tendon tensions as the load cells measure them: (A) of tendon A, (B) of tendon B."
 
 _UNITS = {"q": "rad", "S": "N·m/rad"}
 _LABELS = {"F": "Tension [N]", "u": "Voltage [V]"}
@@ -511,8 +511,8 @@ def tracking_step_panels(
             panel.set_title(f"steps of {_NAMES[signal]}", fontsize=7.5)
             panel_letter(panel, "AB"[column])
             panel_letter(left, "CD"[column])
-        axes[0][0].set_ylabel("share of the step")
-        axes[1][0].set_ylabel("off its end [%]")
+        axes[0][0].set_ylabel("fraction of the step")
+        axes[1][0].set_ylabel("remaining error [%]")
         return to_svg(drawn, name)
 
 

@@ -43,7 +43,7 @@ from plant import SHIPPED, SIMULATED, SIMULATOR, load_parameters
 
 
 S_NOTE = (
-    "S is everywhere the estimate 2 r_j² (k_1 + k_2 r_m (θ_A + θ_B)) from measured angles and the identified spring, "
+    "S is always the estimate 2 r_j² (k_1 + k_2 r_m (θ_A + θ_B)) from measured angles and the identified spring, "
     "not a direct measurement of stiffness. Its relative error is that of the identified springs: if "
     "they are 20 % stiffer than identified, S is 14.4 N·m/rad while 12 is commanded and displayed, and "
     "no law based on angles can detect this."
@@ -55,7 +55,7 @@ END_STATES = {
     EndState.COMPLETED: "completed",
     EndState.STOPPED: "stopped by the operator",
     EndState.TRIPPED: "tripped",
-    EndState.LINK_LOST: "link to the loop lost",
+    EndState.LINK_LOST: "connection to the control loop lost",
     EndState.SERVICE_DIED: "service died",
 }
 
@@ -85,16 +85,16 @@ def facts(source: RunData) -> tuple[Fact, ...]:
 _CONTROLLERS = {
     Law.SINGLE_LOOP: (
         "single loop on position and stiffness, for comparison: without motor loops, without bank and outer gains",
-        "the identified geometry, spring and motors (K_m, T_m); its gains are for the point at 20 N",
+        "the identified geometry, spring and motors (K_m, T_m); its gains are for the operating point at 20 N",
     ),
     Law.FEEDBACK_LINEARIZATION: (
         "feedback linearisation (the static law), for comparison: without motor loops, without bank and outer gains",
         "the true plant: all equations and parameters of the simulator, including friction and the "
         "differences between the sides. No such model exists for a rig",
     ),
-    Law.FORCE_HOLD: ("motor loops alone: motor A holds the tension, the excitation is added to its reference", ""),
-    Law.MOTOR_STEPS: ("steps of voltage; between them the motor loops alone", ""),
-    Law.TENSION_SWEEP: ("motor loops alone: they follow a sweep of the tension", ""),
+    Law.FORCE_HOLD: ("only the motor loops: motor A holds the tension, the excitation is added to its reference", ""),
+    Law.MOTOR_STEPS: ("voltage steps; between them only the motor loops", ""),
+    Law.TENSION_SWEEP: ("only the motor loops: they follow a tension sweep", ""),
 }
 """Description of each law without the outer loops of the cascade, and the part of the plant that it knows."""
 
@@ -109,11 +109,11 @@ def tuning_facts(source: RunData) -> tuple[Fact, ...]:
     if loop.lam_motor is not None and "lam_motor" in used:
         parts.append(f"λ_motor = {exact(loop.lam_motor)} s")
     if "b" in used:
-        parts.append("b was not recorded then" if loop.b is None else f"b = {exact(loop.b)}")
+        parts.append("b was not recorded at that time" if loop.b is None else f"b = {exact(loop.b)}")
     controller, known = _CONTROLLERS.get(law) or (_cascade_in_words(source, law), _KNOWN)
     lines = [Fact("Tuning", ", ".join(parts)), Fact("Controller", controller)]
     if known:
-        lines.append(Fact("Model in the law", known))
+        lines.append(Fact("Model used by the law", known))
     if source.run.plant in SIMULATED and loop.seed is not None:
         lines.append(Fact("Seed", str(loop.seed)))
     return tuple(lines)
@@ -123,7 +123,7 @@ def _cascade_in_words(source: RunData, law: Law) -> str:
     """Return the origin of the cascade's gains, the motion, and the push rejection."""
     loop, bank = source.run.set_to.loop, source.bank
     words = "cascade, " if law == Law.CASCADE else "cascade with the position loop open, "
-    words += f"gains of bank “{bank.name}” version {bank.version}" if bank else "gains from geometry, 20 N point"
+    words += f"gains of bank “{bank.name}” version {bank.version}" if bank else "geometric gains, 20 N operating point"
     if bank is not None and len(bank.entries) > 1:
         words += ", interpolating between entries" if loop.interpolate else ", switching between entries"
     if loop.budget:
@@ -131,14 +131,14 @@ def _cascade_in_words(source: RunData, law: Law) -> str:
     elif law == Law.CASCADE:
         words += "; motion lambda: the paper's law with the governor"
     if loop.k_ext and law == Law.CASCADE:
-        words += f"; pushes rejected by feed-forward, k_ext = {exact(loop.k_ext)}"
+        words += f"; disturbance rejection by feed-forward, k_ext = {exact(loop.k_ext)}"
     return words
 
 
 def _lam_text(source: RunData, name: str) -> str:
     column = source.columns[f"lam_{name}"]
     if column.size == 0:
-        return "not known, no sample was recorded"
+        return "not known: no sample was recorded"
     low, high = float(column.min()), float(column.max())
     low_text, high_text = exact(round(low, 5)), exact(round(high, 5))
     return f"{low_text} s" if low_text == high_text else f"{low_text} to {high_text} s (changed during the run)"
@@ -179,7 +179,8 @@ def lineage(source: RunData) -> tuple[Paragraph | Table, ...]:
     if source.bank is None:
         return (
             Paragraph(
-                "Gains were computed from the plant's geometry and its nominal lags; no identification was used."
+                "Gains were computed from the plant's geometry and its nominal time constants; no "
+                "identification was used."
             ),
         )
     rows = tuple(
@@ -283,8 +284,10 @@ def judge_stored_run(metrics: Metrics | None, criteria: Sequence[RunCriterion], 
     if not metrics.complete:
         failed = _titles(criteria, passed=False)
         already = f" Already failed: {', '.join(failed)}." if failed else ""
-        played = f"{metrics.played_s:.6g} s of {metrics.planned_s:.6g} s were played"
-        return RunVerdict(judge_run(metrics, criteria), f"Incomplete: {played}. Figures cover that part only.{already}")
+        played = f"{metrics.played_s:.6g} s of {metrics.planned_s:.6g} s were executed"
+        return RunVerdict(
+            judge_run(metrics, criteria), f"Incomplete: {played}. The metrics cover only this part.{already}"
+        )
     if not criteria:
         return RunVerdict(judge_run(metrics, criteria), "Completed. No criteria are set for this kind of run.")
     return RunVerdict(judge_run(metrics, criteria), _describe_verdict(criteria))
@@ -345,7 +348,7 @@ def definitions_facts(sources: Sequence[RunData]) -> tuple[Fact, ...]:
     commands = ", ".join(f"sinew runs evaluate {number}" for number in others)
     which = "" if len(sources) == 1 else f"of run {', '.join(map(str, others))}: "
     words = (
-        f"{which}computed by version {versions} of the definitions of figures and criteria; this Sinew "
+        f"{which}computed by version {versions} of the definitions of metrics and criteria; this version of Sinew "
         f"uses version {DEFINITIONS}. To recompute before a new report: {commands}"
     )
     return (Fact("Definitions", words),)
@@ -411,7 +414,7 @@ def figures_table(metrics: Metrics, angles: AngleUnit) -> Table:
         Column("Unit", number=False),
         Column("Definition", number=False, wide=True),
     )
-    part = "" if metrics.complete else " The run is incomplete: only finished steps count."
+    part = "" if metrics.complete else " The run is incomplete: only completed steps are evaluated."
     rows = tuple(
         (
             item.label,
@@ -425,7 +428,7 @@ def figures_table(metrics: Metrics, angles: AngleUnit) -> Table:
         )
         for item in metrics.figures
     )
-    return Table(f"Metrics on measured signals.{part}", columns, rows)
+    return Table(f"Metrics of measured signals.{part}", columns, rows)
 
 
 def _with_reason(text: str, reason: str, comparison: str) -> str:
@@ -459,7 +462,7 @@ def reproduction(source: RunData) -> tuple[Block, ...]:
 def _not_again(source: RunData) -> str:
     run = source.run
     if run.plant != SIMULATOR.name:
-        return f"only the simulator repeats a run, and this one is of the plant {run.plant}"
+        return f"a run can be repeated only on the simulator, and the plant of this run is {run.plant}"
     if run.set_to.plan is None:
         return "it was operated manually"
     if run.end_state != EndState.COMPLETED:
@@ -479,7 +482,7 @@ def _blocks(source: RunData) -> Iterator[Block]:
     else:
         words += ["experiment", _EXPERIMENT_FILE]
         files.append(
-            Code(f"{_EXPERIMENT_FILE}, the experiment as it was played:", _indent_json(json.loads(experiment)))
+            Code(f"{_EXPERIMENT_FILE}, the experiment as it was executed:", _indent_json(json.loads(experiment)))
         )
     lines = [" ".join(words)]
     lines += [
@@ -488,7 +491,7 @@ def _blocks(source: RunData) -> Iterator[Block]:
     parameters = run.parameters_name
     if not _is_shipped(source):
         parameters = _PARAMETERS_FILE
-        files.append(Code(f"{_PARAMETERS_FILE}, the numbers of the plant as they were:", _toml(source)))
+        files.append(Code(f"{_PARAMETERS_FILE}, the parameters of the plant in this run:", _toml(source)))
     where = [f"--params {parameters}", f"--out {_FOLDER}/report"]
     if source.bank is None:
         where.append(f"--data {_FOLDER}")
@@ -508,20 +511,23 @@ def _wrap_words(words: Sequence[str]) -> Iterator[str]:
 
 
 def _caption(source: RunData, files: bool) -> str:
-    words = "Play this run again"
+    words = "Repeat this run"
     if source.bank is None:
         words += f", in a separate data folder, {_FOLDER}"
     else:
         words += f", in the data folder that has bank “{source.bank.name}” version {source.bank.version}"
     if files:
-        words += ", with the files below in the same folder as the shell"
+        words += ", with the files below in the current folder of the shell"
     if source.run.set_to.granted is None:
         words += (
-            ". The same versions give the same samples; where the run was not the first of its command, its noise and "
-            "its state at the start differ"
+            ". The same versions give the same samples; if the run was not the first one of its command, "
+            "its noise and its initial state differ"
         )
     else:
-        words += ". The run was played in real time from where the joint was; the command starts from slack tendons"
+        words += (
+            ". The run was executed in real time from the joint position at that time; the command "
+            "starts with slack tendons"
+        )
     return f"{words}:"
 
 
@@ -592,7 +598,7 @@ def experiment_report(
         facts=(*facts(source), *tuning_facts(source)),
         sections=(
             *results_section(source),
-            ReportSection("How it was made", (settings_table(source), *reproduction(source), *lineage(source))),
+            ReportSection("Settings and origin", (settings_table(source), *reproduction(source), *lineage(source))),
             *results,
             ReportSection("Notes", tuple(Paragraph(note) for note in notes)),
             parameter_section(source),

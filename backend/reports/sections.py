@@ -71,12 +71,14 @@ _BELOW_DB = -60.0
 _TITLES = {"q": "position loop", "S": "stiffness loop"}
 
 BODE_NOTES = (
-    "Each line of a multisine or a sequence is measured on its last period, Y/U of the discrete Fourier transform over "
-    "whole periods, which is the least-squares fit of a sine; of a sweep all of it, in bands of 12 %. A line is not "
-    f"measured where it differs by more than {100.0 * VARIATION_MAX:g} % from one period to the next, or where a limit "
+    "Each frequency line of a multisine or a sequence is measured over the last period as Y/U of the "
+    "discrete Fourier transform over whole periods, which equals the least-squares fit of a sine; a "
+    "sweep is evaluated as a whole, in bands of 12 %. A line is not measured where it differs by more "
+    f"than {100.0 * VARIATION_MAX:g} % from one period to the next, or where a limit "
     "acted.",
-    "Bandwidth and resonance are relative to the gain 1 at rest, which integral action gives. Between two lines, and "
-    "between rest and the lowest line, 1/|H|² is interpolated over f² by a monotone cubic.",
+    "Bandwidth and resonance are relative to the gain 1 at zero frequency, which integral action "
+    "ensures. Between two lines, and between zero frequency and the lowest line, 1/|H|² is interpolated "
+    "over f² by a monotone cubic.",
     "The prediction combines the plant, linearised about the references with its identified parameters "
     "and zero-order hold of the voltages, with the active loops and gains. In time-optimal motion it "
     "includes the trajectory, provided that the voltage for the references is within its limit. It does "
@@ -135,8 +137,9 @@ def line_table(lines: Lines) -> Table:
         for k, reason in enumerate(lines.reasons)
     )
     caption = (
-        f"Lines of the {_TITLES[lines.signal]}: gain and phase of {lines.signal} over {lines.signal}_ref, and by how "
-        "much the line differed from the period before, or in a sweep √(1 − γ²) of its band."
+        f"Lines of the {_TITLES[lines.signal]}: gain and phase of {lines.signal} over "
+        f"{lines.signal}_ref, and the difference of the line from the previous period, or in a sweep √(1 "
+        f"− γ²) of its band."
     )
     return Table(caption, columns, rows)
 
@@ -225,7 +228,8 @@ HOLD_NOTES = (
     "A hold is an interval with constant references, no push and no load. Readings are those of the "
     "encoders: a joint at rest between two counts may show either, so half a count is allowed where "
     "encoders count. A motor counts as moving in a tick in which its encoder count changes.",
-    "Against stiction an integrator hunts for a count forever. Once the joint has arrived, the outer integrators "
+    "With static friction, an integrator causes a permanent limit cycle of about one count. Once the "
+    "joint has reached its reference, the outer integrators "
     "ignore errors below half a count of the joint and 0.01 N·m/rad, in both motions. The law as printed in the paper "
     "does not.",
 )
@@ -243,8 +247,8 @@ def _hold_blocks(columns: Columns, found: Sequence[HoldWindow], count: float, an
     yield Figure(
         "holds",
         hold_panels(columns, found, count, "holds"),
-        "Stretches that are held, all from their beginnings: (A) joint off its reference in counts of its encoder, "
-        "(B) stiffness off its reference, (C, D) voltages off their means.",
+        "Holds, each from its start: (A) deviation of the joint from its reference in encoder counts, "
+        "(B) deviation of the stiffness from its reference, (C, D) deviations of the voltages from their means.",
     )
     yield hold_table(found, angles)
 
@@ -280,8 +284,8 @@ def hold_table(found: Sequence[HoldWindow], angles: AngleUnit) -> Table:
         for one in found
     )
     caption = (
-        "Stretches of rest: largest less smallest reading of q, S and of the voltage that swings more; the largest and "
-        "the mean distance of q from q_ref; ticks in which a motor's count changed."
+        "Holds: peak-to-peak range (swing) of q, S and of the voltage that varies more; largest and mean "
+        "distance of q from q_ref; share of ticks in which a motor's count changed."
     )
     return Table(caption, columns, rows)
 
@@ -303,8 +307,8 @@ def hold_panels(columns: Columns, found: Sequence[HoldWindow], count: float, nam
                 panel.plot(
                     *decimate(t, 1e3 * (u - u.mean())), color=COLOURS[signal], linewidth=0.7, label=labels[signal]
                 )
-        axes[0].set_ylabel("q off [counts]")
-        axes[1].set_ylabel("S off [mN·m/rad]")
+        axes[0].set_ylabel("q − q_ref [counts]")
+        axes[1].set_ylabel("S − S_ref [mN·m/rad]")
         axes[2].set_ylabel("u − mean [mV]")
         axes[3].set(xlabel="t [s]", ylabel="u − mean [mV]", xlim=(0.0, max(one.end_s - one.start_s for one in found)))
         for panel, letter in zip(axes, "ABCD", strict=True):
@@ -391,7 +395,7 @@ def _actuators(found: Sequence[Identification]) -> Iterator[Table]:
                 Column("fit", "%"),
                 _GRADE,
             )
-            caption = f"{name}: gain and sum of lags, ± standard error; fit on data that was not used."
+            caption = f"{name}: gain and sum of lags, ± standard error; fit on validation data."
             yield Table(caption, columns, tuple(rows))
 
 
@@ -415,9 +419,9 @@ def _with_error(value: float | None, std: float | None) -> str:
 
 
 CAPTION = (
-    "Hits on the wall: (A) its force on the joint from the contact on, (B) largest force and (C) impulse "
-    "over the speed "
-    "of approach, at each stiffness. Dashed, with open marks: with contact reaction, from the dot in A on."
+    "Hits on the obstacle: (A) its force on the joint from the contact on, (B) peak force and (C) "
+    "impulse over the approach speed, for each stiffness. Dashed, with open markers: with contact "
+    "reaction, which begins at the dot in A."
 )
 
 _BEFORE = 20
@@ -464,7 +468,7 @@ def hits_table(hits: Sequence[Hit], angles: AngleUnit) -> Table:
     return Table(
         "All hits. The approach speed is measured over the 50 ms before the contact. Detection: time from the contact "
         "until the estimated force exceeds the threshold. Reaction and peak: times from the detection until the "
-        "contact reaction begins (0: in the same sample) and until the wall's force is at its largest.",
+        "contact reaction begins (0: in the same sample) and until the force of the obstacle peaks.",
         columns,
         rows,
     )
@@ -473,7 +477,7 @@ def hits_table(hits: Sequence[Hit], angles: AngleUnit) -> Table:
 def _ms(time_s: float, hit: Hit) -> str:
     if not hit.reacts:
         return NO_FIGURE
-    return f"{1e3 * time_s:.0f}" if np.isfinite(time_s) else "not felt"
+    return f"{1e3 * time_s:.0f}" if np.isfinite(time_s) else "not detected"
 
 
 def reaction_tables(hits: Sequence[Hit], angles: AngleUnit) -> tuple[Table, ...]:
@@ -489,10 +493,10 @@ def reaction_tables(hits: Sequence[Hit], angles: AngleUnit) -> tuple[Table, ...]
         Column("Approach", get_display_unit("rad/s", angles).unit),
         Column("Peak without", "N"),
         Column("Peak with", "N"),
-        Column("With over without"),
+        Column("Ratio with/without"),
         Column("Impulse without", "N·s"),
         Column("Impulse with", "N·s"),
-        Column("With over without"),
+        Column("Ratio with/without"),
     )
     rows = tuple(
         (
@@ -507,7 +511,7 @@ def reaction_tables(hits: Sequence[Hit], angles: AngleUnit) -> tuple[Table, ...]
         )
         for plain, reacted in sorted(pairs, key=lambda pair: (pair[0].S_ref, pair[0].speed))
     )
-    return (Table("Hits that are alike, without and with contact reaction.", columns, rows),)
+    return (Table("Comparable hits without and with contact reaction.", columns, rows),)
 
 
 @cached_figure
@@ -539,9 +543,9 @@ def impact_panels(columns: Columns, hits: Sequence[Hit], name: str, angles: Angl
                 (axes[2], [hit.impulse_Ns for hit in alike]),
             ):
                 panel.plot(speeds[order], np.array(values)[order], **marks, **line)
-        axes[0].set(xlabel="after the touch [ms]", ylabel="$|F_{wall}|$ [N]")
-        axes[1].set(xlabel=axis_label("speed of approach", "rad/s", angles), ylabel="peak [N]")
-        axes[2].set(xlabel=axis_label("speed of approach", "rad/s", angles), ylabel="impulse [N·s]")
+        axes[0].set(xlabel="time since the contact [ms]", ylabel="$|F_{wall}|$ [N]")
+        axes[1].set(xlabel=axis_label("approach speed", "rad/s", angles), ylabel="peak [N]")
+        axes[2].set(xlabel=axis_label("approach speed", "rad/s", angles), ylabel="impulse [N·s]")
         for panel in axes:
             panel.set_ylim(bottom=0.0)
         for panel, letter in zip(axes, "ABC", strict=True):
@@ -556,12 +560,13 @@ def impact_panels(columns: Columns, hits: Sequence[Hit], name: str, angles: Angl
 
 
 PUSH_NOTES = (
-    "Deviations count from the tenth of a second before each push. Expected is what the plant, linearised with its "
-    "identified numbers, and the loops as they run give under the same force with the gains in use; friction is not in "
-    "it. It is the same in both motions: the loops that answer a push are the same.",
+    "Deviations are relative to the tenth of a second before each push. The expected response is that of "
+    "the plant, linearised with its identified parameters, and of the active loops and gains under the "
+    "same force; it does not include friction. It is the same in both motions, because the loops that "
+    "respond to a push are the same.",
     "Static is r_j F/S, the deflection under a constant force with the position loop open. With the loop "
-    "closed, a step of force exceeds it by the joint's overshoot, then the integral action removes the "
-    "deflection; an impulse ends earlier.",
+    "closed, the deflection under a force step exceeds this value by the overshoot of the joint, then "
+    "the integral action removes the deflection; an impulse ends earlier.",
 )
 
 
@@ -576,7 +581,7 @@ def _push_blocks(columns: Columns, found: Sequence[MeasuredPush], angles: AngleU
         push_panels(columns, found, "pushes", angles),
         "Pushes at the joint: (A) force, (B) deviation of the joint from its position before the push, "
         "measured, and expected (dashed), (C) measured minus expected, (D) stiffness minus its "
-        "reference; outside the panel it moves to another reference.",
+        "reference; outside the panel the stiffness moves to another reference.",
     )
     yield push_table(found, angles)
     if why := next((one.unpredicted for one in found if one.unpredicted), ""):
@@ -620,7 +625,8 @@ def push_table(found: Sequence[MeasuredPush], angles: AngleUnit) -> Table:
         for one in found
     )
     caption = (
-        "Pushes: largest deviation of q and S, the peak that was expected, the measured one over it less one, r_j F/S, "
+        "Pushes: largest deviation of q and S, the expected peak, the deviation of the measured peak "
+        "from it in per cent, the static deflection r_j F/S, "
         f"and the time from the end of the push until q stays within {Angle(0.01)} of its reference."
     )
     return Table(caption, columns, rows)

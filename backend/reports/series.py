@@ -72,7 +72,7 @@ def metric_panels(metrics: Sequence[Sequence[MeasuredFigure | None]], angles: An
         for panel in axes.flat[len(metrics) :]:
             panel.set_visible(False)
         for panel in axes.flat[max(len(metrics) - _COLUMNS, 0) : len(metrics)]:  # the lowest of each column
-            panel.set_xlabel("place in the list of runs")
+            panel.set_xlabel("position in the list of runs")
         return to_svg(drawn, "metrics")
 
 
@@ -130,7 +130,7 @@ _MARK = " *"
 _VERDICT_TEXTS = {
     Outcome.PASSED: "passed all criteria",
     Outcome.FAILED: "failed a criterion",
-    Outcome.INCOMPLETE: "ended early or could not be measured whole",
+    Outcome.INCOMPLETE: "ended early or could not be measured completely",
     Outcome.NEUTRAL: "have no criteria",
 }
 _WORST = (Outcome.FAILED, Outcome.INCOMPLETE, Outcome.NEUTRAL, Outcome.PASSED)
@@ -140,7 +140,7 @@ def series_report(sources: Sequence[RunData]) -> Report:
     """Build the report of two or more runs, no sessions; differences are to the first."""
     manifest = SeriesEvidence(format=SERIES, runs=tuple(one for one in map(build_manifest, sources) if one is not None))
     if len(manifest.runs) != len(sources) or len(sources) < 2:
-        raise ValueError("a series is of two runs or more, of each of which something was computed")
+        raise ValueError("a series consists of two or more runs, each with computed results")
     outcomes = [Outcome(verdict(source)[0]) for source in sources]
     numbers = ", ".join(str(source.run.id) for source in sources)
     angles = sources[0].angles
@@ -153,10 +153,10 @@ def series_report(sources: Sequence[RunData]) -> Report:
         sections=(
             ReportSection("Runs", (_runs_table(sources),)),
             *identifications_section(sources),
-            ReportSection("What differs", tuple(_make_difference_tables(sources, angles))),
+            ReportSection("Differences", tuple(_make_difference_tables(sources, angles))),
             ReportSection("Metrics", (*_metric_tables(sources, angles), _spread(sources, angles), *_partial(sources))),
             ReportSection("Figures", tuple(_figures(sources, angles))),
-            ReportSection("What it was made of", (_hashes(manifest), Code(_PROOF, "sinew report verify series.html"))),
+            ReportSection("Verification", (_hashes(manifest), Code(_PROOF, "sinew report verify series.html"))),
         ),
         footer=f"Sinew {__version__} · series of runs {numbers}",
         date=max(source.run.started_at for source in sources),
@@ -166,8 +166,8 @@ def series_report(sources: Sequence[RunData]) -> Report:
 
 
 _PROOF = (
-    "Every number of this report can be computed again from the samples of its runs, where these are stored; each run "
-    "is found by the hash of its samples, whatever its number there:"
+    "Every number of this report can be recomputed from the stored samples of its runs; the verification "
+    "finds each run by the hash of its samples, whatever its number in that data folder:"
 )
 
 
@@ -224,7 +224,7 @@ def _make_difference_tables(sources: Sequence[RunData], angles: AngleUnit) -> It
         if len(set(texts)) > 1:
             rows.append((name, texts))
     if not rows:
-        yield Paragraph("Nothing: the runs have the same settings, tuning, parameters and software.")
+        yield Paragraph("None: the runs have the same settings, tuning, parameters and software.")
         return
     first = (Column("Setting or parameter", number=False, wide=True),)
     yield from _make_run_tables(
@@ -289,7 +289,7 @@ def _metric_tables(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Ta
         ]
         rows.append(((of.label, shown_unit(of.unit, angles)), cells))
     first = (Column("Quantity", number=False, wide=True), Column("Unit", number=False))
-    yield from _make_run_tables(sources, "Metrics; in brackets the difference to the first run", first, rows)
+    yield from _make_run_tables(sources, "Metrics; in brackets the difference from the first run", first, rows)
 
 
 def _difference(value: float | None, reference: float | None) -> str:
@@ -327,8 +327,8 @@ def _spread(sources: Sequence[RunData], angles: AngleUnit) -> Table:
         figures = [format_measured(one(values)) if values else format_figure(None) for one in spread]
         rows.append((of.label, shown_unit(of.unit, angles), str(len(values)), *figures, str(partial or "")))
     caption = (
-        "Spread over the runs that measured it whole; deviation is the standard deviation of one run (N − 1). In part: "
-        "runs that did not measure it whole, which are left out."
+        "Spread over the runs with a complete measurement; deviation is the sample standard deviation (N "
+        "− 1). In part: number of runs with an incomplete measurement, which are excluded."
     )
     return Table(caption, columns, tuple(rows))
 
@@ -357,8 +357,8 @@ def _figures(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Figure]:
     }
     if drawn:
         words = (
-            "Metrics of the runs, in the order of the list; hollow where a run has not measured it whole, a gap where "
-            "it has not measured it at all."
+            "Metrics of the runs, in the order of the list; hollow where the measurement of a run is "
+            "incomplete, a gap where the metric is not measured."
         )
         yield Figure("metrics", metric_panels(list(drawn.values()), angles), words)
     curves = [source for source in sources if source.columns["t"].size]

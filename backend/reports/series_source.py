@@ -23,7 +23,8 @@ def load_series(database: Database, numbers: Sequence[int], angles: AngleUnit) -
     chosen = list(dict.fromkeys(numbers))
     if not 2 <= len(chosen) <= MOST_RUNS:
         raise RequestRejectedError(
-            ErrorCode.BAD_VALUE, f"number of runs: {len(chosen)} is outside 2 to {MOST_RUNS}: name other runs"
+            ErrorCode.BAD_VALUE,
+            f"number of runs: {len(chosen)} is outside 2 to {MOST_RUNS}: choose another number of runs",
         )
     samples = 0
     with database.reading() as session:
@@ -33,15 +34,15 @@ def load_series(database: Database, numbers: Sequence[int], angles: AngleUnit) -
                 samples += recordings.extent(session, number).count
             if run.kind == RunKind.SESSION:
                 raise RequestRejectedError(
-                    ErrorCode.BAD_VALUE, f"run {number} is a session: nothing of it was computed; leave it out"
+                    ErrorCode.BAD_VALUE, f"run {number} is a session without computed results: leave it out"
                 )
             if run.end_state == EndState.RUNNING:
                 raise RequestRejectedError(
-                    ErrorCode.BAD_VALUE, f"run {number} is not over yet: leave it out, or wait for its end"
+                    ErrorCode.BAD_VALUE, f"run {number} has not ended yet: leave it out, or wait for its end"
                 )
     if samples > MOST_SAMPLES:
         raise RequestRejectedError(
-            ErrorCode.BAD_VALUE, f"samples of all runs: {samples} is above {MOST_SAMPLES}: take fewer runs at once"
+            ErrorCode.BAD_VALUE, f"samples of all runs: {samples} is above {MOST_SAMPLES}: choose fewer runs"
         )
     evaluate_pending_runs(database, chosen)
     return [load_source(database, number, angles) for number in chosen]

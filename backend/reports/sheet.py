@@ -141,7 +141,7 @@ class _Reading:
     def begin(self, name: str, attributes: dict[str, str]) -> None:
         self.elements += 1
         _require_few("elements", self.elements, MOST_ELEMENTS, "draw fewer panels or marks on one sheet")
-        _require_few("elements in each other", len(self.open) + 1, DEEPEST, "nest them less")
+        _require_few("nested elements", len(self.open) + 1, DEEPEST, "reduce the nesting")
         if not self.open and name != "svg":
             raise _refusal(f"it begins with <{_short(name)}> instead of <svg>")
         if self.open and name not in (*_DRAWN, *_UNDRAWN):
@@ -158,7 +158,9 @@ class _Reading:
         kept_attributes = {key: value for key, value in attributes.items() if not _IGNORED.fullmatch(key)}
         for key, value in kept_attributes.items():
             if key not in known or not re.fullmatch(known[key], value):
-                raise _refusal(f'its <{name}> has {_short(key)}="{_short(value)}", which no sheet has')
+                raise _refusal(
+                    f'its <{name}> has {_short(key)}="{_short(value)}", which is not allowed in a sheet of charts'
+                )
         if not self.open:
             self._measure(kept_attributes)
             kept_attributes["font-family"] = "Libertinus Serif"
@@ -177,14 +179,14 @@ class _Reading:
         if self.open[-1] == "text":
             self.letters_of_text += len(letters)
             self.letters_in_all += len(letters)
-            _require_few("letters of a text", self.letters_of_text, MOST_LETTERS_OF_A_TEXT, "shorten it")
-            _require_few("letters of all texts", self.letters_in_all, MOST_LETTERS, "shorten them, or draw fewer")
+            _require_few("characters of a text", self.letters_of_text, MOST_LETTERS_OF_A_TEXT, "shorten it")
+            _require_few("characters of all texts", self.letters_in_all, MOST_LETTERS, "shorten them, or draw fewer")
             visible_text = escape_lines(letters)
             self.parts.append(escape(visible_text))
             self.visible_texts.append(visible_text)
         elif self.open == ["svg", "title"]:
             self.letters_of_title += len(letters)
-            _require_few("letters of the title", self.letters_of_title, MOST_OF_A_TITLE, "shorten it")
+            _require_few("characters of the title", self.letters_of_title, MOST_OF_A_TITLE, "shorten it")
             self.titles.append(letters)
 
     def sheet(self) -> Sheet:

@@ -66,7 +66,8 @@ def parse_public_key(text: str) -> PublicKey:
             if blob.startswith(_HEAD) and len(blob) == len(_HEAD) + _RAW:
                 return PublicKey(blob[len(_HEAD) :])
     raise SigningKeyError(
-        f"no public key: it has the form “{KIND} AAAA…”, as `sinew report key` prints it; found “{text.strip()[:60]}”"
+        f"not a public key: a public key has the form “{KIND} AAAA…”, as `sinew report key` prints it; "
+        f"found “{text.strip()[:60]}”"
     )
 
 
@@ -82,7 +83,7 @@ def find_public_key(file_or_text: str) -> PublicKey:
             raise SigningKeyError(words) from None
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if len(lines) != 1:
-        raise SigningKeyError(f"{file_or_text[:200]} has {len(lines)} lines: a file of a public key has one")
+        raise SigningKeyError(f"{file_or_text[:200]} has {len(lines)} lines: a public key file has one")
     return parse_public_key(lines[0])
 
 
@@ -138,8 +139,8 @@ def _load(path: Path) -> "Ed25519PrivateKey":
         key = None
     if not isinstance(key, Ed25519PrivateKey):
         raise SigningKeyError(
-            f"{path} holds no usable key for signing: put a copy of it back, or delete it to have a new key made; what "
-            "the old one signed is still verified by its public half"
+            f"{path} holds no usable signing key: restore it from a copy, or delete it so that a new key "
+            f"is created; the old public key still verifies what the old key signed"
         )
     return key
 
@@ -222,7 +223,7 @@ def sign_page(page: bytes, key: "Ed25519PrivateKey", name: str) -> bytes:
     if place is None:
         raise UnsignableError("it contains no report manifest: only reports of runs and of series can be signed")
     if _BEGIN in unsigned:
-        raise UnsignableError("it has two signatures: make the report again")
+        raise UnsignableError("it has two signatures: export the report again")
     fields = _make_signature_fields(Signature(derive_public_key(key), name))
     return unsigned[:place] + _element(fields, key.sign(_message(fields, unsigned))) + unsigned[place:]
 
@@ -255,7 +256,7 @@ def signature_differences(signed: SignedPage, wanted: PublicKey | None = None) -
     if signed.problem:
         return (ReportDifference("signature", by, signed.problem),)
     if wanted is not None and (signed.signature is None or signed.signature.key != wanted):
-        return (ReportDifference("signature", by, f"none by the key that was given, {wanted.fingerprint}"),)
+        return (ReportDifference("signature", by, f"none by the given key, {wanted.fingerprint}"),)
     return ()
 
 

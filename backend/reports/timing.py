@@ -20,7 +20,7 @@ def timing_section(source: RunData) -> tuple[ReportSection, ...]:
     on_a_clock = bool(np.any(late_ms != 0.0))
     rows = [
         ("Samples", str(columns["t"].size), "", "recorded, one for each tick"),
-        ("Missing samples", _describe_missing(source), "", "ticks that the recording lacks"),
+        ("Missing samples", _describe_missing(source), "", "ticks without a recorded sample"),
         ("Gaps", str(gaps), "", "places where samples are missing"),
     ]
     if on_a_clock:
@@ -32,13 +32,15 @@ def timing_section(source: RunData) -> tuple[ReportSection, ...]:
                     f"Lateness, {name}",
                     format_measured(float(figure)),
                     "ms",
-                    "how late a tick began against its deadline",
+                    "delay of a control step against its deadline",
                 )
                 for name, figure in zip(("median", "99 %", "largest"), figures, strict=True)
             ),
         ]
     else:
-        rows.append(("Lateness", "none", "", "it was computed tick by tick, faster than real time, not on a clock"))
+        rows.append(
+            ("Lateness", "none", "", "the run was computed in batches, faster than real time, without deadlines")
+        )
     rows += granted_rows(source.run.set_to.granted)
     titles = (
         Column("Quantity", number=False),
@@ -46,7 +48,7 @@ def timing_section(source: RunData) -> tuple[ReportSection, ...]:
         Column("Unit", number=False),
         Column("Meaning", number=False, wide=True),
     )
-    return (ReportSection("Timing", (Table("How the run kept its time.", titles, tuple(rows)),)),)
+    return (ReportSection("Timing", (Table("Timing of the run.", titles, tuple(rows)),)),)
 
 
 def granted_rows(granted: StoredRealTimeStatus | None) -> list[tuple[str, str, str, str]]:
@@ -59,13 +61,13 @@ def granted_rows(granted: StoredRealTimeStatus | None) -> list[tuple[str, str, s
     scheduling = f"SCHED_FIFO {granted.priority}" if granted.priority else "ordinary"
     memory = "locked" if granted.memory_locked else "not locked"
     return [
-        ("Scheduling", scheduling, "", "granted to the loop by the machine"),
-        ("Memory", memory, "", "granted to the loop by the machine"),
+        ("Scheduling", scheduling, "", "granted to the control loop by the operating system"),
+        ("Memory", memory, "", "granted to the control loop by the operating system"),
         (
             "Timer slack",
             str(granted.timer_slack_ns),
             "ns",
-            "by which the machine may wake the loop later than requested",
+            "delay by which the operating system may wake the control loop later than requested",
         ),
         *(("Not granted", "", "", refusal) for refusal in granted.refusals),
     ]
@@ -73,6 +75,6 @@ def granted_rows(granted: StoredRealTimeStatus | None) -> list[tuple[str, str, s
 
 def _describe_missing(source: RunData) -> str:
     if source.run.end_state == EndState.SERVICE_DIED:
-        return "not known: the service died while it recorded"
+        return "not known: the service died during the recording"
     missing = source.result.metrics.missing_samples if source.result else count_missing_ticks(source.columns)
     return "not kept" if missing is None else str(missing)

@@ -157,7 +157,7 @@ _PLACE = "<svg/>"
 _LINE = 2000
 """Maximum number of characters of a line in a difference; longer lines occur only in forged pages."""
 _DRAWING_OF = "drawing of figure"
-_VERIFIED_PARTS = "figures, criteria, models, parameters and hashes of its manifest, but not the visible page"
+_VERIFIED_PARTS = "metrics, criteria, models, parameters and hashes of its manifest, but not the visible page"
 
 _XML = re.compile(r"<(/?)([A-Za-z][\w:.-]*)([^<>]*)>")
 _ATTRIBUTE = re.compile(r'\s+([A-Za-z][\w:.-]*)="([^"<>]*)"')
@@ -201,14 +201,14 @@ def compare_pages(page: str, manifest: ReportManifest | SeriesEvidence, make_aga
     try:
         again = make_again()
     except Exception as error:
-        return Verified((not_made("the page", "one that can be made again", error), *foreign)[:MOST], ())
+        return Verified((not_made("the page", "one that can be reproduced", error), *foreign)[:MOST], ())
     differences = [*_compare_manifest(page, manifest), *_pages(page, again)]
     others = [name for name, other in here.items() if reported.get(name) != other] + [*({*reported} - {*here})]
     if SINEW in others or LAYOUT in others:
         by, this = (
             f"Sinew {versions.get(SINEW)}, layout {versions.get(LAYOUT, 'unknown')}" for versions in (reported, here)
         )
-        left_out = f"the visible page: {by} wrote it, this is {this}"
+        left_out = f"the visible page: {by} wrote it, this installation has {this}"
         return Verified(foreign[:MOST], (left_out,), _VERIFIED_PARTS)
     if DRAWING in others:
         differences = [one for one in differences if not one.name.startswith(_DRAWING_OF)]
@@ -225,7 +225,7 @@ def _foreign(page: str) -> Iterator[ReportDifference]:
     for number, drawing in enumerate(_drawings(page), start=1):
         found = next(_find_foreign_markup(drawing), None)
         if found is not None:
-            yield ReportDifference(f"{_DRAWING_OF} {number}", f"“{found[:80]}”", "nothing but lines, letters and areas")
+            yield ReportDifference(f"{_DRAWING_OF} {number}", f"“{found[:80]}”", "only lines, letters and areas")
 
 
 def _find_foreign_markup(drawing: str) -> Iterator[str]:
@@ -280,7 +280,7 @@ def _pages(page: str, again: str) -> Iterator[ReportDifference]:
     else:
         for number, (one, other) in enumerate(zip(*drawn, strict=True), start=1):
             if one != other:
-                yield ReportDifference(f"{_DRAWING_OF} {number}", "another drawing", "that of its samples")
+                yield ReportDifference(f"{_DRAWING_OF} {number}", "another drawing", "the drawing from its samples")
     lines = [_without_drawings(text).replace("<dt>", "\n<dt>").split("\n") for text in (reported, found)]
     for number, (one, other) in enumerate(zip(*lines, strict=False), start=1):
         if one != other:
@@ -419,9 +419,11 @@ def read_stored_samples(database: Database, manifest: ReportManifest) -> tuple[C
 
 
 _NO_RESULT = (
-    "the result: the report was made without one, and from its samples one can be computed: sinew runs evaluate RUN"
+    "the result: the report contains none, but a result can be computed from its samples: sinew runs evaluate RUN"
 )
-_OTHER_PDF = "the PDF: other versions of what draws and sets it made the report, so that its bytes differ"
+_OTHER_PDF = (
+    "the PDF: the report was made with other versions of the drawing and typesetting software, so that its bytes differ"
+)
 
 _Result = tuple[Metrics | None, tuple[RunCriterion, ...], StoredEstimate | None]
 
@@ -457,7 +459,7 @@ def _verify_files(
         stored = _samples(manifest, _without_unrecorded(manifest, files.stored))
         differences += (replace(one, name=f"{files.stored_as}, {one.name}") for one in stored)
     if files.metrics is not None and source is None:
-        left_out.append("metrics.json: what its numbers come from cannot be computed again")
+        left_out.append("metrics.json: the source of its numbers cannot be recomputed")
     elif files.metrics is not None and source is not None:
         differences += _metrics_file(files.metrics, source, manifest)
     return replace(found, differences=tuple(differences[:MOST]), left_out=tuple(left_out))
@@ -509,7 +511,8 @@ def _verify_page(page: str, manifest: ReportManifest, columns: Columns | None) -
     """Return the result of the comparison, and the recomputed source data."""
     if columns is None:
         raise EvidenceError(
-            "the samples that it was made of are not here: name their file with --samples, or the folder with their run"
+            "the samples of the report are missing: give their file with --samples, or the folder that "
+            "contains their run"
         )
     again, source = computed_again(manifest, columns)
     if source is None:
@@ -540,16 +543,18 @@ def verify_pdf(pdf: bytes, page: str, columns: Columns | None, files: Accompanyi
     try:
         same = to_pdf(build_report(source)) == pdf
     except Exception as error:
-        return Verified((not_made("the PDF", "one that can be made again", error),), ())
+        return Verified((not_made("the PDF", "one that can be reproduced", error),), ())
     if same:
         return verified
-    return Verified((ReportDifference("the PDF", "other pages", "those that the numbers of its page give"),), ())
+    return Verified(
+        (ReportDifference("the PDF", "other pages", "the pages made from the numbers of its HTML page"),), ()
+    )
 
 
 def _of_a_run(page: str) -> ReportManifest:
     manifest = read_manifest(page)
     if isinstance(manifest, SeriesEvidence):
-        raise EvidenceError("it is a report of a series: its runs are searched for in the folder of --data")
+        raise EvidenceError("it is a report of a series: give the data folder of its runs with --data")
     return manifest
 
 
@@ -576,7 +581,7 @@ def computed_again(manifest: ReportManifest, columns: Columns) -> tuple[Verified
         is_complete = bool(older) or not others
         source = rebuild_run_data(manifest, columns, *(_normalise_result(manifest) if is_complete else again))
     except Exception as error:
-        problem = not_made("what it was computed from", "a run that can be computed again", error)
+        problem = not_made("the source data", "a run that can be recomputed", error)
         return Verified((*differences, problem)[:MOST], ()), None
     return Verified((*differences, *others)[:MOST], left_out), source
 
@@ -605,8 +610,8 @@ def _describe_older_definitions(manifest: ReportManifest) -> tuple[str, ...]:
         return ()
     definitions = manifest.metrics.get("definitions", 0)
     text = (
-        f"the result: it was computed by version {definitions} of the definitions of figures and "
-        f"criteria, this Sinew uses version {DEFINITIONS}: recompute it with `sinew runs evaluate "
+        f"the result: it was computed by version {definitions} of the definitions of metrics and "
+        f"criteria, this version of Sinew uses version {DEFINITIONS}: recompute it with `sinew runs evaluate "
         f"{manifest.run.id}`, and export the report again"
     )
     return (text,)
@@ -706,7 +711,7 @@ def _samples(manifest: ReportManifest, columns: Columns) -> Iterator[ReportDiffe
                 start = place * BLOCK_S
                 yield ReportDifference(f"samples of {name} from {start:g} s to {start + BLOCK_S:g} s", one, other)
         if len(reported) != len(found.get(name, [])):
-            yield ReportDifference(f"check sums of {name}", str(len(reported)), str(len(found.get(name, []))))
+            yield ReportDifference(f"checksums of {name}", str(len(reported)), str(len(found.get(name, []))))
 
 
 # Series verification -------------------------------------------------------------------------------
@@ -729,7 +734,9 @@ def verify_series_report(
     for one in manifest.runs:
         columns = find(one)
         if columns is None:
-            raise EvidenceError(f"the samples of its run {one.run.id} are not here: name the folder with its runs")
+            raise EvidenceError(
+                f"the samples of its run {one.run.id} are missing: give the folder that contains its runs"
+            )
         again, source = computed_again(one, columns)
         found.append(_of_run(one.run.id, again))
         if source is not None:

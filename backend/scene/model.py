@@ -673,7 +673,7 @@ UP_WITHIN_S = 5.0
 """Time that a viewer waits for a scene that is starting [s]; it is disconnected then."""
 
 _POLL_S = 0.05
-SCENE_PART = Part("A 3D view", "It does not move until then.")
+SCENE_PART = Part("A 3D view", "The view does not move until it has restarted.")
 
 
 class SceneMirror:

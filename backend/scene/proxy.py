@@ -154,9 +154,9 @@ class InboundLimiter:
         self._left = min(MOST_AT_ONCE, self._left + MOST_PER_S * (now_s - self._last_received_s)) - 1.0
         self._last_received_s = now_s
         if message is None:
-            raise DisconnectError(POLICY_VIOLATION, "text is not understood here")
+            raise DisconnectError(POLICY_VIOLATION, "text messages are not supported")
         if len(message) > MOST_BYTES:
-            raise DisconnectError(TOO_BIG, f"a message has {len(message)} bytes, at most {MOST_BYTES} are taken")
+            raise DisconnectError(TOO_BIG, f"a message has {len(message)} bytes, at most {MOST_BYTES} are accepted")
         if self._left < 0.0:
             raise DisconnectError(POLICY_VIOLATION, f"more than {MOST_PER_S:g} messages a second")
 
@@ -252,7 +252,7 @@ async def _refuse_version(websocket: WebSocket, offered: list[str]) -> None:
     pages = [name for name in offered if VERSION.fullmatch(name)]
     if pages:
         await websocket.accept(subprotocol=pages[0])
-    await websocket.close(WRONG_VERSION, "the page is of another version: load it again")
+    await websocket.close(WRONG_VERSION, "the page has another version: reload it")
 
 
 async def _receive(websocket: WebSocket) -> None:
@@ -269,7 +269,7 @@ def _find_reason(ended: asyncio.Task[None]) -> DisconnectError | None:
         case DisconnectError():
             return error
         case TimeoutError():
-            return DisconnectError(POLICY_VIOLATION, f"nothing was taken for {SEND_TIMEOUT_S:g} s")
+            return DisconnectError(POLICY_VIOLATION, f"the browser accepted no data for {SEND_TIMEOUT_S:g} s")
         case SceneEndedError():
             return DisconnectError(LATER, "the 3D view has ended")
         case _:

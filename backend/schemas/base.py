@@ -54,7 +54,7 @@ class ErrorDetail(Schema):
     """Why a request was rejected, and what would be accepted. Numbers are in SI."""
 
     code: str
-    message: str = Field(description="complete message, with angles in the unit of the reader")
+    message: str = Field(description="complete message, with angles in the display unit of the reader")
     quantity: str | None = Field(default=None, description="name of the rejected value in the interface")
     words: str | None = Field(default=None, description="label of the rejected value")
     path: list[str | int] | None = Field(
@@ -85,13 +85,13 @@ _ITEM_NAMES = {"tensions_N": "tension", "identifications": "run", "entries": "en
 
 _MESSAGES = {
     "missing": "it is missing",
-    "extra_forbidden": "it is not known here, leave it out",
-    "string_type": "it needs a text",
-    "list_type": "it needs a list",
-    "dict_type": "it needs named values",
-    "model_type": "it needs named values",
-    "model_attributes_type": "it needs named values",
-    "string_pattern_mismatch": "it has characters that are not taken here",
+    "extra_forbidden": "unknown field: remove it",
+    "string_type": "a text is required",
+    "list_type": "a list is required",
+    "dict_type": "an object with named values is required",
+    "model_type": "an object with named values is required",
+    "model_attributes_type": "an object with named values is required",
+    "string_pattern_mismatch": "it contains characters that are not allowed",
     "int_parsing_size": "the number is too long",
 }
 
@@ -158,7 +158,7 @@ def _describe_problem(
         return _MESSAGES[kind]
     if kind in ("literal_error", "enum", "union_tag_invalid"):
         legal = declared.legal or str(context.get("expected_tags", "")).replace("'", "").split(", ")
-        return f"{_format_value(value)} is refused; choose one of {', '.join(legal)}"
+        return f"{_format_value(value)} is not allowed; choose one of {', '.join(legal)}"
     if kind.startswith(("float", "int", "finite")):
         whole = "whole " if kind.startswith("int") else ""
         unit = "" if declared.unit in (None, "1") else f" in {get_display_unit(declared.unit, angles).unit}"
@@ -203,7 +203,7 @@ def _find_declared(body: Any, path: Path, *, known: bool) -> _DeclaredValue:
             current = _unwrap_type(field.annotation) if field else None
     unit = UNITS.get(str(path[-1]) if path else "") if body is None else _find_unit(field)
     legal = tuple(str(value.value if isinstance(value, Enum) else value) for value in _list_choices(current))
-    return _DeclaredValue(", ".join(labels) or "what was sent", unit, legal)
+    return _DeclaredValue(", ".join(labels) or "the request", unit, legal)
 
 
 def _build_label(name: str, field: FieldInfo | None) -> str:

@@ -38,12 +38,12 @@ class ComparisonRequest(Schema):
 
     run: list[RowNumber] = Field(min_length=1, max_length=100, description="runs to compare, in order")
     reference: RowNumber | None = Field(
-        default=None, description="run that the differences are to; the first if left out"
+        default=None, description="reference run of the differences; the first run if omitted"
     )
-    by: AlignBy = Field(default=AlignBy.BEGIN, description="the event that is aligned")
-    step: StepSignal = Field(default=StepSignal.Q_REF, description="signal whose step it is")
+    by: AlignBy = Field(default=AlignBy.BEGIN, description="event to which the runs are aligned")
+    step: StepSignal = Field(default=StepSignal.Q_REF, description="signal of the step")
     event: MarkKind = Field(default=MarkKind.TRIP, description="kind of the event")
-    number: int = Field(default=1, ge=1, le=MOST_NUMBER, description="which step or event of each run, from 1")
+    number: int = Field(default=1, ge=1, le=MOST_NUMBER, description="number of the step or event in each run, from 1")
 
 
 class DifferencesRequest(ComparisonRequest):
@@ -52,7 +52,9 @@ class DifferencesRequest(ComparisonRequest):
     signal: Annotated[str, Field(max_length=40)] = "q"
     from_s: Finite = Field(default=0.0, ge=0.0, le=LONGEST_S, description="begin, on the reference's axis [s]")
     to_s: Finite = Field(default=LONGEST_S, gt=0.0, le=LONGEST_S, description="end, on the reference's axis [s]")
-    points: int = Field(default=2000, ge=10, le=20000, description="most points; beyond it the envelope is sent")
+    points: int = Field(
+        default=2000, ge=10, le=20000, description="maximum number of points; a longer range is sent as its envelope"
+    )
     band: Finite = Field(default=HUGE, ge=0.0, le=HUGE, description="tolerance to either side, in the signal's unit")
 
 
@@ -75,7 +77,7 @@ class ComparedValue(Schema):
     """A metric of one run."""
 
     value: float | None
-    reason: str = Field(description="why there is no value, or only that of a part")
+    reason: str = Field(description="reason for a missing or partial value")
     difference: float | None = Field(description="difference from the reference run; null if either has no value")
     percent: float | None = Field(description="difference in per cent of the reference; null if that is 0")
 
@@ -94,7 +96,7 @@ class ComparedSetting(Schema):
     """A setting that differs between the compared runs, null in runs without it."""
 
     name: str
-    unit: str = Field(description="SI, 1 without a unit")
+    unit: str = Field(description="SI; 1 for a value without a unit")
     values: list[bool | float | str | None]
 
 

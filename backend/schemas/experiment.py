@@ -44,8 +44,8 @@ class ExperimentRequest(Schema):
     name: str = Field(
         min_length=1,
         max_length=60,
-        description="of one that is offered, or of a version, name@2; deprecated is sequence, of which the setting "
-        "segments is a list of segments as JSON: keep an experiment in its place",
+        description="name of an offered experiment, or of one of its versions, name@2; sequence, with "
+        "its setting segments, a list of segments as JSON, is deprecated: store an experiment instead",
     )
     settings: dict[SettingName, SettingValue] = Field(default_factory=dict, max_length=50)
 
@@ -85,7 +85,7 @@ class QueueView(Schema):
 class QueuePlace(Schema):
     """New position of an experiment in the queue."""
 
-    place: int = Field(ge=0, le=1000, description="from 0, the next one to be started")
+    place: int = Field(ge=0, le=1000, description="position in the queue; 0 is the next experiment to start")
 
 
 class DryRunView(Schema):
@@ -143,7 +143,7 @@ class ExperimentText(Schema):
 class ExperimentCheckRequest(ExperimentText):
     """An experiment to check."""
 
-    play: bool = Field(default=True, description="play it on the simulator too, which takes its time")
+    play: bool = Field(default=True, description="also simulate it, which takes some time")
 
 
 class WrittenExperiment(ExperimentText):
@@ -172,7 +172,7 @@ class CheckedExperiment(Schema):
     min_tension_N: float | None = quantity("N", "smallest tension on the simulator")
     max_tension_N: float | None = quantity("N", "largest tension on the simulator")
     not_predicted: str = Field(description="why peaks are missing; else empty")
-    busy: bool = Field(description="the simulation was not possible because of other ones: repeat the request")
+    busy: bool = Field(description="other simulations prevented this simulation: repeat the request")
     document: dict[str, Any] = Field(description="its text as parsed data")
     parts: list[PlayedPart] = Field(description="parts in the order of their first execution")
     dry_run: DryRunView | None = Field(description="simulation; null if it was not simulated")
@@ -199,7 +199,7 @@ class OwnExperimentList(Schema):
 
 MapPick = Annotated[
     Literal["worst", "mean", "least", "largest", "deviation", "p5", "median", "p95"],
-    Field(description="what a cell of a map shows of several runs; p5 and p95 are percentiles"),
+    Field(description="statistic of several runs that a cell of a map shows; p5 and p95 are percentiles"),
 ]
 
 

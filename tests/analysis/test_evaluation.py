@@ -270,7 +270,7 @@ def test_a_failed_evaluation_is_stored_with_the_run_until_one_succeeds(tmp_path:
     with database.reading() as session:
         assert runs.get(session, outcome.run.id).evaluation_problem == ""
         assert results.present(session, [outcome.run.id, running.id]) == {outcome.run.id}
-    with pytest.raises(NotEvaluableError, match="not over yet"):
+    with pytest.raises(NotEvaluableError, match="has not ended"):
         reevaluate_run(database, running.id)
     database.close()
 

@@ -303,14 +303,14 @@ def test_store_and_report_say_the_grade_that_the_errors_give(wander_rad: float, 
             found.model[side]["std_errors"][name] / found.model[side]["parameters"][name] for name in ("K_m", "T_m")
         ]
         assert found.quality[side]["grade"] == grade
-        assert f"known to ±{100.0 * max(np.abs(errors)):.2g} %" in found.quality[side]["verdict"]
+        assert f"have standard errors within ±{100.0 * max(np.abs(errors)):.2g} %" in found.quality[side]["verdict"]
     assert found.usable is (grade is not Grade.UNUSABLE)
     assert outcome(found) == (passed, found.verdict)
 
 
 def test_a_document_without_a_grade_gets_the_one_that_its_figures_give() -> None:
     found = stored_grades(12.0)
-    side = {**found.quality["A"], "verdict": "Usable: K_m and T_m known to ±85 %."}
+    side = {**found.quality["A"], "verdict": "Usable: standard errors of K_m and T_m within ±85 %."}
     del side["grade"]
     quality = upgrade_quality("motor", found.model, {"A": side, "B": side})
     assert [quality[name]["grade"] for name in ("A", "B")] == [Grade.UNUSABLE] * 2

@@ -27,10 +27,10 @@ TASKS = {
     "The live stream",
     "The event log",
     "The flight recorder",
-    "The watch over the loop process",
-    "The sign of life to the loop process",
+    "The monitor of the control loop",
+    "The liveness signal to the control loop",
 }
-THREADS = {"The recorder", "A 3D view", "The heartbeat to the loop process", "The renewal of the database claim"}
+THREADS = {"The recorder", "A 3D view", "The heartbeat to the control loop", "The renewal of the database claim"}
 FOREIGN_THREADS = ("MainThread", "the service", "asyncio", "ThreadPoolExecutor", "QueueFeederThread", "Thread-")
 """Those of this test, of awaited calls, and of libraries."""
 
@@ -181,9 +181,9 @@ def test_the_loop_stops_by_itself_when_the_heartbeat_keeps_dying(moving: Running
     until(stop_beating)
     state = moving.client.get("/api/state").json()
     assert state["fault"]["code"] == "service_lost"
-    assert "ended without a request" in moving.read_problem("The heartbeat to the loop process")
+    assert "ended without a request" in moving.read_problem("The heartbeat to the control loop")
     # or the next one stops too
-    until(lambda: "was restarted" in moving.read_problem("The heartbeat to the loop process"))
+    until(lambda: "was restarted" in moving.read_problem("The heartbeat to the control loop"))
     until(lambda: moving.client.post("/api/reset").is_success)
     assert wait_for(moving.client, "mode", "off")
 

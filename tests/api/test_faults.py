@@ -108,7 +108,9 @@ def test_a_dead_watchdog_is_shown_and_a_reset_brings_a_new_one(off: httpx.Client
     off.post("/api/stop").raise_for_status()
     starts = off.get("/api/state").json()["link"]["starts"]
     off.post("/api/faults/injection", json={"kind": "watchdog_death"}).raise_for_status()
-    state = wait_for(off, "problems", ["the card's watchdog is dead: reset starts a new loop with a new one"])
+    state = wait_for(
+        off, "problems", ["the card's watchdog is dead: Reset starts a new control loop with a new watchdog"]
+    )
     (link,) = (link for link in cast(list[dict[str, object]], state["chain"]) if link["name"] == "watchdog")
     assert not link["good"]
     assert "dead" in str(link["says"])
@@ -371,4 +373,4 @@ def test_motors_that_were_exchanged_have_to_be_proven_anew_after_the_next_start_
     until(lambda: direction()["state"] == "failed")
     result = direction()["result"]
     assert (result["passed"], result["who"]) == (False, "the loop")
-    assert "runs away from" in result["text"]
+    assert "accelerates against the voltage of" in result["text"]

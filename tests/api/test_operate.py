@@ -205,7 +205,7 @@ REFUSED: list[tuple[str, str, dict[str, Any], list[str | int], str]] = [
         "experiments/dry-run",
         {"name": "tracking", "settings": {"q_amplitude": "wide"}},
         ["q_amplitude"],
-        "joint position steps between ±q_max: 'wide' is refused: it needs a number in °",
+        "joint position steps between ±q_max: 'wide' is refused: a number is required in °",
     ),
     (
         "POST",

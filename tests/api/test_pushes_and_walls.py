@@ -102,7 +102,7 @@ def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Data
             told = why_not(kind)
             assert "cannot push the joint" in told["compliance"]
             assert "load its motors' shafts" in told["robustness"]
-            assert "does not support walls" in told["impact"]
+            assert "does not support obstacles" in told["impact"]
             beyond = {"compliance", "robustness", "disturbance_battery", "impact"}
             assert {name for name, why in told.items() if why} == beyond
 

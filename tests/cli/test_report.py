@@ -75,7 +75,7 @@ def test_a_report_holds_until_somebody_touches_it(command: Command, tmp_path: Pa
     nowhere = command("report", "verify", str(report), folder=tmp_path / "elsewhere")
     assert nowhere.returncode == 2
     assert not (tmp_path / "elsewhere").exists()  # who only reads makes no folder
-    assert "the samples that it was made of are not here" in nowhere.stderr
+    assert "the samples of the report are missing" in nowhere.stderr
     page = report.read_text(encoding="utf-8")
     report.write_text(page.replace("simulator, parameters", "rig, parameters", 1), encoding="utf-8")
     touched = command("report", "verify", str(report), folder=here)
@@ -174,7 +174,7 @@ def test_what_a_killed_command_left_behind_has_a_report_that_holds(command: Comm
     assert command("runs", "report", "2", str(out), folder=here).returncode == 0
     told = json.loads((out / "metrics.json").read_text(encoding="utf-8"))
     assert (told["end_state"], told["complete"]) == ("service_died", False)
-    assert "s were played" in told["verdict"]
+    assert "s were executed" in told["verdict"]
     held = command("report", "verify", str(out / "report.html"), folder=here)
     assert (held.returncode, "holds: every number" in held.stdout) == (0, True), held.stderr
     assert command("report", "series", "1", "2", "--to", str(series), folder=here).returncode == 0

@@ -215,7 +215,10 @@ def test_homing_takes_the_end_switch_for_where_it_is() -> None:
     ("step", "broken"),
     [
         (StepId.WIRING_TEST, InjectedFault(InjectedFaultKind.SWAPPED_LOAD_CELLS)),
-        (StepId.DIRECTION, InjectedFault(InjectedFaultKind.DRIFT_DOWN, Sensor.F_B)),  # it fails before a motor is tried
+        (
+            StepId.DIRECTION,
+            InjectedFault(InjectedFaultKind.DRIFT_DOWN, Sensor.F_B),
+        ),  # it fails before a motor can be tested
     ],
 )
 def test_a_step_that_contradicts_the_wiring_withdraws_at_once_what_was_proven(

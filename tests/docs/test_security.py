@@ -186,11 +186,11 @@ def test_the_page_has_the_bounds_of_a_sheet() -> None:
     text = " ".join(PAGE.split())
     for bound in (
         f"{sheet.MOST_ELEMENTS} elements",
-        f"{sheet.DEEPEST} in each other",
+        f"{sheet.DEEPEST} nested",
         f"{sheet.MOST_TEXTS} texts",
-        f"{sheet.MOST_LETTERS_OF_A_TEXT} letters of a text",
-        f"{sheet.MOST_LETTERS} letters in",
+        f"{sheet.MOST_LETTERS_OF_A_TEXT} characters of a text",
+        f"{sheet.MOST_LETTERS} characters in",
         f"{sheet.MOST_OF_A_PATH} characters of a path",
-        f"{sheet.MOST_OF_A_TITLE} letters of the title",
+        f"{sheet.MOST_OF_A_TITLE} characters of the title",
     ):
         assert bound in text, bound

@@ -280,7 +280,7 @@ def declared(stage: Stage, kind: str) -> Any:
 
 
 def start(stage: Stage, form: Locator, path: str) -> tuple[int, Values, list[str]]:
-    """Press the deciding button; return the run, what was sent, and where that is not what the form showed."""
+    """Press the deciding button; return the run, the request, and where that is not what the form showed."""
     button = form.get_by_role("button", name="Start")
     expect(button).not_to_have_attribute("aria-disabled", "true", timeout=MOTION_TIMEOUT_MS)
     shown = forms.shown(form)

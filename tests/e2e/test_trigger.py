@@ -34,7 +34,7 @@ def test_it_is_armed_outlasts_a_reload_and_leads_to_the_record_of_its_signal(ope
 
     with client_with(service, "token") as script:
         script.put("/api/references", json={"q_ref": STEP_RAD, "S_ref": 10.0}).raise_for_status()
-    expect(told).to_have_text("Not armed: all captures were made; 1 of 1 captured", timeout=MOTION_TIMEOUT_MS)
+    expect(told).to_have_text("Not armed: all captures are complete; 1 of 1 captured", timeout=MOTION_TIMEOUT_MS)
     card.get_by_role("link", name=TEXTS["captures"], exact=True).click()
     records = page.get_by_role("table", name=TEXTS["flights"], exact=True)
     row = records.get_by_role("row").filter(has_text="trigger: q_ref rising through 5°")

@@ -333,7 +333,7 @@ def test_an_interrupted_run_has_its_samples_and_names_what_is_missing(
     assert all(item.reason for item in result.metrics.figures if item.value is None)
     report = build_report(source)
     assert report.outcome == "incomplete"
-    assert f"s of {build_ready_plan(name).program().duration_s:.6g} s were played" in report.verdict
+    assert f"s of {build_ready_plan(name).program().duration_s:.6g} s were executed" in report.verdict
     assert verify_report(to_html(report), source.columns) == Verified((), ())
 
 
@@ -522,8 +522,8 @@ def test_steps_that_saturate_or_carry_load_are_refused_one_by_one(lab: PlantPara
     assert [step.voltage for step in cut.steps] == [3.0]
     assert [voltage for voltage, _ in cut.refused] == [10.0, 4.0]
     assert "saturates" in cut.refused[0][1]
-    assert "load touches" in cut.refused[1][1]
-    with pytest.raises(ValueError, match=r"motor A: .*different voltages.*saturates.*load touches"):
+    assert "tendon loads the motor" in cut.refused[1][1]
+    with pytest.raises(ValueError, match=r"motor A: .*different voltages.*saturates.*tendon loads the motor"):
         identify_motors(columns, lab)
 
 

@@ -127,12 +127,12 @@ def test_values_that_are_not_named_are_the_defaults_and_words_are_read() -> None
         ({"depth": 2.0}, OutOfRangeError, "amplitude: 2\u202frad is outside 0 to 1.57"),
         ({"depth": float("nan")}, OutOfRangeError, "amplitude"),
         ({"depth": float("inf")}, OutOfRangeError, "amplitude"),
-        ({"depth": "wide"}, SettingError, "it needs a number"),
-        ({"depth": True}, SettingError, "it needs a number"),
-        ({"turns": 2.5}, SettingError, "it needs a whole number"),
+        ({"depth": "wide"}, SettingError, "a number is required"),
+        ({"depth": True}, SettingError, "a number is required"),
+        ({"turns": 2.5}, SettingError, "a whole number is required"),
         ({"turns": 10**9}, OutOfRangeError, "is outside 1 to 9"),
         ({"how": "c"}, SettingError, "choose one of a, b"),
-        ({"sure": 2}, SettingError, "it needs true or false"),
+        ({"sure": 2}, SettingError, "true or false is required"),
     ],
 )
 def test_a_wrong_value_is_refused_as_of_any_other_setting(
@@ -163,7 +163,7 @@ def test_a_wrong_value_is_refused_as_of_any_other_setting(
         (declared(maximum="2 ** 1e9"), "has no value"),
         (declared(kind="choice", default="c", choices=("a", "b")), "the default 'c' is not one of its choices"),
         (declared(kind="choice", default="c"), "the default 'c' is not one of its choices"),
-        (declared(kind="boolean", default=3), "it needs true or false"),
+        (declared(kind="boolean", default=3), "true or false is required"),
     ],
 )
 def test_a_declaration_that_cannot_be_is_refused_in_its_line(wrong: Declared, told: str) -> None:

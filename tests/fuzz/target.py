@@ -31,7 +31,7 @@ def furnish(data: Path) -> None:
 
 
 class Target:
-    """The service, what was sent to it and what it answered."""
+    """The service, the request to it and what it answered."""
 
     summary: ClassVar[list[str]] = []
 

@@ -198,5 +198,5 @@ def test_the_papers_1_ms_sequence_moves_too_little_and_the_verdict_says_so() -> 
     found = identified(Bench(lab), lab, paper_plan(20.0))
     assert found.verdict.grade is Grade.UNUSABLE
     assert found.motion_counts < 10.0
-    assert f"not enough motion, the output moved by {found.motion_counts:.1f} counts" in found.verdict.sentence
+    assert f"too little motion: the output moved by {found.motion_counts:.1f} counts" in found.verdict.sentence
     assert "use longer chips or a larger amplitude" in found.verdict.sentence

@@ -243,7 +243,7 @@ def test_a_dead_time_that_is_not_there_is_not_usable() -> None:
     except NotConvergedError:
         return
     assert found.verdict.grade is not Grade.USABLE
-    assert "take a simpler structure" in found.verdict.sentence
+    assert "choose a simpler structure" in found.verdict.sentence
 
 
 @pytest.mark.parametrize("u_c", [0.2, 1.0])
@@ -256,7 +256,7 @@ def test_dry_friction_is_not_taken_for_a_dead_time(u_c: float) -> None:
     assert friction.found
     assert abs(friction.u_c - u_c) < 4.0 * friction.u_c_std
     assert abs(friction.T - 0.22) < 4.0 * friction.T_std
-    assert f"behind a dead time of {friction.t_d:.3g} s" in found.verdict.sentence
+    assert f"with a dead time of {friction.t_d:.3g} s" in found.verdict.sentence
 
 
 @pytest.mark.parametrize("name", ["first+delay", "third+delay", "order:4+delay"])

@@ -108,7 +108,7 @@ def test_a_signal_called_t_is_a_signal() -> None:
         ("u,y,y\n1,2,3\n4,5,6\n", "y", "two columns are called 'y'"),
         ("u,y\n1,2\n3\n", "y", r"line 3 has 1 columns, the heading \(line 1\) has 2"),
         ("# made by hand\nu,y\n1,2\n3\n", "y", "line 4 has 1 columns"),
-        ("1,2\n3,4\n", "y", "put the names of the columns there"),
+        ("1,2\n3,4\n", "y", "insert a line with the column names"),
         ("u,z\n1,2\n3,4\n", "y", "there is no column 'y'; the file has u, z"),
         ("", "y", "no heading line"),
     ],
@@ -158,7 +158,7 @@ def test_rows_are_chosen_by_number_and_by_time() -> None:
     np.testing.assert_array_equal(part.y, Y[50:301])
     untimed = record_from(Columns({"u": U, "y": Y}), "u", "y", 0.01, selection=Selection(start_s=0.5, end_s=3.0))
     np.testing.assert_array_equal(untimed.y, Y[50:301])
-    with pytest.raises(DataFileError, match="no row is left"):
+    with pytest.raises(DataFileError, match="the selection contains no row"):
         record_from(columns, "u", "y", selection=Selection(start_s=99.0))
 
 

@@ -58,7 +58,7 @@ def test_gain_lag_friction_and_dead_time_come_back_from_voltage_and_angle(
     assert (found.u_c > 0.0) is (u_c > 0.0)
     assert (found.t_d > 0.0) is (delay_s > 0.0)
     assert found.verdict.grade is Grade.USABLE
-    assert ("Coulomb friction takes" in found.verdict.sentence) is (u_c > 0.0)
+    assert ("Coulomb friction accounts for" in found.verdict.sentence) is (u_c > 0.0)
     assert (f"dead time of {1e3 * found.t_d:.3g} ms" in found.verdict.sentence) is (delay_s > 0.0)
 
 
@@ -128,7 +128,7 @@ def test_a_weak_voltage_is_right_within_its_errors_and_the_weaker_the_less_is_kn
     u = scale * voltages("binary", 6000)
     found = identify_motor_record(Record(PERIOD_S, u, angles(u, 0.0, 0.05)), COUNT_RAD)
     assert worst_error(found, 0.0, 0.05) < 4.0
-    assert f"fit of {found.fit_percent:.1f} % on unseen data" in found.verdict.sentence
+    assert f"fit of {found.fit_percent:.1f} % on validation data" in found.verdict.sentence
     assert (found.verdict.grade is Grade.USABLE) is (found.fit_percent >= 80.0 and found.spread_percent <= 3.0)
 
 
@@ -186,9 +186,9 @@ def test_a_run_says_when_it_steps_and_how_high() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"theta": THETA[:-1]}, "give u and theta of one length"),
-        ({"u": U[:-1]}, "give u and theta of one length"),
-        ({"u": U.reshape(2, -1), "theta": THETA.reshape(2, -1)}, "give u and theta of one length"),
+        ({"theta": THETA[:-1]}, "give u and theta of equal length"),
+        ({"u": U[:-1]}, "give u and theta of equal length"),
+        ({"u": U.reshape(2, -1), "theta": THETA.reshape(2, -1)}, "give u and theta of equal length"),
         ({"u": U[30:79], "theta": THETA[30:79]}, "length of the run is 49 samples, must be at least 50 samples"),
         ({"u": with_nan(U)}, "number of samples of u that are not finite is 1, must be at most 0"),
         ({"theta": with_nan(THETA)}, "number of samples of theta that are not finite is 1, must be at most 0"),
@@ -197,7 +197,7 @@ def test_a_run_says_when_it_steps_and_how_high() -> None:
         ({"u": U + 0.01 * (np.arange(N) > 300)}, "after the step is 0.01 V, must be at most 0.00301 V"),
         ({"tension_N": np.full(N, 0.6)}, "tendon force is 0.6 N, must be at most 0.5 N: the load touches"),
         ({"tension_N": np.full(N, -0.6)}, "tendon force is 0.6 N, must be at most 0.5 N: the load touches"),
-        ({"theta": 0.05 * THETA}, "must be at least 200 counts: step higher or record for longer"),
+        ({"theta": 0.05 * THETA}, "must be at least 200 counts: use a larger voltage or record for longer"),
     ],
 )
 def test_what_is_no_free_step_is_refused(change: dict[str, NDArray[np.float64]], message: str) -> None:

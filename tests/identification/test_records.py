@@ -55,7 +55,7 @@ REFUSED: list[tuple[str, Callable[[], Record], str]] = [
     ("time", with_time_running_back, "time step after sample 499 is 0 s"),
     ("wrong period", lambda: Record(0.002, U, Y, t=T), r"sample time of the time column is 0\.001 s"),
     ("no period", lambda: Record(0.0, U, Y), r"sample time is 0 s, must be at least 1e-07\ss and at most 1000 s"),
-    ("saturated output", lambda: Record(PERIOD_S, SINE, clipped(late_sine())), "time that y spends at its limit of"),
+    ("saturated output", lambda: Record(PERIOD_S, SINE, clipped(late_sine())), "time with y at its limit of"),
     ("matrix", lambda: Record(PERIOD_S, np.ones((N, 2)), Y), "number of dimensions of u is 2"),
 ]
 

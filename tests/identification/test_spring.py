@@ -73,5 +73,5 @@ def test_a_higher_order_that_falls_is_not_recommended() -> None:
 
 
 def test_what_no_spring_of_a_tendon_can_have_is_refused() -> None:
-    with pytest.raises(RecordError, match="never pushes"):
+    with pytest.raises(RecordError, match="cannot push"):
         identify_spring(STEPS, quadratic(STEPS) - 2.0)

@@ -281,7 +281,7 @@ def test_a_model_that_explains_little_is_not_usable_however_white_the_rest(noise
     found = estimate_model(Record(PERIOD_S, u, noisy(motor(u)[0], noise)), "first")
     assert found.residuals.whiteness.passed
     assert found.verdict.grade is grade
-    assert f"fit of {found.fit_percent:.1f} % on unseen data" in found.verdict.sentence
+    assert f"fit of {found.fit_percent:.1f} % on validation data" in found.verdict.sentence
 
 
 def test_an_excitation_too_weak_for_the_sensor_is_refused() -> None:
@@ -298,7 +298,7 @@ def test_an_output_that_moves_in_its_last_third_only_has_no_fit_on_unseen_data()
     found = estimate_model(Record(PERIOD_S, u, motor(u)[0]), "first")
     assert np.isnan(found.fit_percent)
     assert found.verdict.grade is Grade.CAUTION
-    assert "fit on unseen data not measured" in found.verdict.sentence
+    assert "fit on validation data not measured" in found.verdict.sentence
 
 
 def test_a_structure_too_rich_for_the_record_is_not_usable() -> None:
@@ -385,24 +385,24 @@ def known_to(**percent: float) -> dict[str, Any]:
 
 BOUNDS: list[tuple[dict[str, Any], Grade, str]] = [
     ({"fit": 80.5}, Grade.USABLE, ""),
-    ({"fit": 79.5}, Grade.CAUTION, "fit of 79.5 % on unseen data, where 80 % are needed"),
-    ({"fit": 50.5}, Grade.CAUTION, "fit of 50.5 % on unseen data, where 80 % are needed"),
-    ({"fit": 49.5}, Grade.UNUSABLE, "fit of 49.5 % on unseen data, where 50 % are needed"),
+    ({"fit": 79.5}, Grade.CAUTION, "fit of 79.5 % on validation data, where 80 % are needed"),
+    ({"fit": 50.5}, Grade.CAUTION, "fit of 50.5 % on validation data, where 80 % are needed"),
+    ({"fit": 49.5}, Grade.UNUSABLE, "fit of 49.5 % on validation data, where 50 % are needed"),
     ({"gain_error_percent": -4.9}, Grade.USABLE, ""),
-    ({"gain_error_percent": -5.1}, Grade.CAUTION, "gain -5.1 % off the geometric one"),
-    ({"gain_error_percent": 9.9}, Grade.CAUTION, "gain +9.9 % off the geometric one"),
-    ({"gain_error_percent": 10.1}, Grade.UNUSABLE, "gain +10.1 % off the geometric one"),
+    ({"gain_error_percent": -5.1}, Grade.CAUTION, "gain -5.1 % from the geometric gain"),
+    ({"gain_error_percent": 9.9}, Grade.CAUTION, "gain +9.9 % from the geometric gain"),
+    ({"gain_error_percent": 10.1}, Grade.UNUSABLE, "gain +10.1 % from the geometric gain"),
     ({"motion_counts": 20.1}, Grade.USABLE, ""),
     ({"motion_counts": 19.9}, Grade.UNUSABLE, "moved by 19.9 counts where 20 are needed"),
     (known_to(K=2.9, T=2.9), Grade.USABLE, ""),
-    (known_to(K=3.1), Grade.CAUTION, "K known to ±3.1 % only"),
-    (known_to(T=9.9), Grade.CAUTION, "T known to ±9.9 % only"),
-    (known_to(K=10.1), Grade.UNUSABLE, "K known to ±10.1 % only"),
-    (known_to(T=10.1), Grade.UNUSABLE, "T known to ±10.1 % only"),
+    (known_to(K=3.1), Grade.CAUTION, "K have standard errors within ±3.1 % only"),
+    (known_to(T=9.9), Grade.CAUTION, "T have standard errors within ±9.9 % only"),
+    (known_to(K=10.1), Grade.UNUSABLE, "K have standard errors within ±10.1 % only"),
+    (known_to(T=10.1), Grade.UNUSABLE, "T have standard errors within ±10.1 % only"),
     (known_to(a2=9.9, a1=9.9), Grade.USABLE, ""),
-    (known_to(a2=10.1), Grade.CAUTION, "a2 known to ±10.1 % only (take a simpler structure)"),
-    (known_to(a1=38.9), Grade.CAUTION, "a1 known to ±38.9 % only (take a simpler structure)"),
-    (known_to(a1=39.1), Grade.UNUSABLE, "a1 known to ±39.1 % only (take a simpler structure)"),
+    (known_to(a2=10.1), Grade.CAUTION, "a2 have standard errors within ±10.1 % only (choose a simpler structure)"),
+    (known_to(a1=38.9), Grade.CAUTION, "a1 have standard errors within ±38.9 % only (choose a simpler structure)"),
+    (known_to(a1=39.1), Grade.UNUSABLE, "a1 have standard errors within ±39.1 % only (choose a simpler structure)"),
 ]
 
 
@@ -538,7 +538,7 @@ def test_an_output_without_lag_ends_in_a_verdict_that_is_not_wrong(case: str, st
         ("unnamed_loop", "--setpoint or --controller"),
         ("dry_friction", "Coulomb friction"),
         ("order_too_low", "would help"),
-        ("step_from_rest", "takes one step only"),
+        ("step_from_rest", "contains only one step"),
     ],
 )
 def test_what_is_wrong_is_named(kind: str, said: str) -> None:

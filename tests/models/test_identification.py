@@ -103,7 +103,7 @@ def test_what_an_early_version_did_not_keep_is_not_there(database: Database) -> 
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"model": {**earlier.ACTUATOR["model"], "version": 2}}, "run 3: its model is of version 2"),
+        ({"model": {**earlier.ACTUATOR["model"], "version": 2}}, "run 3: its model of version 2 cannot be read"),
         (
             {"model": {**earlier.ACTUATOR["model"], "S_nominal": "stiff"}},
             "run 3: its model cannot be read, field S_nom",

@@ -100,7 +100,7 @@ def test_a_number_without_unit_and_source_is_one() -> None:
 
 def test_what_are_no_numbers_is_refused_by_its_place() -> None:
     with pytest.raises(
-        UnreadableDocumentError, match=r"^run 3: numbers of its plant cannot be read, field motor\.u_max"
+        UnreadableDocumentError, match=r"^run 3: the parameters of its plant cannot be read, field motor\.u_max"
     ):
         PLANT_NUMBERS.read({"motor": {"u_max": 10.0}}, "run 3")
 
@@ -166,7 +166,7 @@ def test_an_early_session_had_its_tuning_beside_the_mode(database: Database) -> 
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({**PROGRAM, "version": 2}, "run 3: its settings is of version 2"),
+        ({**PROGRAM, "version": 2}, "run 3: its settings of version 2 cannot be read"),
         ({**PROGRAM, "loop": {**LOOP, "b": "half"}}, "run 3: its settings cannot be read, field loop.b"),
         ([], "run 3: its settings cannot be read"),
     ],
@@ -242,7 +242,7 @@ def test_what_is_written_is_what_was_written_and_a_version(database_result: Data
 @pytest.mark.parametrize(
     ("metrics", "criteria", "said"),
     [
-        ({**earlier.METRICS, "version": 2}, [], "run 1: its result is of version 2, written by a newer Sinew"),
+        ({**earlier.METRICS, "version": 2}, [], "run 1: its result of version 2 cannot be read: a newer version"),
         (
             {**earlier.METRICS, "played_s": "long"},
             [],

@@ -211,7 +211,7 @@ def test_every_part_of_a_tuning_is_kept(database: Database) -> None:
 @pytest.mark.parametrize(
     ("document", "said"),
     [
-        ({**BEFORE, "version": 2}, "left by Ana: the active tuning is of version 2"),
+        ({**BEFORE, "version": 2}, "stored by Ana: the active tuning of version 2 cannot be read"),
         ({**BEFORE, "b": "half"}, "the active tuning cannot be read, field b"),
         ({**BEFORE, "bank": None}, "the active tuning cannot be read, field bank"),
         (OTHER.to_document(), "the active tuning cannot be read, field parameters: it is missing"),
@@ -249,4 +249,4 @@ def test_a_bank_that_cannot_be_read_says_so_in_the_list_and_the_others_are_there
         newer, good = StoredBanks(database, worker, lambda: tuning).list_banks()
     assert (good.name, len(good.entries), good.note) == ("good", 1, "")
     assert (newer.name, newer.entries) == ("newer", [])
-    assert "is of version 2" in newer.note
+    assert "of version 2 cannot be read" in newer.note

@@ -270,7 +270,7 @@ def test_the_simulator_loads_from_the_next_period_on_until_told_otherwise(ideal_
 
 @pytest.mark.parametrize("load", [ShaftLoad(-0.1, 0.0), ShaftLoad(0.0, math.nan)])
 def test_a_load_that_pushes_its_tendon_is_refused(ideal_shaft_load: PlantParameters, load: ShaftLoad) -> None:
-    with pytest.raises(PlantError, match="loads pull"):
+    with pytest.raises(PlantError, match="a load pulls"):
         Simulator(ideal_shaft_load).load(load)
 
 

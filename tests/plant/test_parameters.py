@@ -71,7 +71,7 @@ def test_both_sides_of_the_joint_have_the_same_bounds() -> None:
         (r"c0 = \{ value = [\d.]+", 'c0 = { value = "0.1"', r"motor\.c0 = '0\.1' is not a finite number"),
         (r'(?m)^K_t = .*$', "", r'motor\.K_t must read \{ value = \.\.\., unit = "N·m/V", source = "\.\.\." \}'),
         (r'(?m)^K_t = .*$', "K_t = 0.3", r"motor\.K_t must read"),
-        (r'unit = "kg·m²"', 'unit = "g·m²"', r"geometry\.J_j is in 'g·m²': give it in 'kg·m²'"),
+        (r'unit = "kg·m²"', 'unit = "g·m²"', r"geometry\.J_j is in 'g·m²': give one of 'kg·m²'"),
         (r"(?m)^c0 =", "c_0 =", r"unknown entry motor\.c_0; known are K_m, T_m"),
         (r"\[sensors\]", "[sensor]", r"unknown section 'sensor'; known are geometry, spring"),
         (r"\[safety\]", "[[safety]]", r"safety = \[.*\] must be a section: \[safety\]"),

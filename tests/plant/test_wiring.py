@@ -58,7 +58,7 @@ WRONG = {
         replaced('slope = { value = 10.0, unit = "N/V"', 'slope = { value = 10.0, unit = "kg/V"'),
         "kg/V",
         "load_cell_A.slope",
-        "give it in 'N/V'",
+        "give one of 'N/V'",
     ),
     "table without a slack tendon": (
         replaced(LINE_A, 'table = { value = [[0.5, 5], [9, 90]], unit = "V, N", source = "weights" }'),

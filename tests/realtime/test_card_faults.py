@@ -66,19 +66,34 @@ CASES = [
     (InjectedFault(InjectedFaultKind.LOST_SAMPLE), Fault.PLANT_ERROR, "-200279", AT_ONCE),
     (InjectedFault(InjectedFaultKind.STUCK, Sensor.F_A), Fault.SENSOR_STUCK, "F_A stands", 1000),
     (InjectedFault(InjectedFaultKind.STUCK, Sensor.THETA_B), Fault.SENSOR_STUCK, "theta_B", 1000),
-    (InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.F_B), Fault.SENSOR_INVALID, "no number from F_B", AT_ONCE),
+    (
+        InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.F_B),
+        Fault.SENSOR_INVALID,
+        "no valid reading from F_B",
+        AT_ONCE,
+    ),
     (
         InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.THETA_A),
         Fault.SENSOR_INVALID,
-        "no number from theta_A",
+        "no valid reading from theta_A",
         AT_ONCE,
     ),
     (InjectedFault(InjectedFaultKind.SATURATION, Sensor.F_A), Fault.SENSOR_SATURATED, "F_A reads 10.00 V", AT_ONCE),
-    (InjectedFault(InjectedFaultKind.LOST_COUNTS, Sensor.Q), Fault.IMPLAUSIBLE, "but the encoders stretch", 1500),
-    (InjectedFault(InjectedFaultKind.LOST_COUNTS, Sensor.THETA_A), Fault.IMPLAUSIBLE, "but the encoders stretch", 1500),
+    (InjectedFault(InjectedFaultKind.LOST_COUNTS, Sensor.Q), Fault.IMPLAUSIBLE, "but according to the encoders", 1500),
+    (
+        InjectedFault(InjectedFaultKind.LOST_COUNTS, Sensor.THETA_A),
+        Fault.IMPLAUSIBLE,
+        "but according to the encoders",
+        1500,
+    ),
     (InjectedFault(InjectedFaultKind.SWAPPED_LOAD_CELLS), Fault.IMPLAUSIBLE, "F_B = ", 2000),
-    (InjectedFault(InjectedFaultKind.SWAPPED_ENCODERS), Fault.MOTOR_REVERSED, "runs away from", 1000),
-    (InjectedFault(InjectedFaultKind.SWAPPED_MOTORS), Fault.MOTOR_REVERSED, "runs away from", 400),
+    (
+        InjectedFault(InjectedFaultKind.SWAPPED_ENCODERS),
+        Fault.MOTOR_REVERSED,
+        "accelerates against the voltage of",
+        1000,
+    ),
+    (InjectedFault(InjectedFaultKind.SWAPPED_MOTORS), Fault.MOTOR_REVERSED, "accelerates against the voltage of", 400),
 ]
 
 

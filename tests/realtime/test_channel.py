@@ -210,7 +210,7 @@ def test_a_program_of_which_a_part_never_came_is_refused() -> None:
     assert isinstance(first, ProgramPart)
     assert isinstance(rest, LongProgram)
     parts.add(2, first)
-    with pytest.raises(CommandRejectedError, match="24 of the program's 30 segments arrived: send it again"):
+    with pytest.raises(CommandRejectedError, match="24 of the program's 30 segments arrived: send the program again"):
         parts.whole(2, rest)
 
 

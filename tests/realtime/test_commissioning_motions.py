@@ -156,7 +156,7 @@ FAR = {"end_switch": {"position": -0.4}}
 def test_a_loop_that_was_started_far_from_the_middle_homes_from_where_the_joint_has_been_turned(
     tuning: SetTuning, known: bool
 ) -> None:
-    """The joint stood at 1.3 rad, and on its way reads -1.7 rad, its range being 1.57 rad to either side."""
+    """The joint stood at 1.3 rad, and on its way reads -1.7 rad, its range being 1.57 rad in either direction."""
     bench = Bench(tuning, 1.3, FAR, FAR)
     asyncio.run(bench.loop.send(SimulateManualInput(ManualInput(q=0.0, theta_A=0.0, theta_B=0.0))))
     asyncio.run(bench.loop.advance(3.0))
@@ -291,7 +291,7 @@ def test_nothing_but_a_stop_is_granted_while_a_motor_is_tried(tuning: SetTuning)
     loop = tried(tuning)
     refused = asyncio.run(loop.send(SetMode(Mode.PRETENSION)))
     assert isinstance(refused, Refused)
-    assert "a motor is being tried" in refused.reason
+    assert "a commissioning motion is in progress" in refused.reason
     loop.close()
 
 

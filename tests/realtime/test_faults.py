@@ -348,7 +348,7 @@ WITHOUT_UNIT = re.compile(r"(?<![\w.-])-?\d+(?:\.\d+)?(?![\d.]|:? (?:rad|N|V|s|m
         ),
         (
             InjectedFault(InjectedFaultKind.DRIFT_UP, Sensor.Q),
-            r"The joint left its range: q = .* rad; the bound is .* rad .*\.",
+            r"The joint left its range: q = .* rad; the limit is .* rad .*\.",
         ),
         (
             InjectedFault(InjectedFaultKind.DRIFT_UP, Sensor.F_A),
@@ -358,7 +358,10 @@ WITHOUT_UNIT = re.compile(r"(?<![\w.-])-?\d+(?:\.\d+)?(?![\d.]|:? (?:rad|N|V|s|m
             InjectedFault(InjectedFaultKind.DRIFT_DOWN, Sensor.F_A),
             r"A tendon was slack for too long: F_A = .* N below .* N for .*; F_B = .* N\.",
         ),
-        (InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.Q), r"A sensor returned no valid value: no number from q\."),
+        (
+            InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.Q),
+            r"A sensor returned no valid value: no " r"valid reading from q\.",
+        ),
         (
             InjectedFault(InjectedFaultKind.DRIFT_DOWN, Sensor.THETA_A),
             r"Tension and motor positions contradict each other: F_A = .*",
@@ -394,7 +397,7 @@ def test_a_reading_that_is_no_number_is_told_without_a_unit(lab: PlantParameters
     seen = FaultDetectionState(*(len(FaultDetectionState._fields) * [None]))  # type: ignore[arg-type]
     m = NOT_MEASURED._replace(F_B=12.0)
     _, detail = FaultDescriber(lab).describe(tripped, seen, m, m, MotorCommand(0.0, 0.0), NO_RAW, 0)
-    assert detail == "the loop read no number from F_A, F_B = 12.0 N, no number from q then"
+    assert detail == "the loop read no valid reading from F_A, F_B = 12.0 N, no valid reading from q then"
 
 
 # What must not be in the loop is a trip at zero volts, told and recorded; that loop is not reset.
@@ -574,7 +577,7 @@ def test_a_joint_beyond_its_limit_is_told_with_the_limit_that_it_has() -> None:
     fault, seen = checks.find_static_fault(Measurement(math.radians(-91.25), 0.0, 0.0, 20.0, 20.0, 10.0, 0.0, 0.0))
     assert fault is Fault.JOINT_LIMIT
     told, bound = format_text(seen, AngleUnit.DEGREES).split("; ")
-    assert bound == "the bound is 90° to either side"
+    assert bound == "the limit is 90° in either direction"
     assert float(told.removeprefix("q = ").removesuffix("°")) == pytest.approx(-91.25, abs=5e-4)
 
 

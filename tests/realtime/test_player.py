@@ -140,7 +140,7 @@ def test_what_makes_no_sense_is_refused_with_the_reason_and_changes_nothing(play
     played.advance(5)
     answer = played.say(command)
     assert isinstance(answer, Refused)
-    assert "a recording is played" in answer.reason
+    assert "the service replays a recording" in answer.reason
     played.advance(5)
     assert played.shown == list(range(10))
     assert set(played.column("mode")) == {0.0}

@@ -363,7 +363,7 @@ def test_gains_are_fixed_while_a_baseline_plays() -> None:
     bench.advance(0.1)
     answer = bench.send(make_tuning_command(IDEAL, TuningParameters(lam_q=0.8)))
     assert isinstance(answer, Refused)
-    assert "fixed while its program plays" in answer.reason
+    assert "fixed while its program runs" in answer.reason
     assert bench.column("lam_q", last=1)[0] == TuningParameters().lam_q
 
 

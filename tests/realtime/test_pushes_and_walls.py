@@ -84,7 +84,7 @@ def test_a_push_is_let_go_when_its_time_is_over(ideal: PlantParameters) -> None:
     assert pushed.size == 700
     assert np.all(np.diff(pushed) == 1)
     assert bench.column("q", last=1)[0] == pytest.approx(0.0, abs=2e-3)
-    assert [event.why for event in bench.events if isinstance(event, PushReleased)] == ["its time is over"]
+    assert [event.why for event in bench.events if isinstance(event, PushReleased)] == ["its duration has elapsed"]
 
 
 @pytest.mark.parametrize(
@@ -247,7 +247,7 @@ def test_a_plant_that_takes_no_wall_says_so_to_operator_and_program(ideal: Plant
     for command in (Obstruct(ABOVE), Obstruct(None), RunProgram(program)):
         refused = bench.send(command)
         assert isinstance(refused, Refused)
-        assert "does not support walls" in refused.reason
+        assert "does not support obstacles" in refused.reason
     assert bench.loop.mode is Mode.PRETENSION
 
 
@@ -268,7 +268,7 @@ def test_a_program_puts_up_its_own_and_the_operators_is_back_after_it(ideal: Pla
         if stopped and len(seen) == 1500:
             refused = bench.send(Obstruct(None))
             assert isinstance(refused, Refused)
-            assert "the program places its own walls" in refused.reason
+            assert "the program sets its own obstacles" in refused.reason
             bench.send(SetMode(Mode.STOPPING))
         if bench.loop.mode is not Mode.EXPERIMENT:
             break

@@ -107,7 +107,7 @@ def test_start_command_kill_restart_hang_stop(setup: Setup, monkeypatch: pytest.
         assert newest is not None
         assert newest[INDEX["mode"]] == MODE_CODE[Mode.OFF]
         os.kill(second, signal.SIGSTOP)
-        assert "has not ticked" in (await asyncio.wait_for(deaths.get(), TIMEOUT_S)).reason
+        assert "has executed no control step" in (await asyncio.wait_for(deaths.get(), TIMEOUT_S)).reason
 
         await supervisor.restart("for a test")
         await supervisor.send(SetMode(Mode.PRETENSION))

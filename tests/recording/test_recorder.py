@@ -333,7 +333,7 @@ def test_a_position_beyond_the_ring_is_noticed(database: Database, writer: Write
 
 # How a run ended: as the loop says it, whatever is stored when, and as what is known where the loop says nothing.
 
-EARLY = "the program was ended before its end"
+EARLY = "the program was stopped before its end"
 
 
 @pytest.mark.parametrize(
@@ -386,7 +386,7 @@ def test_what_samples_show_ends_no_run(database: Database, writer: Writer) -> No
     recorder.on_event(LoopExited("killed by SIGKILL"))
     recorder.drain()
     ended = stored_run(database, run.id)
-    assert (ended.end_state, ended.end_detail) == (EndState.LINK_LOST, "the loop process died: killed by SIGKILL")
+    assert (ended.end_state, ended.end_detail) == (EndState.LINK_LOST, "the control loop died: killed by SIGKILL")
 
 
 @pytest.mark.parametrize("sampled", [0, 10])

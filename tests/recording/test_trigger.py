@@ -304,7 +304,7 @@ def test_a_loop_that_starts_anew_ends_a_capture_and_the_trigger_stays_armed(data
     trigger.drain()
     cut, whole = kept(database)
     assert (cut.first_tick, cut.trip_tick, cut.count) == (40, 50, 45), "all that the first loop made"
-    assert "0.035 of 0.100 s after it: the control loop ended" in cut.text
+    assert "0.035 of 0.100 s recorded after it: the control loop ended" in cut.text
     assert (whole.first_tick, whole.trip_tick, whole.count) == (50, 60, 110), "no edge from one loop to the next"
 
 
@@ -322,7 +322,7 @@ def test_disarming_keeps_what_there_is(database: Database) -> None:
     trigger.step()
     (flight,) = kept(database)
     assert (flight.count, trigger.is_armed) == (50, False)
-    assert "0.040 of 0.100 s after it: Ana disarmed it" in flight.text
+    assert "0.040 of 0.100 s recorded after it: Ana disarmed it" in flight.text
 
 
 def test_combined_signals_and_the_time_of_the_trigger(database: Database) -> None:
@@ -353,7 +353,7 @@ def test_trips_and_triggers_take_no_room_from_each_other(database: Database, wri
     assert [one.trigger is None for one in found] == [False, False, True, True]
     with database.reading() as session:
         gave_way = [event.text for event in events.find(session) if "were deleted" in event.text]
-    assert sum("captures of triggers" in text for text in gave_way) == 3
+    assert sum("trigger captures" in text for text in gave_way) == 3
     assert sum("flight records" in text for text in gave_way) == 1
 
 

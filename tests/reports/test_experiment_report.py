@@ -139,7 +139,7 @@ def test_a_stopped_run_is_incomplete() -> None:
     part = {name: column[:9_500] for name, column in samples(PLAN).items()}
     report = tracking_report(source_of(part, end_state="stopped"))
     assert report.outcome == "incomplete"
-    assert report.verdict.startswith("Incomplete: 9.5 s of 51 s were played")
+    assert report.verdict.startswith("Incomplete: 9.5 s of 51 s were executed")
     assert "stopped by the operator" in report.facts[0].text
     assert to_pdf(report).startswith(b"%PDF-")
 
@@ -253,7 +253,9 @@ def controller(source: RunData) -> Fact:
 
 def test_a_report_says_by_what_references_were_followed() -> None:
     assert controller(planned()).text.endswith("motion time-optimal within U_plan = 8.5 V")
-    assert controller(planned(k_ext=0.7)).text.endswith("U_plan = 8.5 V; pushes rejected by feed-forward, k_ext = 0.7")
+    assert controller(planned(k_ext=0.7)).text.endswith(
+        "U_plan = 8.5 V; disturbance rejection by feed-forward, k_ext = 0.7"
+    )
     assert controller(planned(motion="lambda")).text.endswith("motion lambda: the paper's law with the governor")
     assert controller(source_of(samples(PLAN))).text.endswith("motion lambda: the paper's law with the governor")
 
@@ -274,8 +276,8 @@ def test_what_the_paper_s_law_would_take_is_a_simulation_of_its_own(report_plan:
 def test_the_figures_show_it_and_say_what_it_is(report_plan: Report) -> None:
     figures = {f.name: f for section in report_plan.sections for f in section.blocks if isinstance(f, Figure)}
     for name in ("separate", "together"):
-        assert "In grey the paper's law" in figures[name].caption
-        assert "governor and no plan" in figures[name].caption
+        assert "Grey: simulated response of the paper's law" in figures[name].caption
+        assert "reference governor and no trajectory feed-forward" in figures[name].caption
     assert "governor" not in figures["steps"].caption
     plain = {
         f.name: f
@@ -305,7 +307,7 @@ def test_what_cannot_be_computed_says_why() -> None:
         assert found == PaperLawResponse(reason=reason)
         assert make_law_comparison([], PaperLawResponse(reason=reason), AngleUnit.DEGREES) == ()
     report = tracking_report(replace(source, columns=changed))
-    assert "would have made of these references was not computed" in to_html(report)
+    assert "to these references was not computed" in to_html(report)
 
 
 def test_a_step_that_does_not_get_there_is_not_measured(law_plan: PaperLawResponse) -> None:
@@ -349,10 +351,10 @@ def test_a_law_for_comparison_lists_only_what_it_uses_and_says_what_it_knows(law
     facts = {fact.label: fact.text for fact in report.facts}
     assert facts["Tuning"] == "λ_q = 0.5 s, λ_S = 0.42 s"
     known = "true plant" if law == "feedback-linearization" else "identified geometry, spring and motors"
-    assert known in facts["Model in the law"]
-    assert ("friction" in facts["Model in the law"]) == (law == "feedback-linearization")
+    assert known in facts["Model used by the law"]
+    assert ("friction" in facts["Model used by the law"]) == (law == "feedback-linearization")
     assert "U_plan = 8.5 V" not in facts["Controller"]
-    made = next(section for section in report.sections if section.heading == "How it was made")
+    made = next(section for section in report.sections if section.heading == "Settings and origin")
     assert not any("Gains were computed" in getattr(block, "text", "") for block in made.blocks)
 
 
@@ -361,7 +363,7 @@ def test_the_cascade_lists_all_of_its_tuning() -> None:
     assert {"λ_q", "λ_S", "λ_motor", "b", "bank", "interpolate", "motion", "U_plan", "k_ext"} <= settings_in(report)
     facts = {fact.label: fact.text for fact in report.facts}
     assert "U_plan = 8.5 V" in facts["Controller"]
-    assert "not their friction" in facts["Model in the law"]
+    assert "not their friction" in facts["Model used by the law"]
 
 
 @pytest.mark.parametrize("tuning_of", [make_single_loop_tuning, make_feedback_linearization_tuning])

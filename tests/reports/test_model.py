@@ -114,7 +114,7 @@ NUMBER = re.compile(r"(?<![\w.])[-−]?\d+\.?\d*(?![\w.:])")
 BARE_RADIAN = re.compile(r"(?<![/·\w])m?rad\b(?!/\(|/rad)")
 """A radian that is not part of a gain (N·m/rad, rad/(V·s), rad/rad, "per rad") or of an angular frequency."""
 
-TRIP = f"q = {Angle(1.60207)}; the bound is {Angle(1.5708)} to either side"
+TRIP = f"q = {Angle(1.60207)}; the limit is {Angle(1.5708)} in either direction"
 
 
 def tripped(source: RunData) -> RunData:
@@ -204,7 +204,7 @@ def test_figures_settings_steps_and_reasons_are_converted(tracking_source: RunDa
     assert (amplitude["Value"], amplitude["Unit"]) == ("60", "°")
     first = next(row for row in table(degrees, "Every step") if row["Step"].startswith("q"))
     assert (first["Step"], first["to"]) == ("q [°]", "60.0")
-    assert any("q = 91.7918°; the bound is 90°" in fact.text for fact in degrees.facts)
+    assert any("q = 91.7918°; the limit is 90°" in fact.text for fact in degrees.facts)
     assert any(format_text(TRIP, RAD) in fact.text for fact in radians.facts)
 
 

@@ -94,7 +94,7 @@ def test_a_hit_that_was_not_felt_says_so(source: RunData) -> None:
     hit = find_hits(source.columns, PLAN_IMPACT.program())[-1]._replace(
         detection_s=float("nan"), reaction_s=float("nan")
     )
-    assert hits_table([hit], AngleUnit.RADIANS).rows[0][7:9] == ("not felt", "not felt")
+    assert hits_table([hit], AngleUnit.RADIANS).rows[0][7:9] == ("not detected", "not detected")
 
 
 def test_a_hit_without_a_speed_says_that_it_was_not_measured(source: RunData) -> None:
@@ -167,7 +167,7 @@ def test_a_session_is_shown_and_not_judged() -> None:
         ),
         (  # as earlier versions stored sessions, without b
             {"mode": "run", "loop": {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "interpolate": False}},
-            "λ_q = 0.5 s, λ_S = 0.42 s, λ_motor = 0.0854 s, b was not recorded then",
+            "λ_q = 0.5 s, λ_S = 0.42 s, λ_motor = 0.0854 s, b was not recorded at that time",
         ),
     ],
 )
@@ -192,7 +192,7 @@ def test_an_own_sequence_has_figures_but_no_criteria() -> None:
     assert (report.title, report.outcome) == ("Own sequence", "neutral")
     assert "No criteria" in report.verdict
     assert [block.caption.split(".")[0] for block in report.sections[0].blocks if isinstance(block, Table)] == [
-        "Metrics on measured signals"
+        "Metrics of measured signals"
     ]
 
 

@@ -72,7 +72,7 @@ def account(page: str) -> SeriesEvidence:
 
 
 def test_what_differs_is_lambda_alone(sources: list[RunData]) -> None:
-    (differing,) = tables(series_report(sources), "What differs")
+    (differing,) = tables(series_report(sources), "Differences")
     ((title, *cells),) = differing.rows
     assert "λ_q [s]" in title
     assert cells == ["0.4", "0.5", "0.6"]
@@ -97,7 +97,7 @@ def test_of_seven_runs_five_stand_beside_each_other(sources: list[RunData]) -> N
     assert [column.title for column in first.columns[2:]] == [f"Run {number}" for number in range(1, 6)]
     assert [column.title for column in second.columns[2:]] == ["Run 6", "Run 7"]
     assert all(cell in ("0", "not measured") for cell in (row[4] for row in spread.rows))
-    assert "Nothing: the runs have the same settings" in to_html(report)
+    assert "None: the runs have the same settings" in to_html(report)
     assert to_pdf(report).startswith(b"%PDF-")
 
 
@@ -111,10 +111,10 @@ def test_what_differs_names_versions_text_bank_and_what_was_granted(sources: lis
     entry = BankEntry(10.55, {"K_q": 0.05, "T_q": 0.34, "K_S": 0.72, "T_S": 0.34})
     bank = Bank(1, "set 2", 3, "", "", run.started_at, (entry,))
     other = replace(sources[0], run=replace(run, settings=settings, parameters_name="mine"), bank=bank)
-    (differing,) = tables(series_report([sources[0], other]), "What differs")
+    (differing,) = tables(series_report([sources[0], other]), "Differences")
     rows = {row[0]: row[1:] for row in differing.rows}
     assert rows["NumPy"][1] == "1.0"
-    assert rows["name of the parameters"] == ("ideal", "mine")
+    assert rows["name of the parameter set"] == ("ideal", "mine")
     assert rows["text of the experiment, sha256"][0] != rows["text of the experiment, sha256"][1]
     assert rows["bank"] == ("none", "“set 2” version 3")
     assert len(rows["bank, sha256"][1]) == 12
@@ -131,7 +131,7 @@ def test_values_of_an_experiment_are_compared_by_their_paths(
         settings["plan"]["experiment"] = json.dumps({"parts": parts})
         return replace(sources[0], run=replace(sources[0].run, settings=settings))
 
-    (differing,) = tables(series_report([with_angle(0.0), with_angle(math.pi)]), "What differs")
+    (differing,) = tables(series_report([with_angle(0.0), with_angle(math.pi)]), "Differences")
     rows = {row[0]: row[1:] for row in differing.rows}
     text = rows.pop("text of the experiment, sha256")
     assert text[0] != text[1]

@@ -190,14 +190,14 @@ def test_a_sheet_at_all_bounds_is_drawn() -> None:
 @pytest.mark.parametrize(
     ("inside", "what", "most"),
     [
-        ("<g>" * DEEPEST + "</g>" * DEEPEST, "elements in each other", DEEPEST),
+        ("<g>" * DEEPEST + "</g>" * DEEPEST, "nested elements", DEEPEST),
         ("<g/>" * MOST_ELEMENTS, "elements", MOST_ELEMENTS),
         (texts(MOST_TEXTS + 1, 1), "texts", MOST_TEXTS),
-        (texts(1, MOST_LETTERS_OF_A_TEXT + 1), "letters of a text", MOST_LETTERS_OF_A_TEXT),
-        (f"<text>{'a' * 400}{texts(1, 50)}{'a' * 51}</text>", "letters of a text", MOST_LETTERS_OF_A_TEXT),
-        (texts(MOST_LETTERS // 400 + 1, 400), "letters of all texts", MOST_LETTERS),
+        (texts(1, MOST_LETTERS_OF_A_TEXT + 1), "characters of a text", MOST_LETTERS_OF_A_TEXT),
+        (f"<text>{'a' * 400}{texts(1, 50)}{'a' * 51}</text>", "characters of a text", MOST_LETTERS_OF_A_TEXT),
+        (texts(MOST_LETTERS // 400 + 1, 400), "characters of all texts", MOST_LETTERS),
         (way(MOST_OF_A_PATH + 1), "characters of a path", MOST_OF_A_PATH),
-        (f"<title>{'a' * (MOST_OF_A_TITLE + 1)}</title>", "letters of the title", MOST_OF_A_TITLE),
+        (f"<title>{'a' * (MOST_OF_A_TITLE + 1)}</title>", "characters of the title", MOST_OF_A_TITLE),
     ],
 )
 def test_more_than_the_bounds_is_refused_before_it_is_drawn(inside: str, what: str, most: int) -> None:

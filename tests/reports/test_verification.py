@@ -135,7 +135,7 @@ ACCOUNTS: dict[str, tuple[Callable[[Document], None], str]] = {
         "hash of the parameters",
     ),
     "a setting": (put("run", "settings", "plan", "S_hold", value=10.5), "hash of the settings"),
-    "the experiment": (put("run", "settings", "plan", "experiment", value="{}"), "what it was computed from"),
+    "the experiment": (put("run", "settings", "plan", "experiment", value="{}"), "the source data"),
     "λ": (put("run", "settings", "loop", "lam_q", value=0.4), "hash of the settings"),
     "the seed": (put("run", "settings", "loop", "seed", value=3), "“Seed” in the heading"),
     "the version of a package": (put("run", "settings", "versions", "NumPy", value="1.0"), "“Software” in the heading"),
@@ -158,7 +158,7 @@ def test_a_change_of_what_it_carries_is_found_and_named(report: Made, what: str)
     change, name = ACCOUNTS[what]
     found = verify_report(report.with_account(change), report.source.columns)
     assert name in names(found)
-    assert "hash of the account" in names(found) or name == "what it was computed from"
+    assert "hash of the account" in names(found) or name == "the source data"
 
 
 CELL = '<td class="number">'
@@ -225,7 +225,7 @@ IMPOSSIBLE: dict[str, tuple[Callable[[Document], None], str]] = {
     "a kind that there is not": (put("run", "kind", value="trackings"), "the page"),
     "a number beyond any float": (put("missed_before", value=10**400), "metrics, missing_samples"),
     "a metric beyond any float": (put("metrics", "played_s", value=10**400), "metrics, played_s"),
-    "a section that is a number": (put("run", "parameters", "geometry", value=7), "what it was computed from"),
+    "a section that is a number": (put("run", "parameters", "geometry", value=7), "the source data"),
 }
 
 
@@ -302,7 +302,7 @@ def test_another_unit_in_the_columns_of_a_parquet_file_is_found(report: Made, tm
 
 
 def test_what_is_no_report_or_has_no_samples_cannot_be_told(report: Made, tmp_path: Path) -> None:
-    with pytest.raises(EvidenceError, match="the samples that it was made of are not here"):
+    with pytest.raises(EvidenceError, match="the samples of the report are missing"):
         verify_report(report.page, None)
     for page in ("", "<html></html>", f"{BEGIN}{{}}{END}", f"{BEGIN}[1]{END}", f"{BEGIN}no JSON{END}"):
         with pytest.raises(EvidenceError):
@@ -356,7 +356,7 @@ def test_signals_that_an_older_version_did_not_record_hold_by_an_export(report: 
     assert {name for name in lacking if np.isnan(from_file[name]).all()} == {*lacking}
     assert ([one.name for one in problems], verify_report(page, from_file).differences) == ([], ())
     from_file["V_A"][100] = 1.0
-    assert {"check sums of V_A", "hash of the samples"} <= {*names(verify_report(page, from_file))}
+    assert {"checksums of V_A", "hash of the samples"} <= {*names(verify_report(page, from_file))}
 
 
 def test_a_report_that_was_made_without_a_result_holds_and_says_so(report: Made) -> None:
@@ -364,7 +364,7 @@ def test_a_report_that_was_made_without_a_result_holds_and_says_so(report: Made)
     without = to_html(build_report(replace(report.source, run=run, result=None)))
     found = verify_report(without, report.source.columns)
     assert found.differences == ()
-    assert "the report was made without one" in found.left_out[0]
+    assert "the report contains none" in found.left_out[0]
 
 
 @pytest.mark.parametrize(("changed", "names"), [({}, []), ({"lam_q": 0.7}, ["metrics.json, settings, loop, lam_q"])])

@@ -126,7 +126,7 @@ REFUSED: list[tuple[str, Any, list[str | int] | None, str]] = [
         "preferences",
         {**DEFAULT_PREFERENCES.model_dump(mode="json"), "camera": "from above"},
         ["camera"],
-        "name of the camera of the 3D view: it has characters that are not taken here",
+        "name of the camera of the 3D view: it contains characters that are not allowed",
     ),
     ("trial", {"duration_s": "x"}, ["duration_s"], "duration of the trial: “x” is not a number; give one in s"),
     (
@@ -143,7 +143,7 @@ REFUSED: list[tuple[str, Any, list[str | int] | None, str]] = [
         ["q_ref"],
         "joint position reference: “1 turn” is not a number; give o",
     ),
-    ("bank", [1], None, "what was sent: it needs named values"),
+    ("bank", [1], None, "the request: an object with named values is required"),
     ("bank", {"entries": [ENTRY]}, ["name"], "name of the bank: it is missing"),
     (
         "bank",
@@ -189,7 +189,7 @@ REFUSED: list[tuple[str, Any, list[str | int] | None, str]] = [
         "what makes the models from the record: “foo” is refused; c",
     ),
     ("identification", {"bits": 7.5}, ["bits"], "length of the shift register: 7.5 is no whole number; give"),
-    ("identification", {"kind": "x"}, ["kind"], "kind: “x” is refused; choose one of actuator, motor, spring"),
+    ("identification", {"kind": "x"}, ["kind"], "kind: “x” is not allowed; choose one of actuator, motor, spring"),
 ]
 
 

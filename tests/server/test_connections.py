@@ -244,7 +244,7 @@ def test_of_one_kind_of_line_few_are_written() -> None:
     assert line(limit, 1, line_number=2) == "socket 1"
     assert line(limit, 1, error=OSError()) == "socket 1"
     now[0] = WINDOW_S
-    assert line(limit, 1000) == f"socket 1000 [{1000 - LINES_PER_WINDOW} more like this were left out]"
+    assert line(limit, 1000) == f"socket 1000 [{1000 - LINES_PER_WINDOW} similar messages were omitted]"
 
 
 # What connections send is parsed in turn, and a websocket that sends more than a page does is slowed and closed.

@@ -86,7 +86,7 @@ def _impact(soft: Hit, stiff: Hit) -> list[str]:
 
 def _reaction(plain: Hit, hit: Hit) -> list[str]:
     times = [
-        f"{1e3 * time_s:.0f} ms" if np.isfinite(time_s) else "not felt"
+        f"{1e3 * time_s:.0f} ms" if np.isfinite(time_s) else "not detected"
         for time_s in (hit.detection_s, hit.reaction_s, hit.to_peak_s)
     ]
     return [
