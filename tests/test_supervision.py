@@ -58,9 +58,9 @@ def test_a_task_that_dies_is_told_and_works_again(die: Callable[[], Awaitable[No
         assert supervision.problems == []
         await until(lambda: lives == 2)
         assert deaths == [1]
-        assert told == [f"The clerk died ({cause}) and is being restarted."]
+        assert told == [f"The clerk failed ({cause}) and is being restarted."]
         (shown,) = supervision.problems
-        assert shown == f"The clerk died ({cause}) and was started anew. Letters wait."
+        assert shown == f"The clerk failed ({cause}) and was restarted. Letters wait."
         await kept.end()
         assert lives == 2
         assert not [task for task in asyncio.all_tasks() if task.get_name() == PART.name]
@@ -103,7 +103,7 @@ def test_a_thread_that_is_killed_is_told_and_works_again() -> None:
         kill(ctypes.c_ulong(lives[0]), ctypes.py_object(SystemExit))
         await until(lambda: len(lives) == 2)
         # it is told as being started for as long as its death took to be written down, after the pause has begun
-        await until(lambda: supervision.problems == ["The clerk died (SystemExit) and was started anew. Letters wait."])
+        await until(lambda: supervision.problems == ["The clerk failed (SystemExit) and was restarted. Letters wait."])
         kept.end()
         assert PART.name not in {thread.name for thread in threading.enumerate()}
         await asyncio.sleep(3 * FIRST_RESTART_DELAY_S)
@@ -121,7 +121,7 @@ def test_the_pauses_grow_and_a_part_that_lives_long_is_well_again() -> None:
     assert pauses[:3] == [FIRST_RESTART_DELAY_S, 2 * FIRST_RESTART_DELAY_S, 4 * FIRST_RESTART_DELAY_S]
     assert pauses[-1] == MAX_RESTART_DELAY_S
     assert supervision.problems == [
-        "The clerk died (no paper) and is being started anew, 12 times in a row. Letters wait."
+        "The clerk failed (no paper) and is being restarted, 12 times in a row. Letters wait."
     ]
     assert len(told) == 1
     now = MAX_RESTART_DELAY_S + STABLE_AFTER_S

@@ -206,7 +206,7 @@ def test_a_figure_that_was_not_measured_is_judged_with_its_reason() -> None:
         ({"figure": "rmse_q"}, "a criterion needs exactly one bound: below or above", 30),
         ({"figure": "rmse_q", "below": 1.0, "above": 0.0}, "a criterion needs exactly one bound: below or above", 30),
         ({"figure": "rmse_q", "below": "u_least"}, "'u_least' is not known here; choose one of depth, u_max", 30),
-        ({"figure": "rmse_q", "below": "__import__('os')"}, "is not taken", 30),
+        ({"figure": "rmse_q", "below": "__import__('os')"}, "is not supported", 30),
     ],
 )
 def test_a_criterion_that_no_run_could_be_judged_by_is_refused(bound: dict[str, Any], told: str, line: int) -> None:

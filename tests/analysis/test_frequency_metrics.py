@@ -181,7 +181,7 @@ def test_a_bandwidth_far_below_the_lowest_line_is_not_measured() -> None:
     f = np.array([0.5, 1.0, 1.5])
     found, reason = compute_bandwidth(Response("q", f, lags(f, 0.5, 2)))
     assert found is None
-    assert reason.startswith("the gain is 0.29 already at 0.5 Hz, the lowest line")
+    assert reason.startswith("the gain is 0.29 at 0.5 Hz, already the lowest line")
 
 
 def test_the_resonance_is_that_over_the_gain_at_rest() -> None:
@@ -276,7 +276,7 @@ def test_lines_above_the_predicted_bandwidth_do_not_tell_how_far_off_it_is() -> 
     in_force = made(LEAD_IN, MULTISINE_BODE.replace("period_s: 4", "period_s: 2"))
     told = figures(in_force, seen(in_force, lag_q=0.7))
     assert (told.bandwidth_q_Hz, told.gain_off_q_dB, told.phase_off_q_deg) == (None, None, None)
-    assert "0.5 Hz, the lowest line" in told.reasons["bandwidth_q_Hz"]
+    assert "0.5 Hz, already the lowest line" in told.reasons["bandwidth_q_Hz"]
     assert "no line lies below the predicted bandwidth" in told.reasons["phase_off_q_deg"]
     assert told.bandwidth_q_predicted_Hz == pytest.approx(0.225, abs=0.002)
 

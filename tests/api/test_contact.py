@@ -237,7 +237,7 @@ def test_rejection_is_refused_with_a_noisy_estimate(database: Database) -> None:
         await learned(parts)
         contact = parts.actuator.contact
         contact._points = [TouchPoint(S=10.0, F=0.0, std_N=0.2)]
-        with pytest.raises(RequestRejectedError, match=r"moves by 0\.2 N"):
+        with pytest.raises(RequestRejectedError, match=r"varies by 0\.2 N"):
             await parts.actuator.tuning_service.apply(TuningRequest(k_ext=0.5), WHO)
 
     stepped(database, load_parameters("lab"), operate)

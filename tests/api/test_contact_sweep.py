@@ -141,7 +141,7 @@ def test_sweep_is_refused_with_a_reason_and_excludes_other_calibration(database:
                 await parts.actuator.contact.apply(order, WHO)
             return str(told.value)
 
-        assert "held in mode run, and the mode is off" in await why()
+        assert "held in mode run, but the mode is off" in await why()
         await at_rest(parts)
         assert "cannot be combined" in await why(TouchOrder(sweep="begin", learn=True))
         parts.live_state.task = TaskView(

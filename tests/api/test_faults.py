@@ -136,9 +136,7 @@ class _RigActuator:
 @pytest.mark.parametrize("fault", INJECTIONS)
 def test_nothing_is_injected_into_a_rig(fault: Fault) -> None:
     rig, control = cast(ActuatorService, _RigActuator()), cast(ControlLease, None)
-    with pytest.raises(
-        RequestRejectedError, match="only into what is simulated, and what is driven is the rig"
-    ) as error:
+    with pytest.raises(RequestRejectedError, match="requires a simulated plant, but the plant is the rig") as error:
         asyncio.run(apply_fault(rig, control, INJECTIONS[fault], "Ana"))
     assert error.value.category is ErrorCode.NOT_NOW
 

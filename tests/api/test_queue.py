@@ -48,7 +48,7 @@ def test_a_stop_holds_the_queue_and_says_why(off: httpx.Client) -> None:
     assert not queue["running"]
     assert (
         queue["problem"]
-        == f"held because run {run} ended as stopped; start the queue again to continue with the next experiment"
+        == f"paused because run {run} ended as stopped; start the queue again to continue with the next experiment"
     )
     assert len(queue["items"]) == 1
 

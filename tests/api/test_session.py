@@ -357,7 +357,7 @@ def layout(*panels: dict[str, Any], name: str = "Mine") -> dict[str, Any]:
     [
         (
             [layout(ERRORS, {**ERRORS, "title": "Both", "signals": ["q", "S"]})],
-            "panel “Both” of layout “Mine” has q in rad and S in N·m/rad: one panel has one unit; put them into",
+            "panel “Both” of layout “Mine” has q in rad and S in N·m/rad: all signals of a panel",
         ),
         ([layout({**ERRORS, "signals": ["q_hat"]})], "panel “Errors” of layout “Mine”: there is no signal q_hat"),
         ([layout({**ERRORS, "signals": ["q - S"]})], "there is no signal q - S"),
@@ -368,7 +368,7 @@ def layout(*panels: dict[str, Any], name: str = "Mine") -> dict[str, Any]:
         ),
         ([layout(ERRORS, ERRORS)], "panel of layout “Mine”: “Errors” occurs 2 times: remove the duplicates"),
         ([layout(ERRORS), layout(PLANE, ERRORS)], "layout of the charts: “Mine” occurs 2 times: remove the duplicates"),
-        ([layout(PLANE)], "layout “Mine” has no panel over time; add one"),
+        ([layout(PLANE)], "layout “Mine” has no panel over time: add one"),
     ],
 )
 def test_what_no_chart_can_show_is_refused_in_words(layouts: list[dict[str, Any]], said: str) -> None:

@@ -79,9 +79,9 @@ def test_an_experiment_starts_from_what_is_in_force_and_says_so(command: Command
     ended = command(*order, str(tmp_path), "--set", f"segments={segments}", "--set", "b=1", "--set", "bank=0")
     assert ended.returncode == 0, ended.stderr
     assert ended.stdout.splitlines()[0] == (
-        "tuning: λ_q 0.7 s (in force), λ_S 0.42 s (in force), λ_motor 0.0854 s (in force), b 1 (set), "
-        "geometric gains (set), switching between entries (in force), "
-        "lambda motion (in force)"
+        "tuning: λ_q 0.7 s (active), λ_S 0.42 s (active), λ_motor 0.0854 s (active), b 1 (set), "
+        "geometric gains (set), switching between entries (active), "
+        "lambda motion (active)"
     )
     with closing(open_database(tmp_path)) as database:
         with database.reading() as session:

@@ -388,7 +388,7 @@ REFUSED: dict[str, tuple[dict[str, dict[str, Any]], str]] = {
     ),
     "saturated": (
         {"load_cell_B": {"slope": 1.5}},
-        r"load cell B reads up to 10\.00 V, 9\.99 V are the end of its input: less load, or less gain",
+        r"load cell B reads up to 10\.00 V, 9\.99 V is the end of its input range: reduce the load or the gain",
     ),
     "dead": (
         {"load_cell_A": {"channel": "ai7"}},

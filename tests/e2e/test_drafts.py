@@ -43,7 +43,7 @@ FORMS: list[tuple[str, str, Callable[[Page], None], Box, str, str | None]] = [
         "Experiments",
         "e",
         nothing,
-        in_region(EXPERIMENT_TEXTS["newExperiment"], "Time each position reference is held [s]"),
+        in_region(EXPERIMENT_TEXTS["newExperiment"], "Hold time of each position reference [s]"),
         "7.5",
         EXPERIMENT_TEXTS["settingsOf"].split(" {")[0],
     ),

@@ -54,8 +54,8 @@ def test_a_run_is_followed_in_words_and_aborted_softly(operator: Operator) -> No
     page = operator.page
     bring_to_run(operator.service)
     operator.go("Experiments")
-    operator.fill("Time each position reference is held [s]", 4)
-    operator.fill("Time each stiffness reference is held [s]", 4)
+    operator.fill("Hold time of each position reference [s]", 4)
+    operator.fill("Hold time of each stiffness reference [s]", 4)
     operator.press("Start tracking of position and stiffness")
     operator.expect_mode("experiment")
     card = page.get_by_role("region", name=OPERATE["running"], exact=True)

@@ -120,8 +120,8 @@ def track(operator: Operator) -> None:
     """Tracking with shorter holds than the paper's; every criterion is met all the same."""
     page = operator.page
     operator.go("Experiments")
-    operator.fill("Time each position reference is held [s]", 4)
-    operator.fill("Time each stiffness reference is held [s]", 4)
+    operator.fill("Hold time of each position reference [s]", 4)
+    operator.fill("Hold time of each stiffness reference [s]", 4)
     operator.press("Start tracking of position and stiffness")
     operator.expect_mode("experiment")
     criteria = page.get_by_role("table", name="Criteria", exact=True)

@@ -237,7 +237,7 @@ def test_a_number_out_of_bounds_is_refused_with_bounds_and_unit(name: str, value
 
 @pytest.mark.parametrize("value", ["wide", True, None, [1.0]])
 def test_what_is_no_number_is_refused_with_its_unit(value: object) -> None:
-    with pytest.raises(SettingError, match="needs a number in rad") as refused:
+    with pytest.raises(SettingError, match="a number is required") as refused:
         build_ready_plan("tracking", **{"q_amplitude": value})
     assert (refused.value.quantity, refused.value.value, refused.value.unit) == ("q_amplitude", value, "rad")
 

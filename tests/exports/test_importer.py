@@ -117,7 +117,7 @@ def test_what_a_csv_says_of_itself_has_to_hold(
         ('"run":{', '"run":[],"was":{', "its metadata"),
         ("# sinew-export: {", "# sinew-export: [", "cannot be read"),
         ('"value":0.075', '"value":0.076', "were changed"),
-        ("\n0.001,", "\n0.003,", "do not rise"),
+        ("\n0.001,", "\n0.003,", "do not increase"),
         ("\n0.001,", "\nnan,", "not multiples"),
         ("t,q,q_ref", "t,q_ref,q", "heading"),
     ):

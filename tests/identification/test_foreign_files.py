@@ -268,7 +268,7 @@ def test_rows_that_are_commented_out_are_said() -> None:
     reading = imported(text, {"selection": Selection(resample=True)}).reading
     assert reading.rows_in_file == 360
     assert reading.layout["comment_lines"] == 40
-    assert "39 comments between rows" in reading.notes[0]  # the first of them is above the first row
+    assert "39 comment lines between rows" in reading.notes[0]  # the first of them is above the first row
 
 
 def test_rows_in_reverse_order_are_named() -> None:

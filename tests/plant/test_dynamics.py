@@ -518,7 +518,7 @@ def test_the_steps_are_stable_at_the_bounds_and_say_where_they_come_from() -> No
         (WALL._replace(q_wall=math.nan), "angle of the obstacle: nan\u202frad"),
         (
             WALL._replace(k_wall=4e4),
-            "stiffness of the obstacle: 40000 N/m is outside 100 to 33280 N/m; the simulator's step",
+            "stiffness of the obstacle: 40000 N/m is outside 100 to 33280 N/m; the integration steps of the simulator",
         ),
         (WALL._replace(k_wall=50.0), "stiffness of the obstacle: 50 N/m is outside 100"),
         (WALL._replace(k_wall=math.inf), "stiffness of the obstacle: inf N/m"),

@@ -75,7 +75,7 @@ def package(folder: Path, name: str, entry: str, code: str, plant: str = "odd") 
             "def make(parameters, seed): ...",
             r"made None, which is not a Plant: it has no .*open\(\), read\(\)",
         ),
-        ("def make(parameters, seed): return 3", "made an int, which is no Plant"),
+        ("def make(parameters, seed): return 3", "made an int, which is not a Plant"),
     ],
 )
 def test_a_package_that_brings_no_plant_is_told_in_one_line(
@@ -102,7 +102,7 @@ def test_what_a_package_refuses_itself_is_told_as_it_says_it(
 def test_a_name_has_to_be_one_of_what_there_is(site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(site))
     for name in ("toaster", "virtual_card", ""):
-        with pytest.raises(PlantError, match=rf"there is no plant {name}: .*of installed packages two-springs$"):
+        with pytest.raises(PlantError, match=rf"there is no plant {name}: .*from installed packages two-springs$"):
             require_available(PlantChoice(PlantKind.PACKAGE, package=name))
     package(tmp_path, "other", "other:make", "", plant=example.NAME)
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -145,5 +145,5 @@ def test_a_plant_that_breaks_its_promise_ends_the_check_with_a_line(tmp_path: Pa
     package(tmp_path, "mute", "mute:make", code, plant="mute")
     checked = sinew(tmp_path, "rig", "conformance", "--plant", "mute")
     assert checked.returncode == 1
-    assert "broken     Once it is open, its description says" in checked.stdout
+    assert "broken     Once it is open, its description names" in checked.stdout
     assert checked.stderr.strip() == "sinew: mute: 1 of 16 requirements of the plant interface are not met"

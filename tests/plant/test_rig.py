@@ -264,7 +264,7 @@ def test_a_rig_that_is_not_open_says_so() -> None:
 def test_a_drive_enable_line_that_stays_on_is_found_before_anything_is_acknowledged() -> None:
     rig = stepped()
     rig.card.faults.enable_held = True
-    with pytest.raises(PlantError, match=r"\(port2/line4\) was switched off and stays on"):
+    with pytest.raises(PlantError, match=r"\(port2/line4\) was switched off but stays on"):
         rig.acknowledge()
     rig.card.faults.enable_held = False
     rig.acknowledge()

@@ -51,7 +51,7 @@ def test_silence_takes_the_drives_away_until_they_are_acknowledged() -> None:
     until_expired(registers)
     state = registers.state()
     assert (state.u_A, state.u_B, state.drive_enabled) == (0.0, 0.0, False)
-    with pytest.raises(WatchdogExpiredError, match=r"nothing for 0\.5 s"):
+    with pytest.raises(WatchdogExpiredError, match=r"no write for 0\.5 s"):
         rig.write(MotorCommand(1.0, 1.0))
     rig.acknowledge()
     rig.write(MotorCommand(0.5, 0.0))

@@ -64,7 +64,7 @@ WRONG = {
         replaced(LINE_A, 'table = { value = [[0.5, 5], [9, 90]], unit = "V, N", source = "weights" }'),
         "[[0.5, 5], [9, 90]]",
         "load_cell_A.table",
-        "it covers 5 to 90 N; measure 0 N too",
+        "it covers 5 to 90 N; add a measured point at 0 N",
     ),
     "table that goes up and down": (
         replaced(LINE_A, 'table = { value = [[0, 0], [5, 60], [9, 50]], unit = "V, N", source = "weights" }'),

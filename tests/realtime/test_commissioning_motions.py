@@ -214,7 +214,7 @@ def test_it_is_not_begun_before_it_is_safe(tuning: SetTuning) -> None:
     asyncio.run(bench.loop.send(SwitchDrives(on=True)))
     asyncio.run(bench.loop.send(SimulateManualInput(ManualInput(pull_B=12.0))))
     asyncio.run(bench.loop.advance(0.1))
-    assert "at most 10 N are safe" in refused()
+    assert "at most 10 N is safe" in refused()
     bench.loop.close()
 
 

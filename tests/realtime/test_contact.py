@@ -386,7 +386,7 @@ def test_an_operators_reaction_ends_a_program_for_good_and_is_told_of_before() -
     bench.send(ConfigureContactDetection(((12.0, bias),), 1.2))
     refused = bench.send(RunProgram(HITS, 8))
     assert isinstance(refused, Refused)
-    assert "contacts from 1.2 N on" in refused.reason
+    assert "armed at 1.2 N" in refused.reason
     assert told(bench, RunEnded) == []
     assert isinstance(bench.send(RunProgram(NEVER, 8)), Accepted)  # it has no contact reaction by itself
     bench.send(SetMode(Mode.PRETENSION))

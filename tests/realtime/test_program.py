@@ -313,7 +313,7 @@ def test_a_segment_that_wants_a_tuning_that_is_not_there_is_refused_before_anyth
     bench = OnTheBench()
     answer = bench.send(RunProgram(Program(Law.CASCADE, SEGMENTS)))
     assert isinstance(answer, Refused)
-    assert "wants tuning 1 of the program's 0" in answer.reason
+    assert "refers to tuning 1 of the program's 0" in answer.reason
 
 
 # The baselines in the live loop: they play a program, keep the joint held at both ends, and say what they refuse.

@@ -195,7 +195,7 @@ def test_the_service_clears_the_outputs_when_watchdog_and_loop_are_both_dead(set
     ("plant", "parameters", "reason"),
     [
         (SIMULATOR, "no-such-set", "no-such-set"),
-        (PlantChoice(PlantKind.RIG), "ideal", "NI's driver is not on this machine|its extra rig"),
+        (PlantChoice(PlantKind.RIG), "ideal", "NI's driver is not installed on this machine|its extra rig"),
         (PlantChoice(PlantKind.RIG, wiring="no-such-file"), "ideal", "no-such-file: file: it cannot be read"),
     ],
 )

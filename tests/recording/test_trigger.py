@@ -258,7 +258,7 @@ def test_what_the_loop_had_not_made_yet_is_told_as_missing(database: Database) -
     trigger.drain()
     (flight,) = kept(database)
     assert (flight.first_tick, flight.trip_tick, flight.count) == (0, 30, 80)
-    assert "0.030 of 0.100 s before it" in flight.text
+    assert "0.030 of 0.100 s recorded before it" in flight.text
 
 
 def test_samples_that_were_overwritten_are_nan_and_counted(database: Database) -> None:

@@ -155,7 +155,7 @@ def test_what_was_not_measured_is_said_with_its_reason_in_every_table(tracking_s
     figure, result = judged["Overshoot of q"]
     assert figure == "not measured"
     assert re.fullmatch(
-        r"not measured; 8 of 8 steps were not measured; the one at 4 s: it was not within ±2 % .*", result
+        r"not measured; 8 of 8 steps were not measured; the one at 4 s: the signal was not within ±2 % .*", result
     )
     figures = {row[0]: (row[1], row[3]) for row in metrics.rows}
     assert figures["Rise time of q"][0] == "not measured"

@@ -192,7 +192,7 @@ def test_a_change_is_found_and_named_with_its_run(database: Database, page: str)
 def test_a_series_is_no_report_of_a_run_and_needs_its_runs(page: str, sources: list[RunData]) -> None:
     with pytest.raises(EvidenceError, match="it is a report of a series"):
         verify_report(page, sources[0].columns)
-    with pytest.raises(EvidenceError, match="the samples of its run 1 are not here"):
+    with pytest.raises(EvidenceError, match="the samples of its run 1 are missing"):
         verify_series_report(page, account(page), lambda _: None)
 
 

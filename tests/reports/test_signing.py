@@ -132,7 +132,7 @@ def test_a_key_is_made_once_and_stays_with_its_owner(tmp_path: Path) -> None:
 @pytest.mark.parametrize("content", [b"", b"junk", b"-----BEGIN "])
 def test_a_damaged_key_is_refused_and_left_as_it_is(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "signing-key").write_bytes(content)
-    with pytest.raises(SigningKeyError, match="signing-key holds no usable key"):
+    with pytest.raises(SigningKeyError, match="signing-key holds no usable signing key"):
         load_or_make_signing_key(tmp_path)
     assert load_own_public_key(tmp_path) is None
     assert (tmp_path / "signing-key").read_bytes() == content

@@ -256,7 +256,7 @@ def test_another_time_of_a_sample_is_found_and_named(report: Made) -> None:
 
 @pytest.mark.parametrize(
     ("old", "new", "told"),
-    [("\n3.2,", "\n3.2004,", "no multiples of 0.001 s"), ("\n3.2,", "\n3.199,", "do not rise"), ("", "", "")],
+    [("\n3.2,", "\n3.2004,", "not multiples of 0.001 s"), ("\n3.2,", "\n3.199,", "do not increase"), ("", "", "")],
 )
 def test_a_file_of_samples_is_held_against_what_it_says_of_itself(
     report: Made, tmp_path: Path, old: str, new: str, told: str

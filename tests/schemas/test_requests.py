@@ -186,7 +186,8 @@ REFUSED: list[tuple[str, Any, list[str | int] | None, str]] = [
         "identification",
         {"estimator": "foo"},
         ["estimator"],
-        "what makes the models from the record: “foo” is refused; c",
+        "method that estimates the models from the recording; arx is the first-order method of the paper: "
+        "“foo” is not allowed; c",
     ),
     ("identification", {"bits": 7.5}, ["bits"], "length of the shift register: 7.5 is no whole number; give"),
     ("identification", {"kind": "x"}, ["kind"], "kind: “x” is not allowed; choose one of actuator, motor, spring"),

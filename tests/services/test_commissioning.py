@@ -61,7 +61,7 @@ def test_a_step_whose_result_is_being_kept_is_over(tmp_path: Path, monkeypatch: 
         await bring_up.start(StepId.WIRING_TEST, {}, "Ada")  # it fails: a simulator has no drives to take away
         while (running := (await bring_up.view()).steps[0].running) and running.phase != "storing the result":
             await asyncio.sleep(0.0)
-        with pytest.raises(RequestRejectedError, match="Wiring test is over, and its result is being kept"):
+        with pytest.raises(RequestRejectedError, match="Wiring test has ended, and the service is storing its result"):
             await bring_up.cancel()
         closing_down = asyncio.create_task(bring_up.close())
         await asyncio.sleep(0.0)

@@ -114,9 +114,9 @@ def test_empty_queue_is_not_paused() -> None:
             await queue.add(request, "Ana")
         await queue.run()
         queue.handle_run_end(5, EndState.STOPPED)
-        assert queue.view().problem.startswith("held because run 5 ended as stopped; start the queue again")
+        assert queue.view().problem.startswith("paused because run 5 ended as stopped; start the queue again")
         first, second = queue.view().items
-        assert (await queue.remove(first.id)).problem.startswith("held because run 5 ended as stopped")
+        assert (await queue.remove(first.id)).problem.startswith("paused because run 5 ended as stopped")
         assert (await queue.remove(second.id)).problem == ""
         await queue.add(SHORT, "Ana")
         await queue.run()

@@ -223,7 +223,7 @@ def test_temporary_tuning_is_used_stored_and_reported_and_then_restored(database
     facts = {fact.label: fact.text for fact in build_report(source).facts}
     assert facts["Tuning"] == "λ_q = 0.7 s, λ_S = 0.6 s, λ_motor = 0.0854 s, b = 1"
     law = "motion time-optimal within U_plan = 6 V"
-    assert facts["Controller"] == f"cascade, geometric gains, 20 N point; {law}"
+    assert facts["Controller"] == f"cascade, geometric gains, 20 N operating point; {law}"
 
 
 def test_restart_during_an_experiment_uses_the_operators_tuning(database: Database, bank_lent: Bank) -> None:
@@ -356,7 +356,7 @@ def test_paused_queue_explains_how_to_continue(database: Database, bank_lent: Ba
         await parts.supervisor.send(Stop())
         await parts.ended()
         assert queue.view().problem == (
-            f"held because run {run} ended as stopped; start the queue again to continue with the next experiment"
+            f"paused because run {run} ended as stopped; start the queue again to continue with the next experiment"
         )
         await parts.actuator.reset(WHO)
         await queue.run()

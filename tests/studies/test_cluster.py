@@ -111,7 +111,9 @@ def test_workers_of_another_version_leave_the_table_as_it_is(database: Database,
     def other(base: StudyBase) -> ClusterExecutor:
         return ClusterExecutor(replace(base, software="99.0"), cluster.address)
 
-    with pytest.raises(ExecutorUnavailableError, match=r"is of Sinew 99\.0.*set up their machines like this one"):
+    with pytest.raises(
+        ExecutorUnavailableError, match=r"created with Sinew 99\.0.*set up their machines like this one"
+    ):
         run_study(database, study, other)
     assert table(database, study) == []
 

@@ -146,7 +146,7 @@ def test_two_do_not_compute_the_same_study(database: Database) -> None:
 def test_another_version_computes_no_row_of_a_study(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     study = begun(database)
     monkeypatch.setattr(point, "__version__", "99.0")
-    with pytest.raises(OtherSoftwareError, match=r"Sinew 99\.0 computes here"):
+    with pytest.raises(OtherSoftwareError, match=r"Sinew 99\.0 is installed"):
         run_study(database, study, use_local_processes(1))
     with pytest.raises(OtherSoftwareError):
         Studies(database).resume(study)

@@ -89,7 +89,7 @@ def test_where_M_s_rises_again_the_smaller_of_two_lambdas_is_meant() -> None:
         motor_lambda(quick, peaks[least] - 0.01)
 
 
-@pytest.mark.parametrize(("T_m", "words"), [(0.012, r"T_m = 0\.012 s leaves no λ_motor"), (0.05, "no λ_motor up to")])
+@pytest.mark.parametrize(("T_m", "words"), [(0.012, r"T_m = 0\.012 s permits no λ_motor"), (0.05, "no λ_motor up to")])
 def test_a_motor_without_a_robust_lambda_is_refused(T_m: float, words: str) -> None:
     with pytest.raises(TuningError, match=words):
         motor_range(MotorModel(K_m, T_m, tau_e=0.05))

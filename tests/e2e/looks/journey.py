@@ -131,8 +131,8 @@ def experiment(operator: Operator, look: Look) -> None:
     page = operator.page
     operator.bring_up()
     visit(operator, "experiments")
-    operator.fill("Time each position reference is held [s]", 6)
-    operator.fill("Time each stiffness reference is held [s]", 6)
+    operator.fill("Hold time of each position reference [s]", 6)
+    operator.fill("Hold time of each stiffness reference [s]", 6)
     form = page.get_by_role("form", name="Tracking of position and stiffness", exact=True)
     with page.expect_response(lambda answer: answer.url.endswith("/dry-run"), timeout=DRY_RUN_TIMEOUT_MS):
         form.get_by_role("button", name=EXPERIMENT_TEXTS["dryRun"], exact=True).click()
