@@ -201,7 +201,10 @@ def load_parameter_version(database: Database, base: PlantParameters) -> tuple[A
             version,
             f"parameters of {version.who} restored: version {version.number} over {base.name}",
         )
-    other = f"the active parameters are those of the file {base.name}: what {last} applied last belong to another file"
+    other = (
+        f"the active parameters are those of the file {base.name}: the parameters that {last} "
+        f"applied last belong to another file"
+    )
     return version, other if last else ""
 
 

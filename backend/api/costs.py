@@ -19,7 +19,7 @@ class Cost:
 
     where: str
     limits: WorkLimits = _UNLIMITED
-    at_a_time: str = "one after the other"
+    at_a_time: str = "one at a time"
 
     @property
     def is_computation(self) -> bool:
@@ -28,46 +28,44 @@ class Cost:
 
 
 def _describe_limits(places: int, viewers: int, each: int) -> str:
-    return f"{places} waiting, {viewers} of viewers, {each} of one person"
+    return f"{places} queued, {viewers} from viewers, {each} per person"
 
 
 IN_MEMORY = Cost("the service, from memory", at_a_time="any")
-DATABASE_ROWS = Cost("a thread of the service, rows of the database", at_a_time="any")
-CONTROL_LOOP = Cost("the control process", at_a_time="any")
-FORMULAS = Cost("a thread of the service, formulas of bounded numbers", at_a_time="any")
+DATABASE_ROWS = Cost("a thread of the service, single database rows", at_a_time="any")
+CONTROL_LOOP = Cost("the control loop", at_a_time="any")
+FORMULAS = Cost("a thread of the service, formulas of bounded size", at_a_time="any")
 TEXT = Cost(
-    "the process for texts: one for operators, one for viewers",
+    "the worker process for texts: one for operators, one for viewers",
     workers.TEXT_LIMITS,
     _describe_limits(background_work.MAX_TEXTS, background_work.MAX_VIEWER_TEXTS, background_work.MAX_TEXTS_PER_USER),
 )
 PREVIEW = Cost(
-    "the process for texts: one for operators, one for viewers",
+    "the worker process for texts: one for operators, one for viewers",
     workers.TEXT_LIMITS,
     _describe_limits(
         background_work.MAX_PREVIEWS, background_work.MAX_VIEWER_PREVIEWS, background_work.MAX_PREVIEWS_PER_USER
     ),
 )
-ORDERED_TEXT = Cost("the process for texts of operators", workers.TEXT_LIMITS)
+ORDERED_TEXT = Cost("the worker process for operators' texts", workers.TEXT_LIMITS)
 DRY_RUN = Cost(
-    "the process for dry runs",
+    "the worker process for dry runs",
     workers.DRY_RUN_LIMITS,
     _describe_limits(queue.MAX_DRY_RUNS, queue.MAX_VIEWER_DRY_RUNS, each=1),
 )
 SHEET = Cost(
-    "the process for sheets of charts",
+    "the worker process for chart sheets",
     workers.SHEET_LIMITS,
     _describe_limits(
         background_work.MAX_SHEETS, background_work.MAX_VIEWER_SHEETS, background_work.MAX_SHEETS_PER_USER
     ),
 )
 REPORT = Cost("the process for reports", workers.REPORT_LIMITS)
-LONG_RECORDING = Cost("a thread; of long recordings the process for reports", workers.REPORT_LIMITS)
-RANGE = Cost(
-    "threads of the service; of long ranges and of files a process for each", at_a_time=f"{signals.MAX_RANGES}"
-)
-EVALUATION = Cost("the process for evaluations of stored runs", workers.EVALUATION_LIMITS)
-MODELS = Cost("the process for results and banks")
-STUDY = Cost("the processes for studies")
+LONG_RECORDING = Cost("a thread; for long recordings the worker process for reports", workers.REPORT_LIMITS)
+RANGE = Cost("threads of the service; for each long range or file one process", at_a_time=f"{signals.MAX_RANGES}")
+EVALUATION = Cost("the worker process for evaluations of stored runs", workers.EVALUATION_LIMITS)
+MODELS = Cost("the worker process for results and banks")
+STUDY = Cost("the worker processes for studies")
 DOWNLOAD = Cost("a process for each download", at_a_time=f"{downloads.MAX_DOWNLOADS}")
 DATABASE = Cost("a thread of the service, the whole database")
 

@@ -373,7 +373,7 @@ async def calibrate_load_cells(context: ProcedureContext) -> StepFinding:
                 f"the opposite sign: change the sign of load_cell_{tendon}.slope, or exchange its two leads"
             )
         if len(weights) > 2:
-            figures.append(MeasuredNumber(f"load cell {tendon} largest deviation from its line", deviation_N, "N"))
+            figures.append(MeasuredNumber(f"load cell {tendon}: largest deviation from its line", deviation_N, "N"))
         if not deviation_N <= LINE_DEVIATION_MAX_N:
             raise StepFailedError(
                 f"load cell {tendon} deviates from its line by {deviation_N:.2f} N, at most "
@@ -689,7 +689,7 @@ def _find_sensor_problems(context: ProcedureContext, wanted: _Sensor, excursions
         if others:
             other = others[0]
             return [
-                f"it is the {other.words} moved instead of the {wanted.words}: exchange "
+                f"the {other.words} moved instead of the {wanted.words}: exchange "
                 f"{wanted.section}.{wanted.place} "
                 f"and {other.section}.{other.place} in the wiring file"
             ]

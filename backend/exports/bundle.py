@@ -255,7 +255,7 @@ def _members(archive: zipfile.ZipFile, size: int) -> dict[str, zipfile.ZipInfo]:
     for info in archive.infolist():
         name = info.filename
         if not _NAME.fullmatch(name) or name in found or len(found) >= _MOST_MEMBERS:
-            raise ImportRefusedError(f"a bundle cannot contain the member {name[:80]!r}, or only once")
+            raise ImportRefusedError(f"a bundle cannot contain the member {name[:80]!r}, or contains it more than once")
         if info.compress_type != zipfile.ZIP_STORED or info.compress_size != info.file_size or info.flag_bits & 1:
             raise ImportRefusedError(f"{name} is compressed or encrypted: members of a bundle are neither")
         if info.file_size > (size if name.endswith(".parquet") else min(size, _LARGEST_TEXT)):

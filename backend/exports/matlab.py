@@ -120,7 +120,8 @@ def read_matlab(file: Path) -> tuple[Facts, Iterator[Batch]]:
     missing = [name for name in facts.names if found.get(name, (0, 0))[1] != facts.samples]
     if missing:
         raise ImportRefusedError(
-            f"{missing[0]} has not {facts.samples} samples: the file was truncated or saved again by another program"
+            f"{missing[0]} does not have {facts.samples} samples: the file was truncated or saved again "
+            f"by another program"
         )
 
     def batches() -> Iterator[Batch]:

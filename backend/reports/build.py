@@ -75,7 +75,7 @@ def hashes_section(manifest: ReportManifest) -> ReportSection:
     rows = tuple((name, digest) for name, digest in manifest.hashes.items())
     titles = (Column("Of", number=False), Column("SHA-256", number=False, wide=True))
     words = (
-        "Every number of this report can be recomputed from the samples that it names. To verify it with "
+        "Every number of this report can be recomputed from the samples that it names. To verify, with "
         "data.csv in the same folder, or in the data folder of the run:"
     )
     return ReportSection(

@@ -179,7 +179,7 @@ def test_what_comes_from_a_text_of_a_person_has_limits_and_places() -> None:
         cost = COSTS[name]
         assert cost.limits.limit_s is not None, name
         assert cost.limits.memory_bytes is not None, name
-        assert "of one person" in cost.at_a_time, name
+        assert "per person" in cost.at_a_time, name
 
 
 def test_the_page_has_the_bounds_of_a_sheet() -> None:
