@@ -21,7 +21,7 @@ LOG = load_texts("pages/log")
 PAGES = ("operate", "bring-up", "identify", "banks", "experiments", "runs", "system", "system/developer")
 SEEN = {
     "operate": f"{OPERATE['activeValues']}|{OPERATE['active']}",
-    "bring-up": "Only a rig has a bring-up",
+    "bring-up": "The bring-up requires a rig",
     "identify": f"{IDENTIFY_TEXTS['bits']}|{re.escape(IDENTIFY_TEXTS['forOperators'])}",
     "banks": BANKS["active"].replace("{tuning}", "λ_q"),
     "experiments": EXPERIMENT_TEXTS["loopSettings"].format(tuning="λ_q"),
