@@ -305,7 +305,7 @@ def test_a_program_whose_wall_meets_the_joint_trips_and_says_what_to_do(ideal: P
         (Program(Law.CASCADE, (Segment(0.1, 0.0, 10.0),), walls=(None,) * (MAX_WALLS + 1)), "number of changes of the"),
         (
             Program(Law.TENSION_SWEEP, tension_N=8.0, legs=(TensionLeg(20.0, 0.5),), walls=(ABOVE,)),
-            "a tension_sweep program does not support a wall",
+            "a tension_sweep program does not support an obstacle",
         ),
     ],
 )

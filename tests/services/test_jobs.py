@@ -289,7 +289,7 @@ def test_the_next_tension_waits_for_a_pause_to_be_over_and_no_run_is_under_way_m
             assert parts.state().legal_modes == [Mode.STOPPING, Mode.OFF]
             for mode in (Mode.RUN, Mode.COMPLIANCE):
                 with pytest.raises(
-                    RequestRejectedError, match="continue it, or abort it softly; legal now: stopping, off"
+                    RequestRejectedError, match="continue the request, or abort it softly; legal now: stopping, off"
                 ):
                     await parts.actuator.set_mode(mode, OPERATOR.name)
             pause.request(False)
