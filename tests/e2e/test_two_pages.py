@@ -98,7 +98,9 @@ def test_stop_is_on_the_page_of_somebody_who_is_signed_out(browser: Browser, ser
     page.get_by_role("button", name="STOP", exact=True).click()
     said = page.get_by_role("alert", name="STOP", exact=True)
     expect(said).to_contain_text(
-        "Zero volts in" if lapsed else "STOP NOT CONFIRMED: use the stop at the machine. nothing was stopped, not signed in"
+        "Zero volts in"
+        if lapsed
+        else "STOP NOT CONFIRMED: use the stop at the machine. nothing was stopped, not signed in"
     )
     context.close()
 

@@ -314,7 +314,7 @@ def test_a_dead_watchdog_is_a_trip_and_the_drives_stay_off(lab: PlantParameters)
     assert sum(isinstance(event, Stopped) for event in bench.events) == 1
     refused = bench.send(Reset())
     assert isinstance(refused, Refused)
-    assert "new one" in refused.reason
+    assert "a new watchdog" in refused.reason
     assert isinstance(bench.send(SetMode(Mode.PRETENSION)), Refused)
     bench.loop.close()
 

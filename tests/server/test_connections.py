@@ -240,7 +240,7 @@ def test_of_one_kind_of_line_few_are_written() -> None:
     limit = RateLimit(lambda: now[0])
     written = [text for number in range(1000) if (text := line(limit, number))]
     assert len(written) == LINES_PER_WINDOW
-    assert "left out" in written[-1]
+    assert "omitted" in written[-1]
     assert line(limit, 1, line_number=2) == "socket 1"
     assert line(limit, 1, error=OSError()) == "socket 1"
     now[0] = WINDOW_S

@@ -105,8 +105,8 @@ def test_a_changed_wiring_file_is_tried_by_no_step_and_starts_unproven(
         await parts.actuator.reset("Ada")
         file.write_text(said.replace("gain = { value = 1.0", "gain = { value = -1.0", 1), encoding="utf-8")
         parts.supervisor.dead = False
-        assert "the wiring file has changed since the loop was started" in (await bring_up.view()).steps[0].blocked
-        with pytest.raises(RequestRejectedError, match="the wiring file has changed since the loop was started"):
+        assert "the wiring file has changed since the control loop started" in (await bring_up.view()).steps[0].blocked
+        with pytest.raises(RequestRejectedError, match="the wiring file has changed since the control loop started"):
             await bring_up.start(StepId.WIRING_TEST, {}, "Ada")
         parts.supervisor.dead = True
         await parts.actuator.reset("Ada")
@@ -139,7 +139,7 @@ def test_what_a_loop_has_read_counts_and_not_what_the_file_said_before_or_says_n
             parts.supervisor._take(Ready(granted, "a virtual card", wired))
             assert parts.supervisor.started_with.directions_proven is proven
             told = (await bring_up.view()).steps[0].blocked
-            assert ("the wiring file has changed since the loop was started" in told) is blocked
+            assert ("the wiring file has changed since the control loop started" in told) is blocked
 
     try:
         stepped(database, IDEAL, work)

@@ -268,7 +268,7 @@ def test_a_parameter_file_that_has_changed_is_told_now_and_at_the_next_start(
     version, said_of_it = app.load_parameter_version(database, load_parameters(file))
     assert version.number == 0
     assert said_of_it.startswith(
-        "the active parameters are those of the file mine: what Ana applied last belong to another file"
+        "the active parameters are those of the file mine: the parameters that Ana applied last belong to another file"
     )
 
 

@@ -105,7 +105,7 @@ def test_last_known_registers_of_a_rig_are_shown_without_a_loop() -> None:
     since = "unknown since the control loop ended; last state: "
     assert [(link.good, link.says) for link in links] == [
         (False, f"{since}armed, drive-enable on"),
-        (False, f"{since}watching"),
+        (False, f"{since}monitoring"),
     ]
 
 

@@ -125,7 +125,7 @@ def test_default_after_other_parameters_is_moved_into_range(
     assert restored.choice.u_plan > 0.0
     assert said == (
         "defaults active: the last tuning belongs to other parameters; the method's default is outside "
-        "the safe range of these models; the nearest safe tuning is: λ_q 0.5 → {restored.choice.lam_q:g} s"
+        f"the safe range of these models; the nearest safe tuning is: λ_q 0.5 → {restored.choice.lam_q:g} s"
     )
 
 
@@ -275,7 +275,7 @@ def test_failed_restore_is_reported_until_it_succeeds(database: Database, bank_l
         assert told == [
             "The operator's tuning (λ_q 0.7 → 0.55 s) could not be restored yet: a gain is not a finite "
             "number. The service retries every 0.5 s. If this persists, abort softly and restart the "
-            "service : it starts with the operator's tuning."
+            "service: it starts with the operator's tuning."
         ]
         assert parts.live_state.tuning.choice.lam_q == 0.7  # and that is what is shown as in force
         parts.supervisor.refuses = ""
