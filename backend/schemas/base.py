@@ -85,7 +85,7 @@ _ITEM_NAMES = {"tensions_N": "tension", "identifications": "run", "entries": "en
 
 _MESSAGES = {
     "missing": "it is missing",
-    "extra_forbidden": "unknown field: remove it",
+    "extra_forbidden": "this name is unknown: remove it",
     "string_type": "a text is required",
     "list_type": "a list is required",
     "dict_type": "an object with named values is required",

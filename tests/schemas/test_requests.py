@@ -161,7 +161,7 @@ REFUSED: list[tuple[str, Any, list[str | int] | None, str]] = [
         "entry 2, K of G_q: “a” is",
     ),
     ("bank", {"name": "n", "entries": [{"S_nominal": 10}]}, ["entries", 0, "K_q"], "entry 1, K of G_q: it is missing"),
-    ("bank", {"name": "n", "entries": [ENTRY | {"q": 2}]}, ["entries", 0, "q"], "entry 1, “q”: unknown field"),
+    ("bank", {"name": "n", "entries": [ENTRY | {"q": 2}]}, ["entries", 0, "q"], "entry 1, “q”: this name is unknown"),
     (
         "build",
         {"name": "n", "identifications": [0]},
@@ -186,8 +186,7 @@ REFUSED: list[tuple[str, Any, list[str | int] | None, str]] = [
         "identification",
         {"estimator": "foo"},
         ["estimator"],
-        "method that estimates the models from the recording; arx is the first-order method of the paper: "
-        "“foo” is not allowed; c",
+        "method that estimates the models from the recording: “foo” is not allowed; c",
     ),
     ("identification", {"bits": 7.5}, ["bits"], "length of the shift register: 7.5 is not a whole number; give"),
     ("identification", {"kind": "x"}, ["kind"], "kind: “x” is not allowed; choose one of actuator, motor, spring"),

@@ -266,7 +266,7 @@ def test_the_next_tension_waits_for_a_pause_to_be_over_and_no_run_is_under_way_m
     async def ordered(parts: Parts) -> None:
         await pretension(parts)
         pause = parts.ordered_runs.pause
-        with pytest.raises(RequestRejectedError, match="nothing is in progress"):
+        with pytest.raises(RequestRejectedError, match="no run is in progress"):
             pause.request(True)
 
         def at_each(task: TaskView) -> None:
@@ -445,7 +445,7 @@ def test_pause_is_refused_without_a_remaining_run() -> None:
     with pytest.raises(RequestRejectedError, match="no further run of this request follows"):
         pause.request(True)
     live_state.task = None
-    with pytest.raises(RequestRejectedError, match="nothing is in progress"):
+    with pytest.raises(RequestRejectedError, match="no run is in progress"):
         pause.request(True)
 
 

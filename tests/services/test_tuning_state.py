@@ -444,7 +444,7 @@ def test_undo_and_redo_of_each_part_of_a_tuning(database: Database, bank_walk: B
             assert (in_force(parts), later(parts)) == (before, changed)
             await tuning_service.redo(WHO)
             assert (in_force(parts), earlier(parts), later(parts)) == (changed, before, None)
-            with pytest.raises(RequestRejectedError, match="was undone"):
+            with pytest.raises(RequestRejectedError, match="no undone change"):
                 await tuning_service.redo(WHO)
 
     stepped(database, IDEAL, work)
