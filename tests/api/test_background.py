@@ -84,7 +84,7 @@ class Running:
         return list(self.client.get("/api/state").raise_for_status().json()["problems"])
 
     def read_problem(self, name: str) -> str:
-        return until(lambda: next((text for text in self.problems() if text.startswith(f"{name} died")), ""))
+        return until(lambda: next((text for text in self.problems() if text.startswith(f"{name} failed")), ""))
 
 
 @pytest.fixture(scope="module")
