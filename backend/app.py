@@ -203,7 +203,7 @@ def load_parameter_version(database: Database, base: PlantParameters) -> tuple[A
         )
     other = (
         f"the active parameters are those of the file {base.name}: the parameters that {last} "
-        f"applied last belong to another file"
+        "applied last belong to another file"
     )
     return version, other if last else ""
 

@@ -89,7 +89,7 @@ def lock_for_service(data: Path) -> Iterator[LockedFolder]:
         except OSError:
             raise AlreadyRunningError(
                 f"another service works on the folder {data}, or on an earlier folder at this path: stop "
-                f"it or choose --data"
+                "it or choose --data"
             ) from None
         try:
             data.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -314,7 +314,7 @@ def spring_elongation(spring: Spring, F: float) -> float:
     if not 0.0 < F <= spring.F_solid:
         raise ValueError(
             f"tension {F:g} N is outside 0-{spring.F_solid:.1f} N, where the spring is neither slack nor "
-            f"fully compressed"
+            "fully compressed"
         )
     return find_root(lambda x: spring_polynomial(spring, x) - F, spring.x_slack, spring.x_solid)
 

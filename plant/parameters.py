@@ -276,7 +276,7 @@ def require_stiction(label: str, motor: MotorParameters, *, is_given: bool) -> N
         if others and not is_given:
             raise ParameterError(
                 f"{label}.sigma_0 is missing, and {' and '.join(others)} require it: set it, to 0 for "
-                f"smoothed Coulomb friction"
+                "smoothed Coulomb friction"
             )
         return
     for name in ("stiction_ratio", "omega_s"):
@@ -297,7 +297,7 @@ def _require_resolved_stiction(label: str, motor: MotorParameters) -> None:
             raise ParameterError(
                 f"{label}.{name} = {getattr(motor, name):g} on a motor of {J_m:.3g} kg·m² gives a rate "
                 f"of {rate:.3g}/s, above the {rate_max:g}/s that the integration steps of the simulator "
-                f"resolve: reduce it"
+                "resolve: reduce it"
             )
 
 
@@ -432,7 +432,7 @@ def load_parameters(name_or_path: str | Path) -> PlantParameters:
     if len(path.stem) > FILE_NAME_MAX:
         raise ParameterError(
             f"the name of the file {path.stem[:40]}... has {len(path.stem)} characters, {FILE_NAME_MAX} "
-            f"are the maximum: rename the file"
+            "are the maximum: rename the file"
         )
     return parse_parameters(path.stem, document, path.name)
 

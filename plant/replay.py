@@ -175,7 +175,7 @@ def _check_times(path: Path, t: Signal) -> None:
         raise _make_replay_error(
             path,
             f"after t = {t[at]:.3f} s the next sample comes {1e3 * steps[at]:g} ms later: samples are "
-            f"missing there; use only the part of the file before or after the gap",
+            "missing there; use only the part of the file before or after the gap",
         )
 
 

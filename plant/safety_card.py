@@ -164,7 +164,7 @@ class Card:
             self.disarm()
             raise PlantError(
                 f"the card's watchdog did not disable the drives within {WATCHDOG_S:g} s in the proof "
-                f"test: the drives stay off; restart the control loop, and do not continue if this recurs"
+                "test: the drives stay off; restart the control loop, and do not continue if this recurs"
             )
         self.rearm()
 

@@ -497,7 +497,7 @@ class Simulator:
         if not all(0.0 <= torque < math.inf for torque in load):
             raise PlantError(
                 f"loads of {load.load_A:g} and {load.load_B:g} N·m: a load pulls like a tendon and must "
-                f"be at least 0 N·m"
+                "be at least 0 N·m"
             )
         self.simulated.field("load").set(ShaftLoad(float(load.load_A), float(load.load_B)))
 

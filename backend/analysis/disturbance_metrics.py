@@ -542,7 +542,7 @@ def pair_hits(hits: Sequence[Hit]) -> tuple[tuple[tuple[Hit, Hit], ...], str]:
             return (
                 (),
                 f"the hit at {hit.S_ref:.4g} N·m/rad and {Quantity(hit.speed, 'rad/s'):.3g} has no "
-                f"counterpart without contact reaction",
+                "counterpart without contact reaction",
             )
         other = min(alike, key=lambda other: abs(other.speed - hit.speed))
         left.remove(other)
@@ -565,7 +565,7 @@ def _pair_by_stiffness(hits: Sequence[Hit]) -> tuple[list[tuple[Hit, Hit]], str]
         return (
             [],
             f"{len(soft)} hits were at the lowest stiffness and {len(stiff)} at the highest: the "
-            f"comparison needs equal numbers",
+            "comparison needs equal numbers",
         )
     for item, other in zip(soft, stiff, strict=True):
         if not _is_equally_fast(item, other):

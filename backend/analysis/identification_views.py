@@ -184,7 +184,7 @@ def validate_on_run(database: Database, run_id: int, of: int) -> Document:
     if estimate.kind != kind or kind not in ("actuator", "motor"):
         raise NotComparableError(
             f"identification {run_id} is of kind {estimate.kind}, run {of} of kind {source.kind}: a "
-            f"model can only be compared with an actuator or motor identification of the same kind"
+            "model can only be compared with an actuator or motor identification of the same kind"
         )
     columns, _ = read_recorded_columns(database, of)
     parameters = parse_parameters(source.parameters_name, source.parameters)

@@ -98,11 +98,11 @@ def check_rest_before(normalized: Array) -> str:
     if abs(normalized[-1]) > START_BAND:
         return (
             f"the signal began at {_format_percent(float(normalized[-1]))} of the step: the previous "
-            f"motion had not ended"
+            "motion had not ended"
         )
     return (
         f"the signal moved at the start of the step, from {_format_percent(off)} of the step: the "
-        f"previous motion had not ended"
+        "previous motion had not ended"
     )
 
 
@@ -332,7 +332,7 @@ class OverallMetrics:
         "V",
         "Voltage at rest",
         f"root mean square of u_A or u_B about its mean, the larger one, from {SETTLED_DELAY_S:g} s "
-        f"after settling to the end of each step",
+        "after settling to the end of each step",
     )
 
 

@@ -116,7 +116,7 @@ def _require_tension_rises(below: NamedEntry, above: NamedEntry) -> None:
         raise BankError(
             f"{above.name} is stiffer than {below.name} ({above.entry.S_nominal:.2f} and {below.entry.S_nominal:.2f} "
             f"N·m/rad) at a tension that is not higher ({high:g} and {low:g} N): at least one of them is "
-            f"wrong; identify both again"
+            "wrong; identify both again"
         )
 
 
@@ -131,7 +131,7 @@ def _require_gain_of_geometry(parameters: PlantParameters, item: NamedEntry) -> 
         if abs(error) > MAX_GAIN_ERROR_PERCENT:
             raise BankError(
                 f"{item.name} has {name} = {value:.4g}, {error:+.0f} % from the value {geometric:.4g} "
-                f"given by the geometry, more than "
+                "given by the geometry, more than "
                 f"{MAX_GAIN_ERROR_PERCENT:g} %: identify again with more motion"
             )
 

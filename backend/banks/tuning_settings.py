@@ -267,7 +267,7 @@ def compute_default_tuning(
     )
     moved = replace(tuning, u_plan=method.u_plan).list_differences(method)  # a limit has no effect in ``lambda``
     reason = (
-        f"the method's default is outside the safe range of these models; the nearest safe tuning "
+        "the method's default is outside the safe range of these models; the nearest safe tuning "
         f"is: {', '.join(moved)}"
     )
     return DefaultTuning(tuning, reason if moved else "", known)

@@ -151,7 +151,7 @@ def _open_migrated(settings: Settings, *, owns_folder: bool) -> "Database":
         if not is_free:
             raise SchemaError(
                 f"a service or command of another version works on {settings.data}, and this version "
-                f"would migrate its database: stop the other one first"
+                "would migrate its database: stop the other one first"
             )
         return open_database(
             settings.data, settings.database_url, settings.database_password(), settings.station, outdated="migrate"

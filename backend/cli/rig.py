@@ -187,7 +187,7 @@ def require_rig(settings: Settings) -> None:
     if choice.kind not in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
         fail(
             f"only a rig needs the bring-up, and the plant is the {choice.name}: use --plant rig, with "
-            f"--virtual-card to practise without a card"
+            "--virtual-card to practise without a card"
         )
     require_available(choice)
 
@@ -268,7 +268,7 @@ async def _run_session(settings: Settings, database: "Database", requests: Seque
     dialog = OperatorDialog(current_user(), terminal.confirm, terminal.show_phase)
     print_message(
         f"{choice.name}, {choice.wiring}. Press Ctrl-C at any time for zero volts; the result "
-        f"of an unfinished step is not saved."
+        "of an unfinished step is not saved."
     )
     if choice.simulated:
         print_message("No hardware moves: at each Enter the program simulates the action of the operator.")

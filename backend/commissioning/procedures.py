@@ -308,7 +308,7 @@ async def tare_load_cells(context: ProcedureContext) -> StepFinding:
         if not abs(zero_V) <= TARE_MAX_V:
             raise StepFailedError(
                 f"load cell {tendon} reads {zero_V:.2f} V without load, at most {TARE_MAX_V:g} V is "
-                f"permitted: slacken its tendon, or adjust its amplifier"
+                "permitted: slacken its tendon, or adjust its amplifier"
             )
         calibrations.append(CellCalibration(tendon, wiring_line[0], zero_V, _describe_source("tared")))
     if not calibrations:
@@ -396,7 +396,7 @@ def _extract_volts(rows: Rows, tendon: str) -> Signal:
     if not (np.abs(volts) < SATURATED_V).all():
         raise StepFailedError(
             f"load cell {tendon} reads up to {np.abs(volts).max():.2f} V, {SATURATED_V:.2f} V is the end "
-            f"of its input range: reduce the load or the gain of its amplifier"
+            "of its input range: reduce the load or the gain of its amplifier"
         )
     return volts
 
@@ -480,7 +480,7 @@ async def check_safety_module(context: ProcedureContext) -> StepFinding:
     except TimeoutError:
         raise StepFailedError(
             f"the module did not trip within {TRIP_TIMEOUT_S:g} s although its limit was below the "
-            f"tension of the tendons: do not continue; check its limit, its supply, and safety_tripped "
+            "tension of the tendons: do not continue; check its limit, its supply, and safety_tripped "
             f"in the wiring file{_SET_BACK}"
         ) from None
     await context.loop.advance(1.0)
@@ -702,7 +702,7 @@ def _find_sensor_problems(context: ProcedureContext, wanted: _Sensor, excursions
     if excursion < 0.0:
         return [
             f"the {wanted.words} has the wrong sign: change the sign of {wanted.section}.{wanted.sign} "
-            f"in the wiring file"
+            "in the wiring file"
         ]
     if others and wanted is not _Q:
         return [f"the {others[0].words} moved too: check whether one cable carries both signals"]

@@ -706,7 +706,7 @@ class _Compiler(NumberReader):
         if len(self._segments) == MAX_SEGMENTS:
             raise self._build_error(
                 f"the number of segments exceeds {MAX_SEGMENTS}, including repetitions: repeat less, or "
-                f"split the experiment",
+                "split the experiment",
                 self._path,
             )
         if self._has_unused_change:

@@ -167,7 +167,7 @@ class _RecordedPartBuilder:
             if len(self._parts) > MAX_SEGMENTS:
                 raise ExperimentError(
                     f"the recorded references need more than {MAX_SEGMENTS} holds and ramps, the maximum "
-                    f"of an experiment: build the experiment from parts"
+                    "of an experiment: build the experiment from parts"
                 )
         return RecordedParts(self._parts, *self._deviations, self._delay_ticks, self._unpushed)
 

@@ -626,7 +626,7 @@ def parse_derived_signal(name: str, unit: str, expression: str) -> Derived:
     if not _NAME.fullmatch(name) or name in _FORMULA_TAKEN:
         raise ExpressionError(
             f"{name!r} is not a valid name of a formula: use 1 to 20 letters, digits and _, a letter "
-            f"first, and not the name of a signal or function"
+            "first, and not the name of a signal or function"
         )
     steps: list[FormulaStep] = []
     _append_steps(parse_expression(expression).body, steps)

@@ -142,7 +142,7 @@ def _gather_run(session: Session, run: Run, gathered: Gathered) -> None:
     if changed.computed:
         raise ExportError(
             f"run {run.id} computes the number of a bank that it changes to, {changed.computed[0][:80]}, "
-            f"which could select another bank in another data folder: export only the samples of the run"
+            "which could select another bank in another data folder: export only the samples of the run"
         )
     for number in sorted({*changed.numbers, *([] if run.bank_id is None else [run.bank_id])}):
         bank = banks.get(session, number)

@@ -121,7 +121,7 @@ def read_matlab(file: Path) -> tuple[Facts, Iterator[Batch]]:
     if missing:
         raise ImportRefusedError(
             f"{missing[0]} does not have {facts.samples} samples: the file was truncated or saved again "
-            f"by another program"
+            "by another program"
         )
 
     def batches() -> Iterator[Batch]:

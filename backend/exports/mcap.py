@@ -196,7 +196,7 @@ def _require_small(chunk: "Chunk") -> None:
     if (size := max(inside, chunk.uncompressed_size)) > _LARGEST:
         raise ImportRefusedError(
             f"a chunk of it decompresses to {size} bytes, but {_LARGEST} are the maximum, and an export "
-            f"has a million: export the run again"
+            "has a million: export the run again"
         )
 
 

@@ -290,9 +290,9 @@ def parse_concepts(page: str | None = None) -> list[GlossaryTerm]:
     concepts = []
     for heading in re.findall(r"^## (.+)$", text, re.MULTILINE):
         for row in _parse_table(text, heading):
-            term, meaning, replaced = (*map(_strip_markup, row), "", "", "")[:3]
-            if not term or not meaning:
+            if len(row) != 3 or not row[0] or not row[1]:
                 raise GlossaryError(f"docs/glossary.md, {heading}: a row has no term or no meaning")
+            term, meaning, replaced = map(_strip_markup, row)
             more = (("Not used", replaced),) if replaced else ()
             concepts.append(GlossaryTerm(TermKind.CONCEPT, term, term, meaning, source="docs/glossary.md", more=more))
     return concepts

@@ -80,7 +80,7 @@ def continuous_poles(sampled: Poles, period_s: float) -> Poles:
         shown = np.array2string(sampled, precision=4)
         raise NotContinuousError(
             f"the ARX poles z = {shown} have no stable continuous-time equivalent: filter more strongly "
-            f"or choose another estimator"
+            "or choose another estimator"
         )
     return np.asarray(np.log(sampled) / period_s)
 

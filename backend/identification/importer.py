@@ -132,7 +132,7 @@ def _named_like_one(columns: Columns, taken: Collection[str], period_s: float | 
     if doubtful and period_s is None:
         raise DataFileError(
             f"column '{doubtful[0]}' may or may not be the time: --time {doubtful[0]} uses it as the "
-            f"time; otherwise give the sample time with --period",
+            "time; otherwise give the sample time with --period",
             FileFault.AMBIGUOUS_TIME,
             column=doubtful[0],
             option="--time",
@@ -193,7 +193,7 @@ def _find_time_unit(name: str, columns: Columns, since: Signal, period_s: float 
             return known, "heading"
         raise DataFileError(
             f"the time column '{name}' is in '{unit_text}': this unit is unknown; choose one of {UNITS} "
-            f"with --time-unit",
+            "with --time-unit",
             FileFault.TIME_UNIT,
             column=name,
             option="--time-unit",
@@ -213,7 +213,7 @@ def _find_time_unit(name: str, columns: Columns, since: Signal, period_s: float 
     if (is_whole or is_day or step > _LONGEST_PERIOD_S) and step > 0.0:
         raise DataFileError(
             f"the unit of the time column '{name}', whose values differ by {step:.6g} from row to row, "
-            f"is unknown: give it "
+            "is unknown: give it "
             f"with --time-unit, one of {UNITS}"
             + (f"; if it is not a time, use --time {NO_COLUMN} with --period" if period_s else ""),
             FileFault.TIME_UNIT,

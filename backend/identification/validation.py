@@ -397,9 +397,9 @@ def _unsuitable(evidence: ValidationData) -> Iterator[Finding]:
         yield (
             Grade.UNUSABLE,
             f"the output follows the input within the same sample (y = {evidence.lead:.4g} u + offset), "
-            f"without a time constant that"
+            "without a time constant that"
             f" the sample time of {evidence.period_s:.3g} s could resolve: check that the columns are "
-            f"two different signals, or sample faster",
+            "two different signals, or sample faster",
         )
 
 
@@ -461,7 +461,7 @@ def _friction(evidence: ValidationData) -> Iterator[Finding]:
     yield (
         grade,
         f"Coulomb friction accounts for {friction.u_c:.3g} of the input: with friction in the model, the "
-        f"record gives K = "
+        "record gives K = "
         f"{friction.K:.4g} ± {friction.K_std:.2g} and T = {friction.T:.4g} ± {friction.T_std:.2g} s"
         f"{f' with a dead time of {friction.t_d:.3g} s' if friction.t_d else ''}, from which"
         f" this linear model is {K_off:+.1f} % and {T_off:+.1f} % off",
@@ -533,8 +533,8 @@ def _residuals(evidence: ValidationData) -> Iterator[Finding]:
             yield (
                 grade,
                 f"{misfit:.1f} % of the motion is explained by neither the model nor the sensor "
-                f"(friction or missing dynamics), so the model is local: it holds only near this "
-                f"amplitude and operating point",
+                "(friction or missing dynamics), so the model is local: it holds only near this "
+                "amplitude and operating point",
             )
             return
     if not known_sensor:
@@ -542,7 +542,7 @@ def _residuals(evidence: ValidationData) -> Iterator[Finding]:
         yield (
             Grade.CAUTION,
             f"the residuals ({misfit:.2g} % of the motion) {label}: the model omits an effect that the "
-            f"standard errors do not cover",
+            "standard errors do not cover",
         )
 
 

@@ -177,7 +177,7 @@ def _start_homing(position: float, mode_manager: ModeManager, plant: Plant, cont
     if not (m.F_A <= TENSION_MAX_N and m.F_B <= TENSION_MAX_N):
         raise CommandRejectedError(
             f"the tendons hold {m.F_A:.1f} N and {m.F_B:.1f} N, at most {TENSION_MAX_N:g} N is safe: "
-            f"slacken the tendons"
+            "slacken the tendons"
         )
     ratio, at_end = mode_manager.turns_per_joint, lambda: plant.at_end
     if not plant.zeroed:

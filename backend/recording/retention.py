@@ -58,7 +58,7 @@ class Overview:
         going = format_count(len(self.may_go), "run")
         return (
             f"{takes}: the samples of {going} older than {age} ({_gigabytes(freed)}) can be deleted; see "
-            f"the System page or `sinew db recordings`"
+            "the System page or `sinew db recordings`"
         )
 
 

@@ -209,7 +209,7 @@ class _Capture:
         if before < self.armed.before:
             missing.append(
                 f"{before * T_s:.3f} of {self.armed.before * T_s:.3f} s recorded before it: the control "
-                f"loop had just started"
+                "loop had just started"
             )
         if self.have < self.armed.after:
             missing.append(f"{self.have * T_s:.3f} of {self.armed.after * T_s:.3f} s recorded after it: {self.ended}")

@@ -34,7 +34,7 @@ def check_recordings(database: Database) -> RecordingsCheck:
         if without:
             not_compared.append(
                 f"run {number}: {without} chunks of samples are from before digests were stored; only "
-                f"their minima and maxima were compared"
+                "their minima and maxima were compared"
             )
     return RecordingsCheck(len(numbers), tuple(problems), tuple(not_compared))
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import zlib
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -352,18 +353,19 @@ class ConfigurationValue:
 def _iterate_experiment_values(text: str) -> Iterator[ConfigurationValue]:
     """Yield the values of an experiment, named by their paths in its text.
 
-    Yields nothing for a text that is not a JSON document or has more than 200 values.
+    Yields nothing for a text that is not a JSON document, is nested too deeply, or has more than 200 values: a run
+    that was imported may have any text.
     """
     try:
-        document = json.loads(text)
-    except ValueError:
+        values = list(islice(_iterate_leaves("experiment", json.loads(text)), _MAX_EXPERIMENT_VALUES + 1))
+    except (ValueError, RecursionError):
         return
-    values = list(islice(_iterate_leaves("experiment", document), _MAX_EXPERIMENT_VALUES + 1))
     if len(values) <= _MAX_EXPERIMENT_VALUES:
         yield from values
 
 
 def _iterate_leaves(path: str, node: Any) -> Iterator[ConfigurationValue]:
+    """Yield the scalars below a node of a JSON document; a number that is not finite as text."""
     match node:
         case dict():
             for name, inner in node.items():
@@ -371,6 +373,8 @@ def _iterate_leaves(path: str, node: Any) -> Iterator[ConfigurationValue]:
         case list():
             for index, inner in enumerate(node):
                 yield from _iterate_leaves(f"{path}[{index}]", inner)
+        case float() if not math.isfinite(node):
+            yield ConfigurationValue(path, str(node))
         case _:
             yield ConfigurationValue(path, node, UNIT_BY_SIGNAL.get(path.rpartition(".")[2], ""))
 

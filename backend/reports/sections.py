@@ -139,7 +139,7 @@ def line_table(lines: Lines) -> Table:
     caption = (
         f"Lines of the {_TITLES[lines.signal]}: gain and phase of {lines.signal} over "
         f"{lines.signal}_ref, and the difference of the line from the previous period, or in a sweep √(1 "
-        f"− γ²) of its band."
+        "− γ²) of its band."
     )
     return Table(caption, columns, rows)
 

@@ -140,7 +140,7 @@ def _load(path: Path) -> "Ed25519PrivateKey":
     if not isinstance(key, Ed25519PrivateKey):
         raise SigningKeyError(
             f"{path} holds no usable signing key: restore it from a copy, or delete it so that a new key "
-            f"is created; the old public key still verifies what the old key signed"
+            "is created; the old public key still verifies what the old key signed"
         )
     return key
 

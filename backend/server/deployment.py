@@ -110,7 +110,7 @@ def unknown_host(host: str, public: PublicUrl | None) -> str:
     return (
         f"this service does not accept the host name {_cut(host)!r}{known}. If a reverse proxy serves "
         f"it, start it with --public-url and the address that people open; if {_cut(host)!r} is a name "
-        f"of this machine, add it to SINEW_ALLOWED_HOSTS"
+        "of this machine, add it to SINEW_ALLOWED_HOSTS"
     )
 
 
@@ -120,7 +120,7 @@ def foreign_origin(origin: str, host: str, public: PublicUrl | None) -> str:
     if public is not None:
         return (
             f"{issue}; this service was started with --public-url {public}/: open that address, or start "
-            f"the service with another one"
+            "the service with another one"
         )
     try:
         proxy = str(parse_public_url(origin))

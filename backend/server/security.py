@@ -463,8 +463,8 @@ def too_large_a_head() -> str:
     """Return why a head is rejected, and the remedy for a person at a browser."""
     return (
         f"the request headers have more than {LONGEST_HEAD // 1024} kB or {MOST_HEADERS} lines, probably "
-        f"because other applications under this host name set too many cookies: delete the cookies of "
-        f"this site, or open it under another host name"
+        "because other applications under this host name set too many cookies: delete the cookies of "
+        "this site, or open it under another host name"
     )
 
 

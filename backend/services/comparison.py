@@ -106,12 +106,9 @@ def _find_moment(session: Session, run_id: int, query: ComparisonRequest) -> tup
             count = len(times)
             at_s = times[query.number - 1] if count >= query.number else None
             what = f"event of the kind {query.event}"
-    return (
-        at_s,
-        ""
-        if at_s is not None
-        else f"run {run_id} has {_format_count(count, what)}; alignment requires at least {query.number}",
-    )
+    if at_s is not None:
+        return at_s, ""
+    return None, f"run {run_id} has {_format_count(count, what)}; alignment requires at least {query.number}"
 
 
 def _format_count(count: int, what: str) -> str:

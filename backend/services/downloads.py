@@ -67,7 +67,7 @@ def check_run_settings(run: Run) -> None:
     except (ExperimentError, SettingError, OutOfRangeError, UnreadableDocumentError, KeyError) as error:
         raise ImportRefusedError(
             f"its settings cannot be used: {escape_line(error)}; correct the experiment and run it "
-            f"again, or export the run with "
+            "again, or export the run with "
             f"Sinew {escape_line(run.software)}, which recorded it, and read the samples from the file"
         ) from None
 

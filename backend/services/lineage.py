@@ -142,7 +142,7 @@ def _check_bank(
             entry = next(stored_entry_name(one) for one in bank.entries if one.identification_id == source.id)
             detail = (
                 f"{title} does not match the plant parameters: its {entry} entry, run {run.id}, was "
-                f"identified with others"
+                "identified with others"
             )
             return _build_step("bank", ChecklistState.OUTDATED, detail, at=bank)
         newer = next((one for one in estimates if is_newer_at_same_point(one, source)), None)
@@ -254,7 +254,7 @@ class SampleDigests:
                 if recording.size_bytes > self._largest_bytes:
                     return (
                         None,
-                        f"the service does not compute the digest of such a long recording: "
+                        "the service does not compute the digest of such a long recording: "
                         f"sinew runs lineage {run.id} does",
                     )
                 self._known[key] = compute_recording_digest(session, run.id)

@@ -646,8 +646,8 @@ def _require_writable(data_dir: Path) -> None:
     if refused:
         raise StorageError(
             f"the data folder {data_dir} cannot be written: {refused}. Sinew must write to the folder "
-            f"even to read from it: change its owner or mode, mount it writable, or copy it and name the "
-            f"copy with --data"
+            "even to read from it: change its owner or mode, mount it writable, or copy it and name the "
+            "copy with --data"
         )
 
 

@@ -465,7 +465,7 @@ def require_distinct_name(what: str, name: str, others: Iterable[str]) -> None:
             raise RequestRejectedError(
                 ErrorCode.BAD_VALUE,
                 f"there is {what} {other!r} already, whose name is too similar to {name!r}: use the "
-                f"existing name, or choose a different one",
+                "existing name, or choose a different one",
                 code="name_taken",
             )
 

@@ -567,7 +567,7 @@ def test_a_hit_has_its_peak_its_impulse_with_all_bounces_and_its_speed() -> None
         (
             ((8.0, 0.3, 4.0), (15.0, 0.4, 5.0)),
             f"hits at {Quantity(0.3, 'rad/s')} and {Quantity(0.4, 'rad/s')} cannot be compared: their "
-            f"speeds differ too much",
+            "speeds differ too much",
         ),
     ],
 )

@@ -328,7 +328,7 @@ def test_an_order_that_is_aborted_in_its_pause_ends_there_with_what_it_has(tmp_p
         assert {task.run for task in seen.tasks} == {seen.run}
         assert parts.ordered_runs.problems == [
             f"The request ended after run {seen.run}: the actuator was stopped softly during the pause; 1 run "
-            f"was not started. Request it again."
+            "was not started. Request it again."
         ]
         evaluated = [task for task in seen.tasks if task.phase is RunPhase.EVALUATION]
         assert {(task.following, task.pause_wanted) for task in evaluated} == {(0, False)}

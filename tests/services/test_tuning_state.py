@@ -95,7 +95,7 @@ def test_default_uses_the_nearest_lambda_in_range(tmp_path: Path) -> None:
     lam_q = tuning["lam_q"]
     assert tuning["lam_q_min"] <= lam_q < tuning["lam_q_min"] + 1e-3
     said = (
-        f"the method's default is outside the safe range of these models; the nearest safe tuning is: "
+        "the method's default is outside the safe range of these models; the nearest safe tuning is: "
         f"λ_q 0.5 → {lam_q:g} s"
     )
     assert (saved["lam_q"], saved["who"], saved["moved"]) == (lam_q, None, said)
