@@ -353,13 +353,9 @@ class ConfigurationValue:
 def _iterate_experiment_values(text: str) -> Iterator[ConfigurationValue]:
     """Yield the values of an experiment, named by their paths in its text.
 
-    Yields nothing for a text that is not a JSON document, is nested too deeply, or has more than 200 values: a run
-    that was imported may have any text.
+    Yields nothing for an experiment with more than 200 values.
     """
-    try:
-        values = list(islice(_iterate_leaves("experiment", json.loads(text)), _MAX_EXPERIMENT_VALUES + 1))
-    except (ValueError, RecursionError):
-        return
+    values = list(islice(_iterate_leaves("experiment", json.loads(text)), _MAX_EXPERIMENT_VALUES + 1))
     if len(values) <= _MAX_EXPERIMENT_VALUES:
         yield from values
 

@@ -110,7 +110,7 @@ def test_what_a_run_lacks_is_said_and_the_others_are_compared(database: Database
     assert told.runs[1].aligned_at_s is told.runs[1].offset_s is None
     assert [told.runs[n].aligned_at_s for n in (0, 2)] == pytest.approx([0.1, 0.3])
     assert [told.runs[n].offset_s for n in (0, 2)] == pytest.approx([0.0, -0.2])
-    why = f"run {without} has no step of q_ref, not 1"
+    why = f"run {without} has no step of q_ref; alignment requires at least 1"
     assert [run.not_aligned for run in told.runs] == ["", why, ""]
     found = compute_differences(database, asked)
     assert [(one.run, one.reason) for one in found.runs] == [(without, why), (with_step, "")]
@@ -147,7 +147,7 @@ def test_runs_are_aligned_by_an_event_of_each(database: Database) -> None:
         third = compare_runs(session, asked.model_copy(update={"number": 3})).runs
     assert [run.aligned_at_s for run in told] == pytest.approx([0.3, 0.8])
     assert [run.offset_s for run in told] == pytest.approx([0.0, -0.5])
-    assert third[0].not_aligned == f"run {found[0]} has 2 events of the kind tuning, not 3"
+    assert third[0].not_aligned == f"run {found[0]} has 2 events of the kind tuning; alignment requires at least 3"
 
 
 def test_a_file_gives_back_every_sample_and_says_what_it_is(database: Database) -> None:
