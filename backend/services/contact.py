@@ -389,7 +389,7 @@ class ContactService:
         if self.sweep.is_running:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                "the external-force bias is being calibrated over S: wait until that ends, or stop it",
+                "the external-force bias is being calibrated over S: wait until it ends, or stop it",
             )
         async with self._command_lock:
             points = [] if order.forget else self._points
