@@ -421,7 +421,7 @@ def test_a_change_counts_at_once_and_a_removed_one_is_no_signal(operator: httpx.
 @pytest.mark.parametrize(
     ("name", "expression", "said"),
     [
-        ("made", "F_C * 2", "the nearest is F_"),
+        ("made", "F_C * 2", "the closest name is F_"),
         ("made", "q +", "is not an expression"),
         ("q", "2 * S", "is not a valid name of a formula"),
         ("f_Mean", "q", "differs from 'F_mean' only in case"),

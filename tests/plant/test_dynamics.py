@@ -526,9 +526,9 @@ def test_the_steps_are_stable_at_the_bounds_and_say_where_they_come_from() -> No
         (WALL._replace(c_wall=8.0), "damping of the obstacle: 8 s/m is outside"),
         (
             WALL._replace(q_wall=-0.1),
-            "the joint is at 0\u202frad, inside the obstacle at -0.1\u202frad: move it below that first",
+            "the joint is at 0\u202frad, inside the obstacle at -0.1\u202frad: move it below that angle first",
         ),
-        (WALL._replace(q_wall=0.1, side=-1.0), "inside the obstacle at 0.1\u202frad: move it above that first"),
+        (WALL._replace(q_wall=0.1, side=-1.0), "inside the obstacle at 0.1\u202frad: move it above that angle first"),
     ],
 )
 def test_a_wall_that_cannot_be_is_refused_and_the_one_before_stays(wall: Obstacle, told: str) -> None:

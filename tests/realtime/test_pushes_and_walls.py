@@ -290,7 +290,7 @@ def test_a_program_whose_wall_meets_the_joint_trips_and_says_what_to_do(ideal: P
     bench.advance(2.2)
     stop = next(event for event in bench.events if isinstance(event, Stopped))
     assert stop.fault is Fault.PLANT_ERROR
-    assert f"inside the obstacle at {Angle(0.15)}: move it below that first" in stop.detail
+    assert f"inside the obstacle at {Angle(0.15)}: move it below that angle first" in stop.detail
     assert standing(bench) is None
 
 
