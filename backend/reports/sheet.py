@@ -159,7 +159,7 @@ class _Reading:
         for key, value in kept_attributes.items():
             if key not in known or not re.fullmatch(known[key], value):
                 raise _refusal(
-                    f'its <{name}> has {_short(key)}="{_short(value)}", which is not allowed in a sheet of charts'
+                    f'its <{name}> has {_short(key)}="{_short(value)}", which is not allowed in a chart sheet'
                 )
         if not self.open:
             self._measure(kept_attributes)
@@ -225,7 +225,7 @@ def _require_few(what: str, number: int, most: int, remedy: str) -> None:
 def _refusal(why: str) -> RequestRejectedError:
     return RequestRejectedError(
         ErrorCode.BAD_VALUE,
-        f"this is not a sheet of charts: {why}. Send the SVG as the charts save it, or convert it with a "
+        f"this is not a chart sheet: {why}. Send the SVG as the charts save it, or convert it with a "
         "drawing program",
         code="not_a_sheet",
     )

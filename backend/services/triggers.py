@@ -113,7 +113,7 @@ def _build_condition(order: TriggerOrder, derived: dict[str, Derived]) -> Condit
     Raises RequestRejectedError.
     """
     if order.signal not in UNIT_BY_SIGNAL and order.signal not in derived:
-        message = f"there is no signal {order.signal!r}: the nearest is {find_nearest_name(order.signal)}"
+        message = f"there is no signal {order.signal!r}; the closest name is {find_nearest_name(order.signal)}"
         raise RequestRejectedError(
             ErrorCode.BAD_VALUE, message, code="unknown_signal", legal=[*UNIT_BY_SIGNAL, *derived]
         )

@@ -98,7 +98,7 @@ def test_orders_that_make_no_sense_are_refused(disarmed: httpx.Client, order: di
     refused = arm(disarmed, **order)
     assert (refused.status_code, problem(refused)["code"]) == (422, code)
     if code == "unknown_signal":
-        assert "the nearest is F_" in problem(refused)["message"]
+        assert "the closest name is F_" in problem(refused)["message"]
         assert "F_B" in problem(refused)["legal"]
 
 

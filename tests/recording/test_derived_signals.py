@@ -195,7 +195,7 @@ def test_it_says_what_the_language_of_experiments_says(q: float, S: float, expre
     ("expression", "said"),
     [
         ("F_C + 1", "there is no signal 'F_C'; the closest name is F_"),
-        ("theta_a", "the nearest is theta_A"),
+        ("theta_a", "the closest name is theta_A"),
         ("t * 2", "there is no signal 't'"),
         ("1 + 2", "contains no signal"),
         ("q +", "is not an expression"),
