@@ -225,7 +225,7 @@ it("shows the step under way with what a person is asked, and confirms or cancel
   await waitFor(() => expect(asked("/api/bring-up/cancel")).toHaveLength(1));
 });
 
-it("says the drives are off, and switches them on when somebody presses it", async () => {
+it("says that the drives are off, and switches them on when somebody presses it", async () => {
   await open([step("zero", "Zero")], "deg", false);
   const drives = () => within(screen.getByRole("region", { name: TEXTS.drives }));
   expect(drives().getByText(TEXTS.drivesOff)).toBeTruthy();
