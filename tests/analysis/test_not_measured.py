@@ -140,7 +140,7 @@ def test_a_single_invalid_sample_prevents_passing(signal: str, criteria: set[str
     metrics = compute_tracking_metrics(columns, plan.program(), plan.phases())
     judged = by_name(tracking_criteria(metrics, "ideal"))
     assert {name for name, item in judged.items() if item.passed is None} == criteria
-    assert all("no number" in judged[name].reason for name in criteria)
+    assert all("no valid value" in judged[name].reason for name in criteria)
 
 
 def test_without_pushes_the_stiffness_is_not_measured() -> None:

@@ -213,7 +213,6 @@ def test_the_time_to_90_percent_is_that_of_the_largest_q_steps_alone() -> None:
     assert metrics.overall.reach_q_s == max(time_s for time_s in times if time_s is not None)
     assert max(item.reach_s or 0.0 for item in metrics.steps if item.step.signal == "q") > 0.9 * 3.88
     declared = type(metrics.overall).__dataclass_fields__["reach_q_s"].metadata
-    assert "alone" in declared["label"]
     assert "at constant S_ref" in declared["definition"]
 
 

@@ -80,7 +80,7 @@ def test_an_experiment_starts_from_what_is_in_force_and_says_so(command: Command
     assert ended.returncode == 0, ended.stderr
     assert ended.stdout.splitlines()[0] == (
         "tuning: λ_q 0.7 s (active), λ_S 0.42 s (active), λ_motor 0.0854 s (active), b 1 (set), "
-        "geometric gains (set), switching between entries (active), "
+        "gains from geometry (set), switching between entries (active), "
         "lambda motion (active)"
     )
     with closing(open_database(tmp_path)) as database:
@@ -287,7 +287,7 @@ def test_a_read_only_data_folder_is_told_with_a_remedy(tmp_path: Path) -> None:
     assert ended.returncode == 1
     (line,) = ended.stderr.decode().splitlines()
     assert str(folder) in line
-    assert "read-only" in line
+    assert "cannot be written" in line
     assert "--data" in line
 
 

@@ -187,7 +187,7 @@ def test_bad_records_end_with_2_and_one_line(identify: Identify, tmp_path: Path,
     [
         ("words.csv", b"u,y\n1,2\n3,four\n", "column 'y' holds 'four' in line 3"),
         ("ragged.csv", b"u,y\n1,2\n3\n", "line 3 has 1 columns"),
-        ("naked.csv", b"1,2\n3,4\n", "names of the columns"),
+        ("naked.csv", b"1,2\n3,4\n", "column names"),
         ("empty.csv", b"", "no heading line"),
         ("latin.csv", b"u,y\n\xb5,1\n", "UTF-8"),
         ("broken.mat", b"not a matlab file", "MATLAB"),

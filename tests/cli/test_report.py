@@ -436,7 +436,7 @@ def played_again(command: Command, report: Path, monkeypatch: pytest.MonkeyPatch
     for name in ("parameters.toml", "experiment.json"):
         if name in blocks:
             Path(name).write_text(blocks[name], encoding="utf-8")
-    line = blocks["Play"]
+    line = blocks["Repeat"]
     assert line.isascii()
     words = shlex.split(line.replace("\\\n", " "))
     assert words[0] == "sinew"
@@ -459,7 +459,7 @@ def test_an_experiment_is_played_again_to_the_same_metrics(
     assert command("experiment", "tracking", *words, "--out", str(out), folder=tmp_path / "here").returncode == 0
     again = played_again(command, out / "report.html", monkeypatch, tmp_path / "again")
     assert again == metrics_of(out)
-    page = blocks_of((out / "report.html").read_text(encoding="utf-8"))["Play"]
+    page = blocks_of((out / "report.html").read_text(encoding="utf-8"))["Repeat"]
     pdf = "\n".join(sheet.extract_text() for sheet in PdfReader(out / "report.pdf").pages)
     assert [line.strip() for line in page.splitlines()] == [
         line.strip() for line in pdf[pdf.index("sinew experiment") :].splitlines()[: len(page.splitlines())]

@@ -535,7 +535,7 @@ def test_predictions_say_what_is_wrong_before_anything_moves(lab: PlantParameter
     assert high.is_feasible
     with pytest.raises(OutOfRangeError, match="smallest voltage step: 6 V is more than 4 V"):
         build_plan(MotorIdentificationPlan, {"u_low": 6.0, "u_high": 4.0})
-    with pytest.raises(OutOfRangeError, match=r"turns, .*: 49 N is outside 20 to 47 N"):
+    with pytest.raises(OutOfRangeError, match=r"reverses, .*: 49 N is outside 20 to 47 N"):
         build_plan(SpringIdentificationPlan, {"F_high": "49"})
 
 

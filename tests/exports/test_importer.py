@@ -119,7 +119,7 @@ def test_what_a_csv_says_of_itself_has_to_hold(
         ('"value":0.075', '"value":0.076', "were changed"),
         ("\n0.001,", "\n0.003,", "do not increase"),
         ("\n0.001,", "\nnan,", "not multiples"),
-        ("t,q,q_ref", "t,q_ref,q", "heading"),
+        ("t,q,q_ref", "t,q_ref,q", "header row"),
     ):
         assert said in whole
         changed = whole.replace(said, other, 1)

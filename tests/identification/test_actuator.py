@@ -84,7 +84,7 @@ def test_the_papers_arx_is_there_beside_it_and_is_what_a_file_gives(found: Actua
 def test_too_little_motion_is_said_with_the_number_of_counts() -> None:
     found = identify_actuator(default_experiment(amplitude_rad=0.5, chip=5), PERIOD_S, GEOMETRY, START)
     assert found.verdict.grade is Grade.UNUSABLE
-    assert "not enough motion" in found.verdict.sentence
+    assert "too little motion" in found.verdict.sentence
     assert f"{found.motion_counts:.1f} counts" in found.verdict.sentence
 
 

@@ -71,14 +71,14 @@ def test_both_sides_of_the_joint_have_the_same_bounds() -> None:
         (r"c0 = \{ value = [\d.]+", 'c0 = { value = "0.1"', r"motor\.c0 = '0\.1' is not a finite number"),
         (r'(?m)^K_t = .*$', "", r'motor\.K_t must read \{ value = \.\.\., unit = "N·m/V", source = "\.\.\." \}'),
         (r'(?m)^K_t = .*$', "K_t = 0.3", r"motor\.K_t must read"),
-        (r'unit = "kg·m²"', 'unit = "g·m²"', r"geometry\.J_j is in 'g·m²': give one of 'kg·m²'"),
+        (r'unit = "kg·m²"', 'unit = "g·m²"', r"geometry\.J_j is in 'g·m²': give it in 'kg·m²'"),
         (r"(?m)^c0 =", "c_0 =", r"unknown entry motor\.c_0; known are K_m, T_m"),
         (r"\[sensors\]", "[sensor]", r"unknown section 'sensor'; known are geometry, spring"),
         (r"\[safety\]", "[[safety]]", r"safety = \[.*\] must be a section: \[safety\]"),
         (r"value = \[-2.498, 331.49, 8543.8\]", "value = [3.0, 300.0, 8000.0]", r"spring: .* no zero-force root"),
         (r"value = \[-2.498, 331.49, 8543.8\]", "value = [-2.0, 300.0]", r"spring\.k has 2 coefficients: give 3 to 6"),
         (r"value = \[-2.498, 331.49, 8543.8\]", "value = 3.0", r"spring\.k = 3\.0 must be a list of numbers"),
-        (r"x_solid = \{ value = 0.06135", "x_solid = { value = 0.09", r"carries .* N, far above safety\.F_max = 50 N"),
+        (r"x_solid = \{ value = 0.06135", "x_solid = { value = 0.09", r"force is .* N, far above safety\.F_max = 50 N"),
     ],
 )  # fmt: skip
 def test_a_bad_entry_is_refused_by_name_bound_and_unit(
@@ -210,7 +210,7 @@ def test_zero_is_an_answer_and_is_kept(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (without(STICK, "sigma_0"), r"motor\.sigma_0 is missing, and sigma_1 and stiction_ratio and omega_s need it"),
+        (without(STICK, "sigma_0"), r"motor\.sigma_0 is missing, and sigma_1 and stiction_ratio and omega_s require it"),
         (without(STICK, "stiction_ratio"), r"motor\.stiction_ratio is missing: static friction"),
         (without(STICK, "omega_s"), r"motor\.omega_s is missing: static friction"),
         (without(STICK, "c0").replace("[identified]", number("c0", 0) + "[identified]"), r"motor\.c0 = 0 N·m with sig"),

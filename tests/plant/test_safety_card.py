@@ -118,7 +118,7 @@ def test_a_watchdog_that_does_not_look_any_more_takes_the_drives_with_it(card: C
     assert (state.u_A, state.u_B, state.drive_enabled, state.watchdog_dead) == (0.0, 0.0, False, True)
     os.kill(card.watchdog_pid, signal.SIGCONT)
     time.sleep(0.1)
-    with pytest.raises(PlantError, match="new one"):
+    with pytest.raises(PlantError, match="watchdog has died"):
         card.rearm()
     assert not card.state().drive_enabled
 

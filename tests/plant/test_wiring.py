@@ -47,7 +47,7 @@ LINE_A = 'slope = { value = 10.0, unit = "N/V", source = "placeholder: 100 N at 
 
 WRONG = {
     "unknown channel": (replaced('channel = "ao1"', 'channel = "ao9"'), 'channel = "ao9"', "motor_B.channel", "ao0"),
-    "duplicate": (replaced('channel = "ao1"', 'channel = "ao0"'), "[motor_B]", "motor_B.channel", "taken by motor_A"),
+    "duplicate": (replaced('channel = "ao1"', 'channel = "ao0"'), "[motor_B]", "motor_B.channel", "already used by motor_A"),
     "missing calibration": (
         replaced('slope = { value = 10.0, unit = "N/V", source = "placeholder: 100 N at 10 V" }\n', ""),
         "[load_cell_A]",
@@ -58,7 +58,7 @@ WRONG = {
         replaced('slope = { value = 10.0, unit = "N/V"', 'slope = { value = 10.0, unit = "kg/V"'),
         "kg/V",
         "load_cell_A.slope",
-        "give one of 'N/V'",
+        "give it in 'N/V'",
     ),
     "table without a slack tendon": (
         replaced(LINE_A, 'table = { value = [[0.5, 5], [9, 90]], unit = "V, N", source = "weights" }'),
@@ -109,7 +109,7 @@ WRONG = {
         replaced('line = "port2/line4"', 'line = "port2/line0"'),
         'line = "port2/line0"',
         "drive_enable.line",
-        "taken by encoder_q",
+        "already used by encoder_q",
     ),
 }
 

@@ -64,7 +64,7 @@ CASES = [
     (InjectedFault(InjectedFaultKind.DEVICE_GONE), Fault.PLANT_ERROR, "-201003", AT_ONCE),
     (InjectedFault(InjectedFaultKind.BUFFER_OVERRUN), Fault.PLANT_ERROR, "-200222", AT_ONCE),
     (InjectedFault(InjectedFaultKind.LOST_SAMPLE), Fault.PLANT_ERROR, "-200279", AT_ONCE),
-    (InjectedFault(InjectedFaultKind.STUCK, Sensor.F_A), Fault.SENSOR_STUCK, "F_A stands", 1000),
+    (InjectedFault(InjectedFaultKind.STUCK, Sensor.F_A), Fault.SENSOR_STUCK, "F_A stays", 1000),
     (InjectedFault(InjectedFaultKind.STUCK, Sensor.THETA_B), Fault.SENSOR_STUCK, "theta_B", 1000),
     (
         InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.F_B),

@@ -182,8 +182,8 @@ def test_a_stop_goes_before_a_contact() -> None:
         (ConfigureContactDetection((), 100.0), "30"),
         (ConfigureContactDetection((), -2.0), "1"),
         (ConfigureContactDetection((), math.nan), "contact_N"),
-        (ConfigureContactDetection(((10.0, 0.1), (8.0, 0.2)), 0.0), "rise"),
-        (ConfigureContactDetection(((8.0, math.nan),), 0.0), "rise"),
+        (ConfigureContactDetection(((10.0, 0.1), (8.0, 0.2)), 0.0), "increasing S"),
+        (ConfigureContactDetection(((8.0, math.nan),), 0.0), "increasing S"),
         (ConfigureContactDetection(tuple((8.0 + 0.1 * k, 0.0) for k in range(65)), 0.0), "64"),
     ],
 )
@@ -435,7 +435,7 @@ def test_a_stop_while_it_gives_way_is_a_stop_and_nothing_of_it_is_left() -> None
         (replace(HITS, contact_detections=(ContactDetection(0.5), ContactDetection())), "0.5 N is outside 1"),
         (replace(HITS, contact_detections=(ContactDetection(31.0), ContactDetection())), "31 N"),
         (replace(HITS, contact_detections=(ContactDetection(math.nan), ContactDetection())), "contact_N"),
-        (replace(HITS, contact_detections=(ContactDetection(FROM_N),)), "touch 2 of the program's 1"),
+        (replace(HITS, contact_detections=(ContactDetection(FROM_N),)), "detection 2 of the program's 1"),
         (
             replace(HITS, contact_detections=(ContactDetection(),) * (MAX_CONTACT_DETECTIONS + 1)),
             "number of changes of the contact reaction",

@@ -344,7 +344,7 @@ WITHOUT_UNIT = re.compile(r"(?<![\w.-])-?\d+(?:\.\d+)?(?![\d.]|:? (?:rad|N|V|s|m
         (InjectedFault(InjectedFaultKind.JUMP, Sensor.F_A), r".*: F_A went from .* to .* N\."),
         (
             InjectedFault(InjectedFaultKind.STUCK, Sensor.F_B),
-            r".*: F_B stands at .* N although its motor turned by .* rad\.",
+            r".*: F_B stays at .* N although its motor turned by .* rad\.",
         ),
         (
             InjectedFault(InjectedFaultKind.DRIFT_UP, Sensor.Q),

@@ -301,7 +301,7 @@ def test_a_program_whose_wall_meets_the_joint_trips_and_says_what_to_do(ideal: P
             Program(Law.CASCADE, (Segment(0.1, 0.0, 10.0, wall=2),), walls=(ABOVE,)),
             "refers to obstacle 2 of the program's 1",
         ),
-        (Program(Law.CASCADE, (Segment(0.1, 0.0, 10.0, wall=-1),)), "wants wall -1 of the program's 0"),
+        (Program(Law.CASCADE, (Segment(0.1, 0.0, 10.0, wall=-1),)), "obstacle -1 of the program's 0"),
         (Program(Law.CASCADE, (Segment(0.1, 0.0, 10.0),), walls=(None,) * (MAX_WALLS + 1)), "number of changes of the"),
         (
             Program(Law.TENSION_SWEEP, tension_N=8.0, legs=(TensionLeg(20.0, 0.5),), walls=(ABOVE,)),

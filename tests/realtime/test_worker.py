@@ -229,7 +229,7 @@ def test_a_program_with_a_part_missing_is_refused_and_the_next_one_is_whole(benc
     reasons = {event.sequence: event.reason for event in bench_worker.hear() if isinstance(event, Refused)}
     assert f"{200 - PART_SEGMENTS} of the program's 200 segments arrived" in reasons[7]
     assert 8 not in reasons
-    assert "off cannot change directly to experiment" in reasons[9], "the whole program came to the loop, which is off"
+    assert "off cannot change to experiment" in reasons[9], "the whole program came to the loop, which is off"
 
 
 def test_a_command_that_the_loop_does_not_know_is_refused(bench_worker: Bench) -> None:

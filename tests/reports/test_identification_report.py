@@ -103,7 +103,7 @@ def test_report_says_models_geometry_and_table_1(report: Report) -> None:
     models, candidates, comparison = tables[0].rows, tables[1].rows, tables[2].rows
     assert models[0][:4] == ("G_q", "K/(τs+1)⁴", "0.05000", "0.00010")
     assert models[1][5] == "−0.12"
-    assert models[0][-1] == "coloured (8.4 of 2.8), free of input (8.4 of 2.8)"
+    assert models[0][-1] == "coloured (8.4 of 2.8), independent of input (8.4 of 2.8)"
     assert candidates[0] == ("G_q", "K/(τs+1)⁴", "0.05000", "0.340", "97.0", "−1234", "usable")
     assert candidates[1] == ("G_q", "third order", "–", "–", "–", "–", "not converged")
     assert comparison[0] == ("G_q", "0.05000", "0.05000", "0.04800", "0.04840", "0.342", "0.310", "0.780")

@@ -202,7 +202,7 @@ def test_figures_settings_steps_and_reasons_are_converted(tracking_source: RunDa
             assert row["Value"] == plain["Value"]
     amplitude = table(degrees, "Settings")[0]
     assert (amplitude["Value"], amplitude["Unit"]) == ("60", "°")
-    first = next(row for row in table(degrees, "Every step") if row["Step"].startswith("q"))
+    first = next(row for row in table(degrees, "All completed steps") if row["Step"].startswith("q"))
     assert (first["Step"], first["to"]) == ("q [°]", "60.0")
     assert any("q = 91.7918°; the limit is 90°" in fact.text for fact in degrees.facts)
     assert any(format_text(TRIP, RAD) in fact.text for fact in radians.facts)

@@ -115,7 +115,7 @@ def test_drawn_values_have_their_distribution() -> None:
             "axes: [{over: spring.k.0, values: [-2.5]}, {over: spring.k.00, values: [-2.6]}]",
             "spring.k.00: the plant has no",
         ),
-        ("axis: []", "it is unknown here"),
+        ("axis: []", "this key is not allowed here"),
         ("written: {format: 1, name: b, title: B, phases: []}", "line 4: written, phases: it is empty"),
         ("settings: {S_low: 13.0, S_high: 12.0}", "lower level"),
     ],

@@ -277,4 +277,4 @@ def test_the_command_prints_a_study_as_json(tmp_path: Path) -> None:
     assert json.loads(sinew("run", "--resume", "1", "--again").stdout)["study"]["done"] == 4
     assert "there is no study 9" in sinew("stop", "9").stderr
     file.write_text("format: 2")
-    assert "line 1: format: 2 is not known" in sinew("run", str(file)).stderr
+    assert "line 1: format: 2 is not a known format" in sinew("run", str(file)).stderr
