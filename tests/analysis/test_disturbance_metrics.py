@@ -561,7 +561,10 @@ def test_a_hit_has_its_peak_its_impulse_with_all_bounces_and_its_speed() -> None
     ("hits", "reason"),
     [
         (((8.0, 0.3, 4.0), (8.0, 0.3, 5.0)), "all hits have the same S_ref, 8 N·m/rad"),
-        (((8.0, 0.3, 4.0), (8.0, 0.4, 4.0), (15.0, 0.3, 5.0)), "2 hits were at the lowest stiffness and 1 at the highest"),
+        (
+            ((8.0, 0.3, 4.0), (8.0, 0.4, 4.0), (15.0, 0.3, 5.0)),
+            "2 hits were at the lowest stiffness and 1 at the highest",
+        ),
         (
             ((8.0, 0.3, 4.0), (15.0, 0.4, 5.0)),
             f"hits at {Quantity(0.3, 'rad/s')} and {Quantity(0.4, 'rad/s')} cannot be compared: their "

@@ -307,7 +307,10 @@ def test_a_structure_too_rich_for_the_record_is_not_usable() -> None:
     ratio = found.std_errors["a2"] / found.model.parameters["a2"]
     assert not ratio < 0.39
     assert found.verdict.grade is Grade.UNUSABLE
-    assert "a2 has a standard error" in found.verdict.sentence or "standard error of a2 not measured" in found.verdict.sentence
+    assert (
+        "a2 has a standard error" in found.verdict.sentence
+        or "standard error of a2 not measured" in found.verdict.sentence
+    )
 
 
 def test_missing_dynamics_count_without_a_known_sensor_too() -> None:

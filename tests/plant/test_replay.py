@@ -172,7 +172,7 @@ def test_what_a_recording_cannot_do_is_refused(columns: Columns, tmp_path: Path)
     attempts: tuple[tuple[Callable[[], object], str], ...] = (
         (lambda: plant.push(1.0), "pushed"),
         (lambda: plant.load(NO_LOAD), "loaded"),
-        (lambda: plant.inject(None), "broken"),
+        (lambda: plant.inject(None), "fail"),
         (lambda: plant.zero(0.0, 0.0, 0.0), "zeros"),
     )
     for attempt, said in attempts:

@@ -47,7 +47,12 @@ LINE_A = 'slope = { value = 10.0, unit = "N/V", source = "placeholder: 100 N at 
 
 WRONG = {
     "unknown channel": (replaced('channel = "ao1"', 'channel = "ao9"'), 'channel = "ao9"', "motor_B.channel", "ao0"),
-    "duplicate": (replaced('channel = "ao1"', 'channel = "ao0"'), "[motor_B]", "motor_B.channel", "already used by motor_A"),
+    "duplicate": (
+        replaced('channel = "ao1"', 'channel = "ao0"'),
+        "[motor_B]",
+        "motor_B.channel",
+        "already used by motor_A",
+    ),
     "missing calibration": (
         replaced('slope = { value = 10.0, unit = "N/V", source = "placeholder: 100 N at 10 V" }\n', ""),
         "[load_cell_A]",

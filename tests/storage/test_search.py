@@ -171,7 +171,7 @@ REFUSED = (
     ("overshoot_q_percent < many", 23, "requires a number, and 'many' is not a number"),
     ("overshoot_q_percent < nan", 23, "'nan' is not a number"),
     ("overshoot_q_percent = many", 23, "'many' is not a number"),
-    ("overshoot_q_percent != 0%", 24, "which '0%' is not"),
+    ("overshoot_q_percent != 0%", 24, "'0%' is not a number"),
     ("lam_q = 0.4rad", 9, "'0.4rad' is not a number: write it in SI units, or as 60°"),
     ("lam_q = 0.4, nan", 14, "'nan' is not a number"),
     ("overshoot_q_percent ~ 0", 1, "is a number, to which ~ does not apply"),
