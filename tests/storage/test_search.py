@@ -190,7 +190,7 @@ REFUSED = (
     ("lam_q < 1, 2", 12, "accepts only one value"),
     ("!", 1, "has no meaning here"),
     ("a \x00", 3, "cannot be printed"),
-    ("not " * 30 + "a", 85, "20 deep at most"),
+    ("not " * 30 + "a", 85, "20 levels deep at most"),
     ("a " * 61, 121, "60 terms at most"),
     ("x" * 1001, 1001, "1000 characters at most"),
 )
