@@ -225,8 +225,7 @@ def _require_few(what: str, number: int, most: int, remedy: str) -> None:
 def _refusal(why: str) -> RequestRejectedError:
     return RequestRejectedError(
         ErrorCode.BAD_VALUE,
-        f"this is not a chart sheet: {why}. Send the SVG as the charts save it, or convert it with a "
-        "drawing program",
+        f"this is not a chart sheet: {why}. Send the SVG as the charts save it, or convert it with a drawing program",
         code="not_a_sheet",
     )
 
