@@ -77,6 +77,7 @@ from .interface import (
     T_s,
 )
 from .manual_input import NO_MANUAL_INPUT, ManualInput, SupportsManualInput
+from .message import Message, catalogue_entry
 from .parameters import (
     SHIPPED,
     SIDES,
@@ -149,6 +150,7 @@ __all__ = [
     "InvariantError",
     "ManualInput",
     "Measurement",
+    "Message",
     "Motor",
     "MotorCommand",
     "Obstacle",
@@ -192,6 +194,7 @@ __all__ = [
     "advance_state",
     "apply_calibration",
     "cache_compiled",
+    "catalogue_entry",
     "compiled",
     "compiled_run",
     "elongation_A",

@@ -3,6 +3,8 @@
 from enum import StrEnum
 from typing import Any
 
+from plant.message import Message
+
 
 class ErrorCode(StrEnum):
     """Category of an error; the value is the code in responses without a narrower one."""
@@ -26,6 +28,12 @@ class SinewError(Exception):
     """
 
     category: ErrorCode | None = None
+
+    @property
+    def message(self) -> Message:
+        """The message with its code and values; without a code if it is of no catalogue."""
+        (text, *_) = self.args or ("",)
+        return text if isinstance(text, Message) else Message(str(text))
 
     @property
     def fields(self) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from itertools import pairwise
 from math import isfinite
 from typing import Any, Protocol
 
+from backend.banks import messages
 from backend.banks.tuning_settings import TuningSettings, default_lam_motor
 from backend.control import build_decoupler, pid, stiffness_slope
 from backend.identification import MAX_GAIN_ERROR_PERCENT
@@ -61,14 +62,15 @@ def build_point_model(entry: BankEntry) -> PointModel:
     """Return the models of an entry. Raises BankError if one is missing."""
     known = {name: getattr(entry.known, name) for name in MODEL_NAMES}
     if missing := [name for name, value in known.items() if value is None]:
-        raise BankError(f"the entry {entry_name(entry.S_nominal, entry.known.tension_N)} has no {', '.join(missing)}")
+        name = entry_name(entry.S_nominal, entry.known.tension_N)
+        raise BankError(messages.entry_without_models(entry=name, missing=", ".join(missing)))
     return PointModel(entry.S_nominal, **known)
 
 
 def require_consistent(parameters: PlantParameters, chosen: Sequence[NamedEntry]) -> tuple[BankEntry, ...]:
     """Return the entries in order of stiffness. Raises BankError if they do not form a bank."""
     if not chosen:
-        raise BankError("a bank needs at least one identification")
+        raise BankError(messages.no_identifications())
     for item in chosen:
         _require_positive(item)
     ordered = sorted(chosen, key=lambda item: item.entry.S_nominal)
@@ -88,9 +90,9 @@ def require_same_parameters(parameters: PlantParameters, name: str, recorded: Ma
         for entry, now in entries.items():
             was = then.get(section, {}).get(entry, StoredPlantNumber(None)).value
             if was != now.value:
+                parameter = f"{section}.{entry}"
                 raise BankError(
-                    f"{name} was made with other parameters: {section}.{entry} was {was}, it is {now.value} now; "
-                    "identify again, or use the parameters of that run"
+                    messages.other_parameters(name=name, parameter=parameter, recorded=was, current=now.value)
                 )
 
 
@@ -98,15 +100,16 @@ def _require_positive(item: NamedEntry) -> None:
     values = {"S_nominal": item.entry.S_nominal} | {name: getattr(item.entry.known, name) for name in MODEL_NAMES}
     for name, value in values.items():
         if not isinstance(value, int | float) or isinstance(value, bool) or not isfinite(value) or not value > 0.0:
-            raise BankError(f"{item.name} has {name} = {value}: it must be a number above 0")
+            raise BankError(messages.not_positive(name=item.name, parameter=name, value=value))
 
 
 def _require_apart(below: NamedEntry, above: NamedEntry) -> None:
     distance = above.entry.S_nominal - below.entry.S_nominal
     if distance < MIN_STIFFNESS_DISTANCE:
         raise BankError(
-            f"{below.name} and {above.name} are {distance:.2f} N·m/rad apart, less than {MIN_STIFFNESS_DISTANCE:g}: "
-            "they describe the same operating point; choose one of them"
+            messages.entries_too_close(
+                below=below.name, above=above.name, distance=distance, minimum=MIN_STIFFNESS_DISTANCE
+            )
         )
 
 
@@ -114,9 +117,14 @@ def _require_tension_rises(below: NamedEntry, above: NamedEntry) -> None:
     low, high = below.entry.known.tension_N, above.entry.known.tension_N
     if low is not None and high is not None and not low < high:
         raise BankError(
-            f"{above.name} is stiffer than {below.name} ({above.entry.S_nominal:.2f} and {below.entry.S_nominal:.2f} "
-            f"N·m/rad) at a tension that is not higher ({high:g} and {low:g} N): at least one of them is "
-            "wrong; identify both again"
+            messages.tension_does_not_increase(
+                below=below.name,
+                above=above.name,
+                S_below=below.entry.S_nominal,
+                S_above=above.entry.S_nominal,
+                F_below=low,
+                F_above=high,
+            )
         )
 
 
@@ -130,9 +138,14 @@ def _require_gain_of_geometry(parameters: PlantParameters, item: NamedEntry) -> 
         error = 100.0 * (value / geometric - 1.0)
         if abs(error) > MAX_GAIN_ERROR_PERCENT:
             raise BankError(
-                f"{item.name} has {name} = {value:.4g}, {error:+.0f} % from the value {geometric:.4g} "
-                "given by the geometry, more than "
-                f"{MAX_GAIN_ERROR_PERCENT:g} %: identify again with more motion"
+                messages.gain_unlike_geometry(
+                    name=item.name,
+                    parameter=name,
+                    value=value,
+                    geometric=geometric,
+                    error_percent=error,
+                    maximum_percent=MAX_GAIN_ERROR_PERCENT,
+                )
             )
 
 
@@ -140,7 +153,7 @@ def _require_stable(parameters: PlantParameters, item: NamedEntry) -> None:
     try:
         TuningPreviewer(parameters, (item.point,), lam_motor=default_lam_motor(parameters))
     except TuningError as error:
-        raise BankError(f"{item.name} gives loops that are not robust at any λ: {error}") from None
+        raise BankError(messages.not_robust(name=item.name, reason=error.message)) from None
 
 
 # Bank building -------------------------------------------------------------------------------------
@@ -168,11 +181,9 @@ def build_entry(identification: Identification) -> BankEntry:
     Raises BankError if it is of another kind or not usable, UnreadableDocumentError.
     """
     if identification.kind != "actuator":
-        raise BankError(
-            f"{format_source(identification)} is of kind {identification.kind}: choose actuator identifications"
-        )
+        raise BankError(messages.not_of_an_actuator(source=format_source(identification), kind=identification.kind))
     if not identification.usable:
-        raise BankError(f"{format_source(identification)} is not usable for tuning: {identification.verdict}")
+        raise BankError(messages.not_usable(source=format_source(identification), verdict=identification.verdict))
     found = identification.actuator.model
     G_q, G_S = found.G_q.first_order, found.G_S.first_order
     tension_N = identification.actuator_options.tension_N
@@ -198,11 +209,11 @@ def build_bank(
 def require_name(name: str) -> None:
     """Raise BankError for an invalid name of a bank."""
     if not name.strip():
-        raise BankError("a bank needs a name")
+        raise BankError(messages.no_name())
     try:
         check_single_line(name)
     except PlainTextError as error:
-        raise BankError(f"name of a bank: {error}") from None
+        raise BankError(messages.invalid_name(reason=error.message)) from None
 
 
 def list_point_models(bank: HasEntries | None) -> tuple[PointModel, ...]:
@@ -329,6 +340,7 @@ def _get_stiffness(pair: BankEntryChange) -> float:
 FORMAT = "sinew-bank"
 VERSION = 1
 MAX_ENTRIES = 20
+MAX_NAME = 60
 MAX_BYTES = 100_000
 
 _ENTRY_NAMES = ("S_nominal", *MODEL_NAMES, "tension_N")
@@ -359,16 +371,16 @@ def build_bank_document(bank: Bank) -> dict[str, Any]:
 def parse_bank_file(text: str) -> dict[str, Any]:
     """Return the document in the text of a bank file. Raises BankError."""
     if len(text.encode()) > MAX_BYTES:
-        raise BankError(f"the file is larger than {MAX_BYTES} bytes: it is not a bank")
+        raise BankError(messages.file_too_large(maximum_bytes=MAX_BYTES))
     try:
         document = json.loads(text)
         check_plain_texts(document)
     except PlainTextError as error:
-        raise BankError(f"the file: {error}") from None
+        raise BankError(messages.invalid_text_in_file(reason=error.message)) from None
     except (ValueError, RecursionError) as error:
-        raise BankError(f"the file is not JSON: {error}") from None
+        raise BankError(messages.file_is_not_json(reason=str(error))) from None
     if not isinstance(document, dict):
-        raise BankError("the file is not a bank: it contains no JSON object")
+        raise BankError(messages.file_is_not_an_object())
     return document
 
 
@@ -377,13 +389,13 @@ def import_bank(
 ) -> Bank:
     """Store the bank of a file as the next version of its name, or of ``name``. Raises BankError."""
     if document.get("format") != FORMAT or document.get("version") != VERSION:
-        raise BankError(f"the file is not a bank: it needs format = {FORMAT!r} and version = {VERSION}")
+        raise BankError(messages.file_of_another_format(format_name=FORMAT, version=VERSION))
     bank_name, items = name or document.get("name"), document.get("entries")
-    if not isinstance(bank_name, str) or len(bank_name) > 60:
-        raise BankError("the bank in the file needs a name of at most 60 characters")
+    if not isinstance(bank_name, str) or len(bank_name) > MAX_NAME:
+        raise BankError(messages.file_without_name(maximum=MAX_NAME))
     require_name(bank_name)
     if not isinstance(items, list) or not 0 < len(items) <= MAX_ENTRIES:
-        raise BankError(f"the bank in the file needs 1 to {MAX_ENTRIES} entries")
+        raise BankError(messages.wrong_number_of_entries(maximum=MAX_ENTRIES))
     entries = require_consistent(
         parameters, [_parse_named_entry(position, item) for position, item in enumerate(items, start=1)]
     )
@@ -399,13 +411,13 @@ def _parse_named_entry(position: int, item: Any) -> NamedEntry:
     if isinstance(tension_N, int | float) and not isinstance(tension_N, bool):
         name = f"the {tension_N:g} N entry"
     if not isinstance(item, dict) or not set(item) <= set(_ENTRY_NAMES):
-        raise BankError(f"{name} may have {', '.join(_ENTRY_NAMES)} and nothing else")
+        raise BankError(messages.unknown_key(name=name, known=", ".join(_ENTRY_NAMES)))
     for key, value in item.items():
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise BankError(f"{name} has {key} = {value!r}: it must be a number")
+            raise BankError(messages.not_a_number(name=name, key=key, value=value))
     S_nominal = item.get("S_nominal")
     if S_nominal is None:
-        raise BankError(f"{name} has no S_nominal")
+        raise BankError(messages.entry_without_stiffness(name=name))
     return NamedEntry(name, BankEntry(float(S_nominal), _select_known_values(item)))
 
 
