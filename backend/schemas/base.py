@@ -55,6 +55,7 @@ class ErrorDetail(Schema):
 
     code: str
     message: str = Field(description="complete message, with angles in the display unit of the reader")
+    message_code: str | None = Field(default=None, description="code of the message, null for a message without one")
     quantity: str | None = Field(default=None, description="name of the rejected value in the interface")
     words: str | None = Field(default=None, description="label of the rejected value")
     path: list[str | int] | None = Field(
@@ -270,7 +271,7 @@ def build_error_detail(error: SinewError, angles: AngleUnit = AngleUnit.DEGREES)
     if "value" in fields:
         fields["value"] = limit_rejected_value(fields["value"])
     message = error.format_message(angles) if isinstance(error, InvalidValueError) else str(error)
-    return ErrorDetail(message=message, **fields)
+    return ErrorDetail(message=message, message_code=error.message.code or None, **fields)
 
 
 def limit_rejected_value(value: object) -> object:
