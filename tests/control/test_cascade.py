@@ -202,6 +202,7 @@ def test_interpolates_linearly_and_ends_at_the_outer_entries() -> None:
     for S in np.linspace(7.0, 15.0, 161):
         place = select_entry(scheduling, -1.0, S)
         assert place == pytest.approx(np.interp(S, NOMINAL, np.arange(4.0)))
+        assert [select_entry(scheduling, active, S) for active in (0.0, 1.0, 1.3, 3.0)] == [place] * 4
         gains_q, gains_S = interpolate_gains(scheduling, place)
         expected = [np.interp(S, NOMINAL, ENTRIES[:, column]) for column in range(1, 7)]
         assert [*gains_q[:1], *gains_q[1:], *gains_S] == pytest.approx(expected)
