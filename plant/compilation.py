@@ -33,6 +33,7 @@ from numba.core.typing.templates import AttributeTemplate
 from numba.extending import NativeValue, infer_getattr, intrinsic, models, register_model, typeof_impl, unbox
 from numpy.typing import NDArray
 
+from plant import messages
 from plant.errors import ErrorCode, SinewError
 
 # Compiled functions --------------------------------------------------------------------------------
@@ -160,7 +161,7 @@ def _digest_of_sources() -> str:
 CACHE = _cache_folder()
 numba.config.CACHE_DIR = str(CACHE or "")
 if numba.config.DISABLE_JIT:
-    raise InterpretedError("NUMBA_DISABLE_JIT is set, but the control laws run only as compiled code: unset it")
+    raise InterpretedError(messages.compiler_disabled())
 
 
 # A dictionary, because numba's own types lack "_nrt": the runtime that allocates arrays and counts references.

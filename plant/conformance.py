@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from statistics import median
 
+from plant import messages
 from plant.errors import SinewError
 from plant.factory import find_missing_parts
 from plant.interface import (
@@ -28,6 +29,7 @@ from plant.interface import (
     Sensor,
     T_s,
 )
+from plant.message import Message
 from plant.parameters import PlantParameters
 from plant.quantity import Angle, Quantity
 
@@ -107,7 +109,7 @@ def requirement(sentence: str) -> Callable[[Callable[[Subject], str | None]], Ch
     return lambda function: Check(function.__name__.strip("_"), sentence, function)
 
 
-def require(holds: bool, message: str) -> None:
+def require(holds: bool, message: Message) -> None:
     """Raise RequirementError with ``message`` unless ``holds``."""
     if not holds:
         raise RequirementError(message)
@@ -141,30 +143,28 @@ def freeze_garbage() -> Iterator[None]:
 def require_driving_voltage(subject: Subject) -> float:
     """Return the permitted voltage [V]. Raises NotTriedError if there is none."""
     if not subject.answers:
-        raise NotTriedError("written voltages have no effect on this plant")
+        raise NotTriedError(messages.writes_without_effect())
     if subject.voltage <= 0.0:
-        raise NotTriedError("the plant would move: permit a small voltage")
+        raise NotTriedError(messages.no_voltage_permitted())
     return subject.voltage
 
 
 def check_reading(plant: Plant, m: Measurement, parameters: PlantParameters) -> None:
     """Raise RequirementError for a reading that is impossible with these parameters."""
-    require(isinstance(m, Measurement), f"read returned a {type(m).__name__}, but must return a Measurement")
+    require(isinstance(m, Measurement), messages.not_a_measurement(kind=type(m).__name__))
     wrong = [name for name, value in zip(m._fields, m, strict=True) if not isinstance(value, float)]
-    require(not wrong, f"no floats: {', '.join(wrong)}")
+    require(not wrong, messages.reading_without_floats(names=wrong))
     reported = {name: value for name, value in zip(m._fields, m, strict=True) if name not in ("S_true", "F_wall")}
     missing = [name for name, value in reported.items() if not math.isfinite(value)]
-    require(not missing, f"not finite: {', '.join(missing)}")
+    require(not missing, messages.reading_not_finite(names=missing))
     q_max, F_max = parameters.geometry.q_max, parameters.safety.F_max
-    require(abs(m.q) <= 1.1 * q_max, f"q = {m.q:g}, beyond {Angle(q_max):.3g}: is it in rad?")
+    require(abs(m.q) <= 1.1 * q_max, messages.q_implausible(q=m.q, q_max=q_max))
     for name, F in (("F_A", m.F_A), ("F_B", m.F_B)):
-        require(-0.1 * F_max <= F <= F_max, f"{name} = {F:g}, outside 0 to {F_max:g} N: is it in N, and tared?")
+        require(-0.1 * F_max <= F <= F_max, messages.tension_implausible(name=name, F=F, F_max=F_max))
     for name, theta in (("theta_A", m.theta_A), ("theta_B", m.theta_B)):
-        require(abs(theta) <= 100.0, f"{name} = {theta:g}, beyond {Angle(100.0)}: is it in rad at the gearbox outlet?")
-    require(m.safety_trip in (0.0, 1.0), f"safety_trip = {m.safety_trip:g}, but must be 0 or 1")
-    require(
-        len(plant.raw) == len(RawReading._fields), "raw must be a RawReading, with nan values if the plant has no card"
-    )
+        require(abs(theta) <= 100.0, messages.theta_implausible(name=name, theta=theta, theta_max=100.0))
+    require(m.safety_trip in (0.0, 1.0), messages.safety_trip_invalid(value=m.safety_trip))
+    require(len(plant.raw) == len(RawReading._fields), messages.raw_reading_incomplete())
 
 
 def drive(plant: Plant, command: MotorCommand, ticks: int) -> Measurement:
@@ -186,7 +186,7 @@ def require_at_rest(first: Measurement, m: Measurement) -> None:
     for name in ("q", "theta_A", "theta_B"):
         travel = abs(getattr(m, name) - getattr(first, name))
         if not travel <= RESTING_RAD:
-            raise RequirementError(f"{name} moved by {Angle(travel):.2g} at zero volts")
+            raise RequirementError(messages.moved_at_zero_volts(name=name, travel=travel))
 
 
 # Conformance ---------------------------------------------------------------------------------------
@@ -207,16 +207,17 @@ MOVED_RAD = 1e-3
 @requirement("It has all parts of the Plant protocol, each with the type that the protocol declares.")
 def _is_a_plant(subject: Subject) -> str:
     plant = subject.make()
-    require(not find_missing_parts(plant), f"it has no {find_missing_parts(plant)}")
+    missing = find_missing_parts(plant)
+    require(not missing, messages.parts_missing(missing=missing))
     for name in ("paces_loop", "stepped", "pushes", "loads_shafts"):
-        require(isinstance(getattr(plant, name), bool), f"{name} must be True or False")
+        require(isinstance(getattr(plant, name), bool), messages.attribute_not_boolean(attribute=name))
     limit_s = plant.unattended_max_s
     require(
         isinstance(limit_s, float) and T_s < limit_s < math.inf,
-        f"unattended_max_s = {limit_s}: give a finite time in seconds, longer than a period",
+        messages.unattended_time_invalid(value=limit_s),
     )
-    require(isinstance(plant.unready, str), "unready must be a sentence, empty if the plant may be controlled")
-    require(not (plant.stepped and plant.paces_loop), "stepped and paces_loop: only one of them may be True")
+    require(isinstance(plant.unready, str), messages.unready_is_not_text())
+    require(not (plant.stepped and plant.paces_loop), messages.stepped_and_paced())
     return f"may run unattended for {1e3 * limit_s:g} ms"
 
 
@@ -224,8 +225,8 @@ def _is_a_plant(subject: Subject) -> str:
 def _describes_itself(subject: Subject) -> str:
     with open_subject(subject) as plant:
         description = plant.description
-    require(isinstance(description, str) and description.strip() != "", "it is empty")
-    require(len(description.splitlines()) == 1, "it has more than one line")
+    require(isinstance(description, str) and description.strip() != "", messages.description_empty())
+    require(len(description.splitlines()) == 1, messages.description_of_several_lines())
     return description
 
 
@@ -245,7 +246,7 @@ def _reads_in_si(subject: Subject) -> str:
     with open_subject(subject) as plant:
         m = plant.read()
         check_reading(plant, m, subject.parameters)
-        require(isinstance(plant.raw, RawReading), "raw must be a RawReading")
+        require(isinstance(plant.raw, RawReading), messages.not_a_raw_reading())
     return f"q = {Angle(m.q):.4g}, F_A = {Quantity(m.F_A, 'N'):.3g}, F_B = {Quantity(m.F_B, 'N'):.3g}"
 
 
@@ -277,11 +278,11 @@ def _a_voltage_acts(subject: Subject) -> str:
         letter = "AB"[side]
         require(
             own > MOVED_RAD,
-            f"{volts:g} V on motor {letter} turned it by {Angle(own):.2g}: is the sign wrong, or the voltage too low?",
+            messages.motor_not_turned(voltage=volts, motor=letter, angle=own),
         )
         require(
             abs(other) < own,
-            f"{volts:g} V on motor {letter} turned the other one by {Angle(other):.2g}: are the motors swapped?",
+            messages.other_motor_turned(voltage=volts, motor=letter, angle=other),
         )
         moved.append(f"{letter} by {Angle(own):.3g}")
     return f"{volts:g} V turned {', '.join(moved)}"
@@ -294,10 +295,10 @@ def _a_write_counts_from_the_next_reading(subject: Subject) -> None:
     volts = require_driving_voltage(subject)
     with open_subject(subject) as plant:
         if not plant.stepped:
-            raise NotTriedError("the plant is not stepped: it moves with the clock, not with the writes")
+            raise NotTriedError(messages.plant_not_stepped())
         m = drive(plant, MotorCommand(volts, volts), DRIVE_TICKS)
         again = plant.read()
-        require(again[:3] == m[:3], f"it moved between two readings without a write: {m[:3]} to {again[:3]}")
+        require(again[:3] == m[:3], messages.moved_without_write(before=m[:3], after=again[:3]))
 
 
 @requirement("Voltages beyond the outputs' range are refused with a PlantError or limited to the range.")
@@ -306,7 +307,7 @@ def _keeps_to_its_voltages(subject: Subject) -> str:
     u_max = subject.parameters.motor.u_max
     with open_subject(subject) as plant:
         if not plant.stepped:
-            raise NotTriedError("a plant that moves in real time is not driven at full voltage")
+            raise NotTriedError(messages.full_voltage_in_real_time())
         at_bound = drive(plant, MotorCommand(u_max, u_max), 20)
     with open_subject(subject) as plant:
         try:
@@ -314,7 +315,7 @@ def _keeps_to_its_voltages(subject: Subject) -> str:
         except PlantError as error:
             return f"refused: {error}"
     for excess in (beyond.theta_A - at_bound.theta_A, beyond.theta_B - at_bound.theta_B):
-        require(excess < MOVED_RAD, f"at {100.0 * u_max:g} V it moved {Angle(excess):.2g} further than at {u_max:g} V")
+        require(excess < MOVED_RAD, messages.voltage_not_limited(voltage=100.0 * u_max, excess=excess, u_max=u_max))
     return f"limited to {u_max:g} V"
 
 
@@ -357,13 +358,16 @@ def _refuses_in_a_sentence(subject: Subject) -> str:
             try:
                 attempt()
             except PlantError as error:
-                require(str(error).strip() != "", f"{name} is refused without a message")
+                require(str(error).strip() != "", messages.refusal_without_message(operation=name))
                 refused.append(name)
         for name, attribute, is_able in (
             ("push", "pushes", plant.pushes),
             ("load", "loads_shafts", plant.loads_shafts),
         ):
-            require((name in refused) != is_able, f"{attribute} is {is_able}: {name} contradicts it")
+            require(
+                (name in refused) != is_able,
+                messages.attribute_contradicted(attribute=attribute, value=is_able, operation=name),
+            )
         check_reading(plant, plant.read(), subject.parameters)
     return f"refuses {', '.join(refused)}" if refused else "supports all of them"
 
@@ -372,7 +376,7 @@ def _refuses_in_a_sentence(subject: Subject) -> str:
 def _can_be_acknowledged(subject: Subject) -> None:
     with open_subject(subject) as plant:
         if plant.read().safety_trip:
-            raise NotTriedError("its safety module has tripped: acknowledge it first")
+            raise NotTriedError(messages.plant_tripped())
         plant.acknowledge()
         plant.write(ZERO_VOLTS)
         check_reading(plant, plant.read(), subject.parameters)
@@ -415,9 +419,9 @@ def _keeps_the_time(subject: Subject) -> str:
             took_s.append(time.perf_counter() - begun_s)
     whole_s, usual_s, due_s = sum(took_s), median(took_s), len(took_s) * T_s
     if paces:
-        require(whole_s > 0.9 * due_s, f"{len(took_s)} readings arrived within {whole_s:.3f} s, before they were due")
+        require(whole_s > 0.9 * due_s, messages.readings_before_due(readings=len(took_s), duration_s=whole_s))
         return f"{len(took_s)} ticks took {whole_s:.3f} s"
-    require(usual_s < T_s, f"a reading and a write take {1e3 * usual_s:.2f} ms, longer than a period")
+    require(usual_s < T_s, messages.cycle_longer_than_period(cycle_s=usual_s))
     return f"a reading and a write take {1e6 * usual_s:.0f} µs (median)"
 
 
@@ -434,7 +438,7 @@ def _keeps_nothing_of_a_tick(subject: Subject) -> str:
             plant.read()
             plant.write(ZERO_VOLTS)
         grown = sys.getallocatedblocks() - before
-    require(grown < GROWTH_BLOCKS, f"{grown} more memory blocks after {whole - warm_up} ticks")
+    require(grown < GROWTH_BLOCKS, messages.memory_grows(blocks=grown, ticks=whole - warm_up))
     return f"{whole - warm_up} ticks"
 
 
@@ -444,9 +448,9 @@ def _repeats(subject: Subject) -> None:
     for _ in range(2):
         with open_subject(subject) as plant:
             if not plant.stepped:
-                raise NotTriedError("the plant is not stepped: it moves with the clock, not with the writes")
+                raise NotTriedError(messages.plant_not_stepped())
             runs.append([drive(plant, MotorCommand(subject.voltage, 0.0), 1)[:5] for _ in range(subject.ticks(100))])
-    require(runs[0] == runs[1], "the second execution returned different readings")
+    require(runs[0] == runs[1], messages.readings_not_repeated())
 
 
 CHECKS: tuple[Check, ...] = (
@@ -476,11 +480,12 @@ def run_contract(subject: Subject, checks: tuple[Check, ...] = CHECKS) -> Iterat
         try:
             outcome, seen = CheckOutcome.HOLDS, check.make(subject) or ""
         except RequirementError as broken:
-            outcome, seen = CheckOutcome.BROKEN, str(broken)
+            outcome, seen = CheckOutcome.BROKEN, broken.message
         except NotTriedError as reason:
-            outcome, seen = CheckOutcome.NOT_TRIED, str(reason)
+            outcome, seen = CheckOutcome.NOT_TRIED, reason.message
         except PlantError as error:
-            outcome, seen = CheckOutcome.BROKEN, f"it failed: {error}"
+            outcome, seen = CheckOutcome.BROKEN, messages.check_failed(reason=error.message)
         except Exception as error:
-            outcome, seen = CheckOutcome.BROKEN, f"{type(error).__name__} instead of a PlantError: {error}"
+            outcome = CheckOutcome.BROKEN
+            seen = messages.other_error_raised(kind=type(error).__name__, reason=str(error))
         yield CheckFinding(check.name, check.sentence, outcome, seen)

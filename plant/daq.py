@@ -23,6 +23,7 @@ from nidaqmx.system import Device, System
 from nidaqmx.system.watchdog import WatchdogTask
 from nidaqmx.types import DOExpirationState
 
+from plant import messages
 from plant.interface import PlantError, T_s
 from plant.safety_card import WatchdogExpiredError
 from plant.terminals import RANGE_V
@@ -38,7 +39,6 @@ _Stream = TypeVar("_Stream", bound=Any)
 _TIMEOUT_S: Final = 0.01
 """Timeout of one call to the card [s]: more than a few periods would be a fault anyway."""
 
-_NOT_OPEN: Final = "the card is not open"
 _RATE_Hz: Final = 1.0 / T_s
 _FAILED: Final = (DaqError, RpcError, DaqNotFoundError, DaqNotSupportedError, DaqFunctionNotSupportedError)
 _EXPIRED: Final = (DAQmxErrors.CANT_RESET_EXPIRED_WATCHDOG, DAQmxErrors.WRITE_FAILED_BECAUSE_WATCHDOG_EXPIRED)
@@ -155,7 +155,7 @@ class Daq:
     def read(self) -> Raw:
         """Read all inputs once."""
         if self._outputs is None:
-            raise PlantError(_NOT_OPEN)
+            raise PlantError(messages.card_not_open())
         try:
             self._cells.read_one_sample(self._volts, _TIMEOUT_S)
             n_q = self._counters[0].read_one_sample_double(_TIMEOUT_S)
@@ -174,7 +174,7 @@ class Daq:
     def write(self, V_A: float, V_B: float) -> None:
         """Set the voltages of the analog outputs [V]."""
         if self._outputs is None:
-            raise PlantError(_NOT_OPEN)
+            raise PlantError(messages.card_not_open())
         self._out[0], self._out[1] = V_A, V_B
         try:
             self._outputs.write_one_sample(self._out, _TIMEOUT_S)
@@ -184,16 +184,14 @@ class Daq:
     def feed_watchdog(self) -> None:
         """Reset the watchdog's timer. Raises WatchdogExpiredError if it has expired."""
         if self._watchdog is None:
-            raise PlantError(_NOT_OPEN)
+            raise PlantError(messages.card_not_open())
         try:
             self._watchdog.reset_timer()
         except DaqError as error:
             if error.error_type in _EXPIRED:
                 self.has_expired, self.drives_on = True, False
-                limit_s = self._wiring.card.watchdog_s
-                raise WatchdogExpiredError(
-                    f"the card's watchdog received no write for {limit_s:g} s and disabled the drives"
-                ) from error
+                watchdog_s = self._wiring.card.watchdog_s
+                raise WatchdogExpiredError(messages.watchdog_expired(watchdog_s=watchdog_s)) from error
             _raise_plant_error(error)
         except _FAILED as error:
             _raise_plant_error(error)
@@ -201,7 +199,7 @@ class Daq:
     def enable(self, *, on: bool) -> None:
         """Set the drive-enable line."""
         if self._enable is None:
-            raise PlantError(_NOT_OPEN)
+            raise PlantError(messages.card_not_open())
         try:
             self._enable.write_one_sample_one_line(on == (self._wiring.drive_enable.active == "high"), _TIMEOUT_S)
             self.drives_on = on
@@ -220,7 +218,7 @@ class Daq:
     def start_watchdog(self) -> None:
         """Start the watchdog, cleared if expired; the drives stay off until enabled."""
         if self._watchdog is None:
-            raise PlantError(_NOT_OPEN)
+            raise PlantError(messages.card_not_open())
         try:
             if self.is_watchdog_started:  # NI-DAQmx cannot start a running task, nor query one that does not run
                 self.clear_expiration()
@@ -233,7 +231,7 @@ class Daq:
     def clear_expiration(self) -> None:
         """Clear the watchdog's expiration; the drives stay off until enabled."""
         if self._watchdog is None:
-            raise PlantError(_NOT_OPEN)
+            raise PlantError(messages.card_not_open())
         try:
             if self.is_expired:
                 self._watchdog.clear_expiration()
@@ -296,9 +294,5 @@ def _disable_checks(stream: _Stream) -> _Stream:
 
 def _raise_plant_error(error: Exception) -> NoReturn:
     if isinstance(error, (DaqNotFoundError, DaqNotSupportedError)):
-        raise PlantError(
-            "NI's driver is not installed on this machine: install NI-DAQmx from ni.com, or give the "
-            "address of a device server with --card-address"
-        ) from error
-    text = " ".join(str(error).split())
-    raise PlantError(f"NI-DAQmx: {text}") from error
+        raise PlantError(messages.driver_not_installed()) from error
+    raise PlantError(messages.card_failed(reason=" ".join(str(error).split()))) from error

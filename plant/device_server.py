@@ -5,6 +5,7 @@ import re
 import grpc
 from nidaqmx import GrpcSessionOptions, SessionInitializationBehavior
 
+from plant import messages
 from plant.interface import PlantError
 
 CONNECTED_S = 3.0
@@ -35,17 +36,11 @@ class DeviceServer:
 
     def _connect(self) -> grpc.Channel:
         if _ADDRESS.fullmatch(self.address) is None:
-            raise PlantError(
-                f"{self.address!r} is not the address of a device server: give HOST:PORT, for example "
-                "192.168.1.20:31763"
-            )
+            raise PlantError(messages.server_address_invalid(address=self.address))
         channel = grpc.insecure_channel(self.address)
         try:
             grpc.channel_ready_future(channel).result(CONNECTED_S)
         except grpc.FutureTimeoutError:
             channel.close()
-            raise PlantError(
-                f"no server answers at {self.address} within {CONNECTED_S:g} s: start NI's gRPC device "
-                "server there, and check address and firewall"
-            ) from None
+            raise PlantError(messages.server_not_answering(address=self.address, within_s=CONNECTED_S)) from None
         return channel

@@ -7,9 +7,9 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from plant import messages
 from plant.compilation import compiled
 from plant.interface import NO_LOAD, PlantError, ShaftLoad
-from plant.quantity import Angle, Quantity
 
 # Friction ------------------------------------------------------------------------------------------
 # Friction at the gearbox outlet, growing with the tendon load: smoothed Coulomb friction, or the LuGre model with
@@ -453,29 +453,16 @@ def require_possible_wall(obstacle: Obstacle, joint: Joint, F_max: float, q_max:
     The integration has steps of ``step_s`` [s].
     """
     if obstacle.side not in (-1.0, 1.0):
-        raise PlantError(f"side of the obstacle: {obstacle.side:g} is neither 1 (above q_wall) nor -1 (below it)")
+        raise PlantError(messages.obstacle_side_invalid(side=obstacle.side))
     k_max, c_max = largest_wall_stiffness(joint, step_s), largest_wall_damping(joint, F_max, step_s)
-    for words, value, low, high, unit, remedy in (
-        ("angle of the obstacle", obstacle.q_wall, -q_max, q_max, "rad", "the safety module trips beyond these angles"),
-        (
-            "stiffness of the obstacle",
-            obstacle.k_wall,
-            K_LEAST,
-            k_max,
-            "N/m",
-            "the integration steps of the simulator do not resolve a stiffer obstacle",
-        ),
-        (
-            "damping of the obstacle",
-            obstacle.c_wall,
-            0.0,
-            c_max,
-            "s/m",
-            "the integration steps of the simulator do not resolve a stronger damping",
-        ),
-    ):
-        if not (math.isfinite(value) and low <= value <= high):
-            raise PlantError(f"{words}: {Quantity(value, unit):g} is outside {Quantity(low, unit, high)}; {remedy}")
+    if not -q_max <= obstacle.q_wall <= q_max:
+        raise PlantError(messages.obstacle_angle_out_of_range(q_wall=obstacle.q_wall, minimum=-q_max, maximum=q_max))
+    if not K_LEAST <= obstacle.k_wall <= k_max:
+        raise PlantError(
+            messages.obstacle_stiffness_out_of_range(k_wall=obstacle.k_wall, minimum=K_LEAST, maximum=k_max)
+        )
+    if not 0.0 <= obstacle.c_wall <= c_max:
+        raise PlantError(messages.obstacle_damping_out_of_range(c_wall=obstacle.c_wall, minimum=0.0, maximum=c_max))
 
 
 def require_free(obstacle: Obstacle, q: float) -> None:
@@ -484,11 +471,7 @@ def require_free(obstacle: Obstacle, q: float) -> None:
     The obstacle would eject it.
     """
     if not obstacle.side * (q - obstacle.q_wall) <= 0.0:
-        where = "above" if obstacle.side < 0.0 else "below"
-        raise PlantError(
-            f"the joint is at {Angle(q):.4g}, inside the obstacle at {Angle(obstacle.q_wall):.4g}: move it "
-            f"{where} that angle first, or place the obstacle elsewhere"
-        )
+        raise PlantError(messages.joint_inside_obstacle(q=q, q_wall=obstacle.q_wall, side=obstacle.side))
 
 
 # Dynamics ------------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from typing import Any, cast
 
+from plant import messages
 from plant.calibration import (
     NO_COMMISSIONING,
     CommissioningResults,
@@ -52,27 +53,23 @@ def load_maker(name: str) -> Maker:
     known_plants = find_installed_plants()
     entries = known_plants.get(name, [])
     if not entries or name in {str(kind) for kind in PlantKind}:
-        others = (
-            f"and from installed packages {', '.join(known_plants)}"
-            if known_plants
-            else "no installed package provides another"
-        )
-        raise PlantError(f"there is no plant {name}: known are simulator, rig and replay, {others}")
+        raise PlantError(messages.unknown_plant(plant=name, installed=list(known_plants)))
     if len(entries) > 1:
-        packages = ", ".join(_package(entry) for entry in entries)
-        raise PlantError(f"more than one package provides a plant {name}: {packages}; uninstall all but one")
+        raise PlantError(messages.plant_not_unique(plant=name, packages=[_package(entry) for entry in entries]))
+    (entry,) = entries
     try:
-        maker: Any = entries[0].load()
+        maker: Any = entry.load()
     except Exception as error:
-        raise _make_entry_error(entries[0], "cannot be imported", error) from error
-    if len(name) > NAME_MAX:
-        short = f"{name[:20]}..."
         raise PlantError(
-            f"the plant {short} has a name of {len(name)} characters, {NAME_MAX} are the maximum: shorten it"
-        )
+            messages.plant_not_imported(plant=entry.name, package=_package(entry), reason=_describe_error(error))
+        ) from error
+    if len(name) > NAME_MAX:
+        raise PlantError(messages.plant_name_too_long(plant=name, maximum=NAME_MAX))
     if not callable(maker):
         raise PlantError(
-            f"{_describe_entry(entries[0])}: {entries[0].value} must be callable, but is {_describe_type(maker)}"
+            messages.maker_not_callable(
+                plant=entry.name, package=_package(entry), maker=entry.value, kind=_describe_type(maker)
+            )
         )
     return cast(Maker, maker)
 
@@ -86,12 +83,19 @@ def make_package_plant(name: str, parameters: PlantParameters, seed: int) -> Pla
     except PlantError:
         raise
     except Exception as error:
-        raise _make_entry_error(entry, "cannot be created", error) from error
+        raise PlantError(
+            messages.plant_not_created(plant=entry.name, package=_package(entry), reason=_describe_error(error))
+        ) from error
     missing = find_missing_parts(plant)
     if missing:
         raise PlantError(
-            f"{_describe_entry(entry)}: {entry.value} made {_describe_type(plant)}, which is not a Plant: "
-            f"it has no {missing}"
+            messages.created_object_is_not_a_plant(
+                plant=entry.name,
+                package=_package(entry),
+                maker=entry.value,
+                kind=_describe_type(plant),
+                missing=missing,
+            )
         )
     return cast(Plant, plant)
 
@@ -107,12 +111,8 @@ def _package(entry: EntryPoint) -> str:
     return entry.dist.name if entry.dist is not None else entry.value
 
 
-def _describe_entry(entry: EntryPoint) -> str:
-    return f"plant {entry.name} of the package {_package(entry)}"
-
-
-def _make_entry_error(entry: EntryPoint, what: str, error: Exception) -> PlantError:
-    return PlantError(f"{_describe_entry(entry)} {what}: {type(error).__name__}: {' '.join(str(error).split())}")
+def _describe_error(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def _describe_type(plant: object) -> str:
@@ -123,16 +123,10 @@ def _describe_type(plant: object) -> str:
 # Catalog -------------------------------------------------------------------------------------------
 
 
-_NEEDS_EXTRA = (
-    "a card requires NI's Python package, which is not installed: install Sinew with its extra rig, "
-    "`make run EXTRAS=rig` or pip install 'sinew[rig]'"
-)
-
-
 def require_available(choice: PlantChoice) -> None:
     """Raise a one-line PlantError if anything the choice needs is not available."""
     if choice.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD) and find_spec("nidaqmx") is None:
-        raise PlantError(_NEEDS_EXTRA)
+        raise PlantError(messages.card_package_not_installed())
     if choice.kind is PlantKind.REPLAY:
         preload_replay(choice.recording)
     if choice.kind is PlantKind.PACKAGE:
@@ -238,4 +232,4 @@ def load_wiring_choice(choice: PlantChoice) -> Wiring:
     try:
         return load_wiring(choice.wiring)
     except WiringError as error:
-        raise PlantError(str(error)) from error
+        raise PlantError(error.message) from error

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
+from plant import messages
 from plant.errors import ErrorCode, SinewError
 
 # Fault injection -----------------------------------------------------------------------------------
@@ -150,7 +151,7 @@ class PlantError(SinewError):
 def require_numbers(command: MotorCommand) -> None:
     """Raise PlantError for a voltage that is not finite: no output can represent it."""
     if not math.isfinite(command.u_A + command.u_B):
-        raise PlantError(f"voltages of {command.u_A:g} and {command.u_B:g} V: both must be finite numbers")
+        raise PlantError(messages.voltages_not_finite(u_A=command.u_A, u_B=command.u_B))
 
 
 class Plant(Protocol):

@@ -12,6 +12,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from plant import messages
 from plant.dynamics import (
     SUBSTEPS,
     Dynamics,
@@ -26,7 +27,6 @@ from plant.dynamics import (
 )
 from plant.errors import ErrorCode, SinewError
 from plant.interface import FILE_NAME_MAX, T_s
-from plant.quantity import Quantity
 
 # Parameter entries ---------------------------------------------------------------------------------
 # Parsing of one section of a parameter file: each number has a unit and a source, and errors name the entry.
@@ -64,17 +64,19 @@ def read_section(file: str, section: str, kind: type, table: Any) -> tuple[dict[
     """Return values and sources of a section by entry. Raises ParameterError."""
     known = {entry.name: entry for entry in fields(kind)}
     if not isinstance(table, dict):
-        raise ParameterError(f"{file}: {section} = {table!r} must be a section: [{section}]")
+        raise ParameterError(messages.section_without_entries(file=file, section=section, value=table))
     values: dict[str, Value] = {}
     sources: dict[str, str] = {}
     for name, entries in table.items():
         if name not in known:
-            raise ParameterError(f"{file}: unknown entry {section}.{name}; known are {', '.join(known)}")
+            raise ParameterError(messages.unknown_parameter(file=file, section=section, name=name, known=list(known)))
         label, entry = f"{file}: {section}.{name}", known[name]
         if not isinstance(entries, dict) or set(entries) != {"value", "unit", "source"}:
-            raise ParameterError(_describe_entry(label, entry))
+            raise ParameterError(messages.parameter_incomplete(label=label, unit=entry.metadata["unit"]))
         if entries["unit"] != entry.metadata["unit"]:
-            raise ParameterError(f"{label} is in {entries['unit']!r}: give it in {entry.metadata['unit']!r}")
+            raise ParameterError(
+                messages.parameter_in_other_unit(label=label, unit=entries["unit"], expected=entry.metadata["unit"])
+            )
         values[name] = _value(label, entries["value"], entry)
         sources[name] = str(entries["source"])
     return values, sources
@@ -87,13 +89,11 @@ def fill_defaults(file: str, section: str, kind: type, values: dict[str, Value])
     """
     for entry in fields(kind):
         if entry.name not in values and not entry.metadata["optional"]:
-            raise ParameterError(_describe_entry(f"{file}: {section}.{entry.name}", entry))
+            raise ParameterError(
+                messages.parameter_incomplete(label=f"{file}: {section}.{entry.name}", unit=entry.metadata["unit"])
+            )
     defaults: dict[str, Value] = {item.name: () if item.default is MISSING else item.default for item in fields(kind)}
     return defaults | values
-
-
-def _describe_entry(label: str, entry: "Field[Any]") -> str:
-    return f'{label} must read {{ value = ..., unit = "{entry.metadata["unit"]}", source = "..." }}'
 
 
 def _value(label: str, value: Any, entry: "Field[Any]") -> Value:
@@ -101,21 +101,26 @@ def _value(label: str, value: Any, entry: "Field[Any]") -> Value:
         return _number(label, value, entry)
     width = entry.metadata["width"]
     if not isinstance(value, list) or not value:
-        raise ParameterError(f"{label} = {value!r} must be a list of {'numbers' if width is None else 'rows'}")
+        items = "numbers" if width is None else "rows"
+        raise ParameterError(messages.parameter_is_not_a_list(label=label, value=value, items=items))
     if width is None:
         return tuple(_number(label, item, entry) for item in value)
     for row in value:
         if not isinstance(row, list) or len(row) != width:
-            raise ParameterError(f"{label}: row {row!r} must hold {width} numbers [{entry.metadata['unit']}]")
+            raise ParameterError(
+                messages.row_of_other_length(label=label, row=row, length=width, unit=entry.metadata["unit"])
+            )
     return tuple(tuple(_number(label, item, entry) for item in row) for row in value)
 
 
 def _number(label: str, value: Any, entry: "Field[Any]") -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ParameterError(f"{label} = {value!r} is not a finite number")
+        raise ParameterError(messages.parameter_not_finite(label=label, value=value))
     low, high, unit = entry.metadata["minimum"], entry.metadata["maximum"], entry.metadata["unit"]
     if not low <= value <= high:
-        raise ParameterError(f"{label} = {Quantity(value, unit):g} is outside {Quantity(low, unit, high):g}")
+        raise ParameterError(
+            messages.parameter_out_of_range(label=label, value=value, minimum=low, maximum=high, unit=unit)
+        )
     return float(value)
 
 
@@ -274,18 +279,13 @@ def require_stiction(label: str, motor: MotorParameters, *, is_given: bool) -> N
     if motor.sigma_0 == 0.0:
         others = [name for name in _COMPANIONS if getattr(motor, name) != 0.0]
         if others and not is_given:
-            raise ParameterError(
-                f"{label}.sigma_0 is missing, and {' and '.join(others)} require it: set it, to 0 for "
-                "smoothed Coulomb friction"
-            )
+            raise ParameterError(messages.static_friction_undecided(label=label, given=others))
         return
     for name in ("stiction_ratio", "omega_s"):
         if getattr(motor, name) == 0.0:
-            raise ParameterError(f"{label}.{name} is missing: static friction (sigma_0 above 0) requires it")
+            raise ParameterError(messages.static_friction_incomplete(label=label, missing=name))
     if motor.c0 == 0.0:
-        raise ParameterError(
-            f"{label}.c0 = 0 N·m with sigma_0 above 0: static friction would vanish with a slack tendon; set c0 above 0"
-        )
+        raise ParameterError(messages.static_friction_without_coulomb_friction(label=label))
     _require_resolved_stiction(label, motor)
 
 
@@ -295,9 +295,9 @@ def _require_resolved_stiction(label: str, motor: MotorParameters) -> None:
     for name, rate in (("sigma_0", math.sqrt(motor.sigma_0 / J_m)), ("sigma_1", motor.sigma_1 / J_m)):
         if rate > rate_max:
             raise ParameterError(
-                f"{label}.{name} = {getattr(motor, name):g} on a motor of {J_m:.3g} kg·m² gives a rate "
-                f"of {rate:.3g}/s, above the {rate_max:g}/s that the integration steps of the simulator "
-                "resolve: reduce it"
+                messages.bristles_too_stiff(
+                    label=label, name=name, value=getattr(motor, name), J_m=J_m, rate=rate, rate_max=rate_max
+                )
             )
 
 
@@ -423,17 +423,11 @@ def load_parameters(name_or_path: str | Path) -> PlantParameters:
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors write a BOM
     except OSError as error:
-        shipped = ", ".join(SHIPPED)
-        raise ParameterError(
-            f"parameter set {str(name_or_path)!r} cannot be read: use one of {shipped} or a TOML file"
-        ) from error
+        raise ParameterError(messages.parameters_unreadable(name=str(name_or_path), shipped=SHIPPED)) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ParameterError(f"{path.name} is not a TOML file: {error}") from error
+        raise ParameterError(messages.parameters_are_not_toml(file=path.name, reason=str(error))) from error
     if len(path.stem) > FILE_NAME_MAX:
-        raise ParameterError(
-            f"the name of the file {path.stem[:40]}... has {len(path.stem)} characters, {FILE_NAME_MAX} "
-            "are the maximum: rename the file"
-        )
+        raise ParameterError(messages.parameters_name_too_long(name=path.stem, maximum=FILE_NAME_MAX))
     return parse_parameters(path.stem, document, path.name)
 
 
@@ -446,7 +440,7 @@ def parse_parameters(name: str, document: dict[str, Any], file: str = "") -> Pla
     kinds = SECTIONS | SIDED
     for section in document:
         if section not in kinds:
-            raise ParameterError(f"{file}: unknown section {section!r}; known are {', '.join(kinds)}")
+            raise ParameterError(messages.unknown_section(file=file, section=section, known=list(kinds)))
     sources: dict[str, str] = {}
     entries: dict[str, dict[str, Value]] = {}
     for section, kind in kinds.items():
@@ -476,7 +470,7 @@ def _check(file: str, parameters: PlantParameters) -> None:
     F_max = parameters.safety.F_max
     for side in SIDES:
         if "u_max" in parameters.sided.get(f"motor_{side}", {}):
-            raise ParameterError(f"{file}: motor_{side}.u_max: the output range is one for both sides, motor.u_max")
+            raise ParameterError(messages.output_range_of_one_side(file=file, side=side))
         section_name = f"motor_{side}" if f"motor_{side}" in parameters.sided else "motor"
         is_given = any(f"{section}.sigma_0" in parameters.sources for section in ("motor", section_name))
         require_stiction(f"{file}: {section_name}", parameters.select_motor(side), is_given=is_given)
@@ -484,9 +478,9 @@ def _check(file: str, parameters: PlantParameters) -> None:
             label = f"{file}: {section}_{side}" if f"{section}_{side}" in parameters.sided else f"{file}: {section}"
             known = parameters.select_spring(side) if section == "spring" else parameters.select_identified(side)
             if bool(known.k) == bool(known.points):
-                raise ParameterError(f"{label} must define the spring either by the polynomial k or by points")
+                raise ParameterError(messages.spring_without_one_curve(label=label))
             if known.k and not 3 <= len(known.k) <= 6:
-                raise ParameterError(f"{label}.k has {len(known.k)} coefficients: give 3 to 6, for an order of 2 to 5")
+                raise ParameterError(messages.spring_order_out_of_range(label=label, coefficients=len(known.k)))
             try:
                 if section == "spring":
                     spring = parameters.select_spring(side).make_spring()
@@ -494,11 +488,12 @@ def _check(file: str, parameters: PlantParameters) -> None:
                     spring = parameters.make_identified_spring(side)
                     require_stiffening(spring)
             except ValueError as error:
-                raise ParameterError(f"{label}: {error}") from error
+                raise ParameterError(messages.spring_unusable(label=label, reason=str(error))) from error
             if spring.F_solid > 1.2 * F_max:
                 raise ParameterError(
-                    f"{label}: at spring.x_solid = {spring.x_solid:g} m its force is {spring.F_solid:.1f} N, "
-                    f"far above safety.F_max = {F_max:g} N"
+                    messages.spring_force_too_large(
+                        label=label, x_solid=spring.x_solid, F_solid=spring.F_solid, F_max=F_max
+                    )
                 )
 
 

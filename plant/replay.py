@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plant import messages
 from plant.interface import (
     NO_RAW,
     InjectedFault,
@@ -19,7 +20,6 @@ from plant.interface import (
     T_s,
     require_numbers,
 )
-from plant.quantity import Quantity
 
 # Recording -----------------------------------------------------------------------------------------
 # A recording as a CSV or Parquet file, as written by ``sinew runs export`` and by downloads: reading and checks.
@@ -91,7 +91,7 @@ def _read_recording(path: Path) -> RecordedSamples:
     columns = {name: _read_column(path, table, name, unit) for name, unit in UNITS.items()}
     rows = columns["t"].size
     if rows < 2:
-        raise _make_replay_error(path, f"it holds {rows} samples, but at least two are required")
+        raise PlantError(messages.recording_too_short(recording=path.name, samples=rows))
     for name in FURTHER:
         default = 0.0 if name in ("F_push", "fault") else np.nan
         columns[name] = _read_column(path, table, name) if name in table.column_names else np.full(rows, default)
@@ -99,10 +99,6 @@ def _read_recording(path: Path) -> RecordedSamples:
     _check_times(path, columns["t"])
     _check_values(path, columns)
     return RecordedSamples(path, columns)
-
-
-def _make_replay_error(path: Path, problem: str) -> PlantError:
-    return PlantError(f"the recording {path.name} cannot be played: {problem}")
 
 
 def _read_table(path: Path) -> Any:
@@ -117,10 +113,14 @@ def _read_table(path: Path) -> Any:
         if path.suffix == ".parquet":
             return pa.parquet.read_table(path)
     except OSError as error:
-        raise _make_replay_error(path, error.strerror or str(error)) from None
+        raise PlantError(
+            messages.recording_unreadable(recording=path.name, reason=error.strerror or str(error))
+        ) from None
     except pa.ArrowException as error:
-        raise _make_replay_error(path, str(error).splitlines()[0]) from None
-    raise _make_replay_error(path, "only .csv and .parquet are read, as sinew runs export writes them")
+        raise PlantError(
+            messages.recording_unreadable(recording=path.name, reason=str(error).splitlines()[0])
+        ) from None
+    raise PlantError(messages.recording_of_other_format(recording=path.name))
 
 
 def _count_comment_lines(path: Path) -> int:
@@ -136,17 +136,20 @@ def _read_column(path: Path, table: Any, name: str, unit: str = "") -> Signal:
     import pyarrow as pa
 
     if name not in table.column_names:
-        missing = f"{name} [{unit}]"
-        raise _make_replay_error(path, f"there is no column {missing}; the file has {', '.join(table.column_names)}")
+        raise PlantError(
+            messages.column_missing(recording=path.name, column=name, unit=unit, columns=table.column_names)
+        )
     if table.column_names.count(name) > 1:
-        raise _make_replay_error(path, f"there is more than one column {name}: keep only one")
+        raise PlantError(messages.column_not_unique(recording=path.name, column=name))
     unit_found = (table.schema.field(name).metadata or {}).get(b"unit", unit.encode()).decode()
     if unit and unit_found != unit:
-        raise _make_replay_error(path, f"the column {name} is in {unit_found}, but must be in {unit}")
+        raise PlantError(
+            messages.column_in_other_unit(recording=path.name, column=name, unit=unit_found, expected=unit)
+        )
     try:
         values = table.column(name).cast(pa.float64()).to_numpy()
     except pa.ArrowInvalid:
-        raise _make_replay_error(path, f"the column {name} contains values that are not numbers") from None
+        raise PlantError(messages.column_without_numbers(recording=path.name, column=name)) from None
     return np.asarray(values, dtype=np.float64)
 
 
@@ -164,19 +167,16 @@ def _read_optional_columns(table: Any, names: set[str]) -> dict[str, Signal]:
 
 def _check_times(path: Path, t: Signal) -> None:
     if not np.all(np.isfinite(t)):
-        raise _make_replay_error(path, f"sample {int(np.argmin(np.isfinite(t))) + 1} has no time t")
+        sample = int(np.argmin(np.isfinite(t))) + 1
+        raise PlantError(messages.sample_without_time(recording=path.name, sample=sample))
     steps = np.diff(t)
     period = float(np.median(steps))
     if abs(period - T_s) > _JITTER * T_s:
-        raise _make_replay_error(path, f"its period is {1e3 * period:g} ms, but must be {1e3 * T_s:g} ms")
+        raise PlantError(messages.recording_of_other_period(recording=path.name, period_s=period, expected_s=T_s))
     is_irregular = np.abs(steps - T_s) > _JITTER * T_s
     if np.any(is_irregular):
         at = int(np.argmax(is_irregular))
-        raise _make_replay_error(
-            path,
-            f"after t = {t[at]:.3f} s the next sample comes {1e3 * steps[at]:g} ms later: samples are "
-            "missing there; use only the part of the file before or after the gap",
-        )
+        raise PlantError(messages.samples_missing(recording=path.name, t=float(t[at]), step_s=float(steps[at])))
 
 
 def _check_values(path: Path, columns: dict[str, Signal]) -> None:
@@ -190,15 +190,19 @@ def _check_values(path: Path, columns: dict[str, Signal]) -> None:
         allowed = (fault > 0.0) if name in _MEASURED else np.zeros(t.size, dtype=bool)
         wrong = ~np.isfinite(values) & ~allowed
         if np.any(wrong):
-            raise _make_replay_error(
-                path, f"{name} is not a number at t = {t[np.argmax(wrong)]:.3f} s, and no fault is recorded there"
-            )
+            at = int(np.argmax(wrong))
+            raise PlantError(messages.sample_not_a_number(recording=path.name, column=name, t=float(t[at])))
         if name in _LARGEST and float(np.nanmax(np.abs(values))) > 1.001 * _LARGEST[name]:
             at = int(np.nanargmax(np.abs(values)))
-            raise _make_replay_error(
-                path,
-                f"{name} is {values[at]:g} at t = {t[at]:.3f} s, beyond "
-                f"{Quantity(_LARGEST[name], unit):.4g}: the column must be in {unit}",
+            raise PlantError(
+                messages.sample_out_of_range(
+                    recording=path.name,
+                    column=name,
+                    value=float(values[at]),
+                    t=float(t[at]),
+                    maximum=_LARGEST[name],
+                    unit=unit,
+                )
             )
 
 
@@ -207,8 +211,6 @@ def _check_values(path: Path, columns: dict[str, Signal]) -> None:
 
 SAFETY_MODULE = 12.0
 """Code of the safety module's trip in the column ``fault``."""
-
-_REFUSED = "the plant is a replay: nothing can {} in it; use the simulator for that"
 
 
 class ReplayDifference(NamedTuple):
@@ -266,14 +268,10 @@ class Replay:
         """Return the recorded measurement. Raises PlantError once, at the end."""
         if self.sample == self.samples:
             self.sample, self._ended = 0, True
-            raise PlantError(self._describe_end())
+            volts, output, t = self.difference
+            raise PlantError(messages.recording_ended(samples=self.samples, difference_V=volts, output=output, t=t))
         self.raw = RawReading(*self._raw[self.sample].tolist())
         return Measurement(*self._measured[self.sample].tolist())
-
-    def _describe_end(self) -> str:
-        volts, output, t = self.difference
-        difference = f"the voltages differed by at most {Quantity(volts, 'V'):.3g}, {output} at t = {t:.3f} s"
-        return f"the recording has ended after {self.samples} samples; {difference}"
 
     def write(self, command: MotorCommand) -> None:
         """Advance by one sample and compare the voltages with the recorded ones.
@@ -291,19 +289,19 @@ class Replay:
 
     def push(self, F_push: float) -> None:
         """Raise PlantError: a recording cannot be pushed."""
-        raise PlantError(_REFUSED.format("be pushed"))
+        raise PlantError(messages.replay_cannot_be_pushed())
 
     def load(self, load: ShaftLoad) -> None:
         """Raise PlantError: a recording cannot be loaded."""
-        raise PlantError(_REFUSED.format("be loaded"))
+        raise PlantError(messages.replay_cannot_be_loaded())
 
     def inject(self, injected_fault: InjectedFault | None) -> None:
         """Raise PlantError: faults cannot be injected into a recording."""
-        raise PlantError(_REFUSED.format("fail on request"))
+        raise PlantError(messages.replay_without_fault_injection())
 
     def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:
         """Raise PlantError: a recording has its zeros."""
-        raise PlantError("a recording contains its zeros: they cannot be set")
+        raise PlantError(messages.replay_has_its_zeros())
 
     def acknowledge(self) -> None:
         """Replay from the first sample."""

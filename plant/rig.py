@@ -4,7 +4,9 @@ import math
 import statistics
 import time
 from contextlib import suppress
+from typing import Final
 
+from plant import messages
 from plant.daq import Daq, Raw
 from plant.interface import (
     NO_RAW,
@@ -38,6 +40,11 @@ _BEGINNINGS = 3
 
 _SETTLING_S = 0.01
 """Response time of the safety module to the drive-enable line [s]."""
+
+# Built once, because the control loop compares them at each tick.
+_CELLS_NOT_MEASURED: Final = messages.load_cells_not_measured()
+_DIRECTIONS_NOT_PROVEN: Final = messages.directions_not_proven()
+_ZERO_NOT_SET: Final = messages.zero_not_set()
 
 
 class Rig:
@@ -93,16 +100,16 @@ class Rig:
         Empty if they may.
         """
         if not self._cells_measured:  # first, because a new calibration restarts the loop, which loses the zero
-            return "the load cells have not been measured with this wiring: do tare and calibration of the bring-up"
+            return _CELLS_NOT_MEASURED
         if not self._directions_proven:
-            return "the motors' directions are not proven with this wiring: do the direction step of the bring-up"
+            return _DIRECTIONS_NOT_PROVEN
         return ""
 
     @property
     def unready(self) -> str:
         """Why the loop may not be closed yet; empty if it may."""
         if self._cells_measured and not self.zeroed:
-            return "the encoders count from the rig's position at the start of the loop: set the zero in the bring-up"
+            return _ZERO_NOT_SET
         return self.unproven
 
     @property
@@ -140,8 +147,7 @@ class Rig:
 
     def _require_drive_enable(self, *, on: bool) -> None:
         if self._daq.is_enabled is not on:
-            failure = f"did not switch {'on' if on else 'off'}"
-            raise PlantError(f"the drive-enable line {failure}: keep clear of the rig and check its other connections")
+            raise PlantError(messages.drive_enable_not_switched(on=on))
 
     def open(self) -> None:
         """Reserve the card, test its watchdog and enable the drives. Raises PlantError.
@@ -174,16 +180,15 @@ class Rig:
         self._start_outputs(drives=True)
         line = self.wiring.drive_enable.line
         if not (self._daq.is_enabled or self._daq.is_expired):
-            raise PlantError(f"drive-enable ({line}) was switched on but reads off: check drive_enable and its wires")
+            raise PlantError(messages.drive_enable_reads_off(line=line))
         within_s = self.wiring.card.watchdog_s + _PROOF_S
         waiting = Stillness(_SETTLING_S)
         while self._daq.is_enabled or not self._daq.is_expired:
             if waiting.update(None) > within_s:
-                failure = f"expired, but drive-enable ({line}) stayed on" if self._daq.is_expired else "did not expire"
                 raise PlantError(
-                    f"the card's watchdog {failure} within {within_s:g} s when it was tested at zero "
-                    "volts: the drives cannot be disabled; check drive_enable and its wires, and do not "
-                    "continue until this test passes"
+                    messages.watchdog_left_drives_on(line=line, within_s=within_s)
+                    if self._daq.is_expired
+                    else messages.watchdog_did_not_expire(within_s=within_s)
                 )
             time.sleep(_SETTLING_S)
         self._watchdog_proven = True
@@ -195,18 +200,22 @@ class Rig:
             self.read()
             self.write(ZERO_VOLTS)
             cycles_s.append(time.perf_counter() - begun_s)
-        cycle_ms, worst_ms = 1e3 * statistics.median(cycles_s), 1e3 * max(cycles_s)
-        if cycle_ms > 1e3 * CYCLE_MAX_S:
-            where, remedy = (
-                (f"through the device server at {self._server}", "run Sinew on the machine that contains the card")
-                if self._server
-                else ("with this card", "close other programs, or use a PCIe card: a USB card is too slow")
-            )
+        cycle_s, longest_s = statistics.median(cycles_s), max(cycles_s)
+        if cycle_s > CYCLE_MAX_S:
             raise PlantError(
-                f"reading and writing {where} takes {cycle_ms:.2f} ms (median of {TRIED_CYCLES} cycles at zero volts, "
-                f"at most {worst_ms:.2f} ms), but 1 kHz leaves {1e3 * CYCLE_MAX_S:g} ms for it: {remedy}"
+                messages.server_too_slow(
+                    address=self._server,
+                    cycle_s=cycle_s,
+                    longest_s=longest_s,
+                    cycles=TRIED_CYCLES,
+                    maximum_s=CYCLE_MAX_S,
+                )
+                if self._server
+                else messages.card_too_slow(
+                    cycle_s=cycle_s, longest_s=longest_s, cycles=TRIED_CYCLES, maximum_s=CYCLE_MAX_S
+                )
             )
-        self.description += f", {cycle_ms:.2f} ms to read and write"
+        self.description += f", {1e3 * cycle_s:.2f} ms to read and write"
 
     def _start_outputs(self, *, drives: bool) -> None:
         """Write zero volts, start the watchdog, then set the drive-enable line.
@@ -251,9 +260,9 @@ class Rig:
         Raises PlantError before the first reading, and with ``at_switch`` if the end switch is not held.
         """
         if self._last_reading is None:
-            raise PlantError("no reading yet: read once, then set the positions of joint and motors")
+            raise PlantError(messages.no_reading_yet())
         if at_switch and not self._last_reading.at_end:
-            raise PlantError("the end switch is not held: turn the joint onto it and hold it there")
+            raise PlantError(messages.end_switch_not_held())
         counts = self._last_reading.n_q, self._last_reading.n_A, self._last_reading.n_B
         angles = q, theta_A, theta_B
         q_0, A_0, B_0 = (
@@ -280,15 +289,15 @@ class Rig:
 
     def push(self, F_push: float) -> None:
         """Raise PlantError: a rig is pushed by hand."""
-        raise PlantError("a rig cannot be pushed by command: push it by hand")
+        raise PlantError(messages.rig_cannot_be_pushed())
 
     def load(self, load: ShaftLoad) -> None:
         """Raise PlantError: the rig cannot load its shafts."""
-        raise PlantError("a rig cannot load its motor shafts: simulate the experiment as a dry run")
+        raise PlantError(messages.rig_cannot_load_shafts())
 
     def inject(self, injected_fault: InjectedFault | None) -> None:
         """Raise PlantError: faults are not injected into a rig."""
-        raise PlantError("faults cannot be injected into a rig: use the simulator or the virtual card")
+        raise PlantError(messages.rig_without_fault_injection())
 
     def acknowledge(self) -> None:
         """Restart the watchdog; enable the drives unless they are switched off.
@@ -299,10 +308,9 @@ class Rig:
         self._daq.enable(on=False)
         time.sleep(_SETTLING_S)
         if self._daq.is_enabled:
-            line = self.wiring.drive_enable.line
-            raise PlantError(f"drive-enable ({line}) was switched off but stays on: check drive_enable and its wires")
+            raise PlantError(messages.drive_enable_stays_on(line=self.wiring.drive_enable.line))
         if self._daq.read().tripped:
-            raise PlantError("the safety module stays tripped: remove the cause it shows and acknowledge it at the rig")
+            raise PlantError(messages.safety_module_tripped())
         self._start_outputs(drives=self._drives_requested)
 
     def close(self) -> None:

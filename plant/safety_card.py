@@ -18,6 +18,7 @@ from collections.abc import Callable, Hashable
 from contextlib import suppress
 from typing import NamedTuple
 
+from plant import messages
 from plant.interface import MotorCommand, PlantError
 
 # Change timeout ------------------------------------------------------------------------------------
@@ -162,10 +163,7 @@ class Card:
         words[_LIMIT_S] = WATCHDOG_S
         if not has_cut:
             self.disarm()
-            raise PlantError(
-                f"the card's watchdog did not disable the drives within {WATCHDOG_S:g} s in the proof "
-                "test: the drives stay off; restart the control loop, and do not continue if this recurs"
-            )
+            raise PlantError(messages.watchdog_test_failed(within_s=WATCHDOG_S))
         self.rearm()
 
     def rearm(self) -> None:
@@ -174,7 +172,7 @@ class Card:
         Raises PlantError if the watchdog is dead.
         """
         if self._words[_DEAD]:
-            raise PlantError("the card's watchdog has died: restart the control loop, which starts a new watchdog")
+            raise PlantError(messages.watchdog_dead())
         self._words[_U_A] = self._words[_U_B] = 0.0
         self._words[_EXPIRED] = 0.0
         self._words[_ENABLED] = 1.0
@@ -182,9 +180,7 @@ class Card:
     def _await_watchdog(self) -> None:
         if self._watchdog is not None and not self._wait_until(lambda: self._words[_POLLS] > 0.0, _START_TIMEOUT_S):
             self.disarm()
-            raise PlantError(
-                f"the card's watchdog did not start within {_START_TIMEOUT_S:g} s: restart the control loop"
-            )
+            raise PlantError(messages.watchdog_did_not_start(within_s=_START_TIMEOUT_S))
 
     @staticmethod
     def _wait_until(reached: Callable[[], bool], within_s: float) -> bool:
@@ -217,11 +213,9 @@ class Card:
             words[_ENABLED] = words[_U_A] = words[_U_B] = 0.0
             words[_DEAD] = 1.0
         if words[_DEAD]:
-            raise WatchdogDeadError(f"the card's watchdog did not respond for {WATCHDOG_S:g} s: the drives are off")
+            raise WatchdogDeadError(messages.watchdog_not_responding(silent_s=WATCHDOG_S))
         if words[_EXPIRED]:
-            raise WatchdogExpiredError(
-                f"the card's watchdog received no write for {words[_LIMIT_S]:g} s and disabled the drives"
-            )
+            raise WatchdogExpiredError(messages.watchdog_expired(watchdog_s=words[_LIMIT_S]))
 
     def set_outputs(self, command: MotorCommand) -> None:
         """Set the voltages of the analog outputs [V].

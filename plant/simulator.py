@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plant import messages
 from plant.compilation import PrecompiledCall, StateBlock, compiled, store_compiled
 from plant.dynamics import (
     AT_REST,
@@ -90,7 +91,7 @@ class FaultInjector:
         """Return a measurement with the fault applied. Raises PlantError."""
         kind, sensor = self._injected_fault.kind, self._injected_fault.sensor
         if kind is InjectedFaultKind.READ_ERROR:
-            raise PlantError("the sensors cannot be read (injected)")
+            raise PlantError(messages.reading_failed_by_injection())
         if kind not in ON_SENSORS:
             return m
         self._ticks += 1
@@ -119,7 +120,7 @@ class FaultInjector:
     def delay_write(self) -> None:
         """Delay the write. Raises PlantError for a write error."""
         if self._injected_fault.kind is InjectedFaultKind.WRITE_ERROR:
-            raise PlantError("the outputs cannot be written (injected)")
+            raise PlantError(messages.writing_failed_by_injection())
         pause_s = {InjectedFaultKind.LATE: LATE_S, InjectedFaultKind.HANG: HANG_S}.get(self._injected_fault.kind, 0.0)
         if pause_s and not self._ticks:
             self._ticks += 1
@@ -495,10 +496,7 @@ class Simulator:
         Raises PlantError for a negative load.
         """
         if not all(0.0 <= torque < math.inf for torque in load):
-            raise PlantError(
-                f"loads of {load.load_A:g} and {load.load_B:g} N·m: a load pulls like a tendon and must "
-                "be at least 0 N·m"
-            )
+            raise PlantError(messages.shaft_load_negative(load_A=load.load_A, load_B=load.load_B))
         self.simulated.field("load").set(ShaftLoad(float(load.load_A), float(load.load_B)))
 
     def obstacle(self, obstacle: Obstacle | None) -> None:
@@ -520,7 +518,7 @@ class Simulator:
         Raises PlantError for a fault that only a card has.
         """
         if injected_fault is not None and injected_fault.kind in ONLY_OF_A_CARD:
-            raise PlantError(f"{injected_fault.words}: this fault requires a card, use --plant rig --virtual-card")
+            raise PlantError(messages.fault_requires_card(fault=injected_fault.words))
         self._fault_injector = None if injected_fault is None else FaultInjector(injected_fault)
         if injected_fault is not None and injected_fault.kind is InjectedFaultKind.SAFETY_TRIP:
             self._trips(tripped=True)
@@ -533,7 +531,7 @@ class Simulator:
 
     def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:
         """Raise PlantError: the simulator knows its positions."""
-        raise PlantError("the positions of joint and motors are absolute in the simulator: there is nothing to zero")
+        raise PlantError(messages.simulator_has_its_zeros())
 
     def limit_tension(self, F_limit: float | None) -> None:
         """Set the tension at which the safety module trips [N], None for its own limit."""
@@ -546,9 +544,9 @@ class Simulator:
         Raises PlantError while a cause persists or the watchdog is dead.
         """
         if self._fault_injector is not None and self._fault_injector.blocks_access:
-            raise PlantError(f"the injected fault persists: {self._fault_injector.description}; clear it first")
+            raise PlantError(messages.injected_fault_persists(fault=self._fault_injector.description))
         if self._is_limit_exceeded(self.simulated):
-            raise PlantError("the safety module stays tripped: tendon force or joint position is still out of bounds")
+            raise PlantError(messages.limit_still_exceeded())
         self._trips(tripped=False)
         if self._card is not None:
             self._card.rearm()

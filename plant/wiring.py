@@ -13,9 +13,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from plant import messages
 from plant.errors import ErrorCode, SinewError
 from plant.interface import FILE_NAME_MAX
-from plant.quantity import Quantity
+from plant.message import Message
 
 # Wiring errors -------------------------------------------------------------------------------------
 # Errors of a wiring file, each with its line and a remedy.
@@ -26,13 +27,13 @@ class WiringProblem(NamedTuple):
 
     line: int
     entry: str
-    text: str
-    remedy: str
+    text: Message
+    remedy: Message
 
-    def sentence(self, file: str) -> str:
+    def sentence(self, file: str) -> Message:
         """Return the error as one line."""
-        where = f"{file}:{self.line}" if self.line else file
-        return f"{where}: {self.entry}: {self.text}; {self.remedy}"
+        place = f"{file}:{self.line}" if self.line else file
+        return messages.wiring_problem(place=place, entry=self.entry, problem=self.text, remedy=self.remedy)
 
 
 class WiringError(SinewError, ValueError):
@@ -43,7 +44,7 @@ class WiringError(SinewError, ValueError):
     def __init__(self, file: str, problems: tuple[WiringProblem, ...]) -> None:
         self.problems = problems
         self.sentences = [problem.sentence(file) for problem in problems]
-        super().__init__("\n".join(self.sentences))
+        super().__init__(messages.wiring_rejected(problems=self.sentences))
 
 
 _HEADER = re.compile(r"\s*\[\s*([\w-]+)\s*\]")
@@ -229,16 +230,19 @@ def load_wiring(name_or_path: str | Path) -> Wiring:
         text = path.read_text(encoding="utf-8-sig")  # some editors write a BOM
         document = tomllib.loads(text)
     except OSError:
-        remedy = f"use one of {', '.join(SHIPPED)}, or a TOML file"
-        raise WiringError(str(name_or_path), (WiringProblem(0, "file", "it cannot be read", remedy),)) from None
+        remedy = messages.choose_wiring(shipped=SHIPPED)
+        raise _make_file_error(str(name_or_path), messages.wiring_unreadable(), remedy) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise WiringError(
-            path.name, (WiringProblem(0, "file", f"it is not valid TOML: {error}", "correct the file"),)
-        ) from None
+        not_toml = messages.wiring_is_not_toml(reason=str(error))
+        raise _make_file_error(path.name, not_toml, messages.correct_file()) from None
     if len(path.stem) > FILE_NAME_MAX:
-        problem = f"its name has {len(path.stem)} characters, {FILE_NAME_MAX} are the maximum"
-        raise WiringError(f"{path.stem[:40]}...", (WiringProblem(0, "file", problem, "rename the file"),))
+        too_long = messages.wiring_name_too_long(length=len(path.stem), maximum=FILE_NAME_MAX)
+        raise _make_file_error(f"{path.stem[:40]}...", too_long, messages.rename_file())
     return parse_wiring(path.stem, document, text, path.name)
+
+
+def _make_file_error(file: str, text: Message, remedy: Message) -> WiringError:
+    return WiringError(file, (WiringProblem(0, "file", text, remedy),))
 
 
 def parse_wiring(title: str, document: dict[str, Any], text: str = "", file: str = "") -> Wiring:
@@ -249,7 +253,9 @@ def parse_wiring(title: str, document: dict[str, Any], text: str = "", file: str
     reader = _Reader(find_lines(text))
     for section in document:
         if section not in SECTIONS:
-            reader.add_problem(section, "", "it is unknown", f"known are {', '.join(SECTIONS)}")
+            reader.add_problem(
+                section, "", messages.wiring_entry_unknown(), messages.choose_known_entry(known=list(SECTIONS))
+            )
     parts = {section: reader.read_section(section, kind, document.get(section)) for section, kind in SECTIONS.items()}
     reader.check_shared(parts)
     reader.check_calibration(parts)
@@ -270,37 +276,40 @@ class _Reader:
         self.sources: dict[str, str] = {}
         self._lines = lines
 
-    def add_problem(self, section: str, entry: str, text: str, remedy: str) -> None:
+    def add_problem(self, section: str, entry: str, text: Message, remedy: Message) -> None:
         label = f"{section}.{entry}" if entry else section
         line = self._lines.get(label, self._lines.get(section, 0))
         self.problems.append(WiringProblem(line, label, text, remedy))
 
     def read_section(self, section: str, kind: type, entries: Any) -> dict[str, Any]:
         if not isinstance(entries, dict):
-            self.add_problem(section, "", "it is missing", f"give a section [{section}]")
+            self.add_problem(section, "", messages.wiring_entry_missing(), messages.give_section(section=section))
             return {}
         known = {entry.name: entry for entry in fields(kind)}
         for entry in entries:
             if entry not in known:
-                self.add_problem(section, entry, "it is unknown", f"known are {', '.join(known)}")
+                self.add_problem(
+                    section, entry, messages.wiring_entry_unknown(), messages.choose_known_entry(known=list(known))
+                )
         return {entry: self._read_entry(section, declared, entries) for entry, declared in known.items()}
 
     def _read_entry(self, section: str, declared: "Field[Any]", entries: dict[str, Any]) -> Any:
         entry, metadata = declared.name, declared.metadata
         if entry not in entries:
             if metadata["default"] is None:
-                self.add_problem(section, entry, "it is missing", _describe_entry(declared))
+                self.add_problem(section, entry, messages.wiring_entry_missing(), _describe_entry(declared))
             return metadata["default"]
         value = entries[entry]
         if "pattern" in metadata:
             if not isinstance(value, str) or re.fullmatch(metadata["pattern"], value) is None:
-                self.add_problem(section, entry, f"{value!r} is not known", f"give {metadata['wanted']}")
+                self.add_problem(section, entry, messages.unknown_connection(value=value), _describe_entry(declared))
             return value
         if not isinstance(value, dict) or set(value) != {"value", "unit", "source"}:
-            self.add_problem(section, entry, "a number requires a unit and a source", _describe_entry(declared))
+            self.add_problem(section, entry, messages.number_without_unit_and_source(), _describe_entry(declared))
             return metadata["default"]
         if value["unit"] != metadata["unit"]:
-            self.add_problem(section, entry, f"it is in {value['unit']!r}", f"give it in {metadata['unit']!r}")
+            text, remedy = messages.number_in_other_unit(unit=value["unit"]), messages.give_unit(unit=metadata["unit"])
+            self.add_problem(section, entry, text, remedy)
         self.sources[f"{section}.{entry}"] = str(value["source"])
         return (
             self._read_table(section, entry, value)
@@ -311,16 +320,16 @@ class _Reader:
     def _read_number(self, section: str, declared: "Field[Any]", entries: dict[str, Any]) -> float:
         value, metadata = entries["value"], declared.metadata
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            self.add_problem(section, declared.name, f"{value!r} is not a finite number", _describe_entry(declared))
+            self.add_problem(section, declared.name, messages.number_not_finite(value=value), _describe_entry(declared))
             return math.nan
         low, high, unit = metadata["minimum"], metadata["maximum"], metadata["unit"]
         if not low <= value <= high:
-            bounds = f"choose {Quantity(low, unit, high):g}"
-            self.add_problem(section, declared.name, f"{Quantity(value, unit):g} is out of bounds", bounds)
+            bounds = messages.choose_number_in_range(minimum=low, maximum=high, unit=unit)
+            self.add_problem(section, declared.name, messages.number_out_of_range(value=value, unit=unit), bounds)
         if value == 0.0 and declared.name in ("gain", "slope", "direction"):
-            self.add_problem(section, declared.name, "0 is not a valid scale", "give the measured value with its sign")
+            self.add_problem(section, declared.name, messages.scale_is_zero(), messages.give_measured_scale())
         if declared.name == "direction" and abs(value) != 1.0:
-            self.add_problem(section, declared.name, f"{value:g} is not a direction", "give 1 or -1")
+            self.add_problem(section, declared.name, messages.not_a_direction(value=value), messages.give_direction())
         return float(value)
 
     def _read_table(self, section: str, entry: str, entries: dict[str, Any]) -> tuple[tuple[float, float], ...]:
@@ -330,19 +339,14 @@ class _Reader:
             points = ()
         rising = all(one[0] < other[0] for one, other in pairwise(points))
         if len(points) < 2 or not rising or not all(math.isfinite(x) for point in points for x in point):
-            text = "it is not a table of two or more points with rising voltage"
-            self.add_problem(section, entry, text, "give [[V, N], [V, N], ...]")
+            self.add_problem(section, entry, messages.not_a_table_of_rising_voltage(), messages.give_table())
             return points
         newtons = [F for _, F in points]
         if newtons not in (sorted(set(newtons)), sorted(set(newtons), reverse=True)):
-            self.add_problem(
-                section, entry, "its forces are not monotonic", "make them rise, or fall, with the voltage"
-            )
+            self.add_problem(section, entry, messages.forces_not_monotonic(), messages.make_forces_monotonic())
         elif not min(newtons) <= 0.0 < max(newtons):
-            text = f"it covers {min(newtons):g} to {max(newtons):g} N"
-            self.add_problem(
-                section, entry, text, "add a measured point at 0 N: the load cell also reads a slack tendon"
-            )
+            text = messages.table_without_zero_force(minimum=min(newtons), maximum=max(newtons))
+            self.add_problem(section, entry, text, messages.add_zero_force())
         return points
 
     def check_shared(self, parts: _Parts) -> None:
@@ -353,9 +357,8 @@ class _Reader:
                 channel = entries.get(entry)
                 for terminal in _list_terminals(channel) if isinstance(channel, str) else ():
                     if (other := first.setdefault(terminal, section)) != section:
-                        self.add_problem(
-                            section, entry, f"{terminal} is already used by {other}", "use a separate terminal for each"
-                        )
+                        text = messages.terminal_in_use(terminal=terminal, section=other)
+                        self.add_problem(section, entry, text, messages.use_separate_terminals())
                         break  # a counter in use has its lines in use too
 
     def check_calibration(self, parts: _Parts) -> None:
@@ -363,8 +366,12 @@ class _Reader:
         for section in ("load_cell_A", "load_cell_B"):
             entries = parts[section]
             if entries and math.isnan(entries["slope"]) == (not entries["table"]):
-                text = "it has no calibration" if not entries["table"] else "it has two calibrations"
-                self.add_problem(section, "", text, "give slope and offset, or a table: the bring-up measures them")
+                text = (
+                    messages.load_cell_with_two_calibrations()
+                    if entries["table"]
+                    else messages.load_cell_without_calibration()
+                )
+                self.add_problem(section, "", text, messages.give_one_calibration())
 
 
 def _list_terminals(channel: str) -> tuple[str, ...]:
@@ -376,8 +383,8 @@ def _list_terminals(channel: str) -> tuple[str, ...]:
     return (channel, *lines)
 
 
-def _describe_entry(declared: "Field[Any]") -> str:
+def _describe_entry(declared: "Field[Any]") -> Message:
     metadata = declared.metadata
     if "pattern" in metadata:
-        return f"give {metadata['wanted']}"
-    return f'write {declared.name} = {{ value = ..., unit = "{metadata["unit"]}", source = "..." }}'
+        return messages.give_connection(expected=metadata["wanted"])
+    return messages.write_number_with_unit_and_source(entry=declared.name, unit=metadata["unit"])

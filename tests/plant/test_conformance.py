@@ -1,6 +1,7 @@
 """The contract of a plant, and how conformance to it is tested."""
 
 import gc
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,8 +11,9 @@ from pathlib import Path
 import pytest
 
 from plant.conformance import CHECKS, LONG_TICKS, WARM_UP_TICKS, Check, CheckOutcome, Subject, drive, run_contract
-from plant.factory import make_plant
+from plant.factory import ATTRIBUTES, METHODS, make_plant
 from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, Plant, PlantChoice, PlantKind, T_s
+from plant.message import Message
 from plant.parameters import PlantParameters
 from plant.replay import Replay, load_replay
 from plant.rig import Rig
@@ -149,28 +151,35 @@ class Less:
         """Take what the others take."""
 
 
+MISSING_METHODS = [f"{name}()" for name in METHODS if name not in ("open", "read", "close")]
+
+
 @pytest.mark.parametrize(
-    ("make", "requirement", "said"),
+    ("make", "requirement", "code", "values"),
     [
-        (Less, "is_a_plant", "it has no paces_loop, "),
-        (Hurried, "is_a_plant", "unattended_max_s = 0.001"),
-        (Mute, "describes_itself", "is empty"),
-        (Restless, "opens_at_rest", "moved by"),
-        (Degrees, "reads_in_si", "is it in rad?"),
-        (Driving, "rests_at_zero_volts", "at zero volts"),
-        (Backwards, "a_voltage_acts", "sign"),
-        (Swapped, "a_voltage_acts", "is the sign wrong|are the motors swapped"),
-        (Restless, "a_write_counts_from_the_next_reading", "without a write"),
-        (Unbound, "keeps_to_its_voltages", "further than at 10 V"),
-        (Odd, "refuses_in_a_sentence", "ValueError instead of a PlantError: no"),
-        (OpenOnce, "closes_twice_and_opens_again", "AssertionError"),
-        (Hasty, "keeps_the_time", "before they were due"),
-        (Hoarding, "keeps_nothing_of_a_tick", "more memory blocks"),
-        (Random, "repeats", "the second execution returned different readings"),
+        (Less, "is_a_plant", "parts_missing", {"missing": ", ".join([*ATTRIBUTES, *MISSING_METHODS])}),
+        (Hurried, "is_a_plant", "unattended_time_invalid", {"value": 1e-3}),
+        (Mute, "describes_itself", "description_empty", {}),
+        (Restless, "opens_at_rest", "moved_at_zero_volts", {}),
+        (Degrees, "reads_in_si", "q_implausible", {"q_max": pytest.approx(math.pi / 2.0)}),
+        (Driving, "rests_at_zero_volts", "moved_at_zero_volts", {}),
+        (Backwards, "a_voltage_acts", "motor_not_turned", {"voltage": 0.5, "motor": "A"}),
+        (Swapped, "a_voltage_acts", "motor_not_turned", {"voltage": 0.5, "motor": "A"}),
+        (Restless, "a_write_counts_from_the_next_reading", "moved_without_write", {}),
+        (Unbound, "keeps_to_its_voltages", "voltage_not_limited", {"voltage": 1000.0, "u_max": 10.0}),
+        (Odd, "refuses_in_a_sentence", "other_error_raised", {"kind": "ValueError", "reason": "no"}),
+        (OpenOnce, "closes_twice_and_opens_again", "other_error_raised", {"kind": "AssertionError"}),
+        (Hasty, "keeps_the_time", "readings_before_due", {"readings": 1000}),
+        (Hoarding, "keeps_nothing_of_a_tick", "memory_grows", {"ticks": LONG_TICKS}),
+        (Random, "repeats", "readings_not_repeated", {}),
     ],
 )
 def test_a_plant_that_breaks_a_promise_is_found(
-    lab: PlantParameters, make: Callable[[PlantParameters], Simulator], requirement: str, said: str
+    lab: PlantParameters,
+    make: Callable[[PlantParameters], Simulator],
+    requirement: str,
+    code: str,
+    values: dict[str, object],
 ) -> None:
     def made() -> Simulator:
         return make(lab)
@@ -178,7 +187,9 @@ def test_a_plant_that_breaks_a_promise_is_found(
     (check,) = (check for check in CHECKS if check.name == requirement)
     (finding,) = run_contract(Subject(made, lab, voltage=0.5), (check,))
     assert finding.outcome is CheckOutcome.BROKEN
-    assert any(words in finding.seen for words in said.split("|")), finding.seen
+    assert isinstance(finding.seen, Message)
+    assert finding.seen.code == code, finding.seen
+    assert {name: finding.seen.values.get(name) for name in values} == values, finding.seen
 
 
 class Collecting(Hoarding):

@@ -1,5 +1,6 @@
 """A recording as a plant, played back."""
 
+import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -13,13 +14,14 @@ import pytest
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import Accepted, PlantFailing, Reset, Stopped
 from backend.realtime.modes import Mode
-from plant import replay
+from plant import messages, replay
 from plant.interface import NO_LOAD, Measurement, MotorCommand, PlantError
 from plant.parameters import PlantParameters
 from plant.replay import Replay, load_replay, preload_replay
 from tests.exports.written import to_csv, to_mat, to_parquet
 from tests.plant.recorded import columns_of, session, trip_recorded
 from tests.realtime.bench_top import BenchTop
+from tests.refusals import refused
 
 # A recording that Sinew wrote, played back: the same readings, the same trip, told how far the voltages were.
 
@@ -80,7 +82,8 @@ def test_another_controller_is_told_by_its_voltages(recorded: tuple[BenchTop, Pa
         plant.read()
         plant.write(MotorCommand(u_A[tick], u_B[tick]))
     assert plant.difference == pytest.approx((0.25, "u_B", 4.321))
-    with pytest.raises(PlantError, match=r"at most 0.25 V, u_B at t = 4.321 s"):
+    difference_V, t = pytest.approx(0.25), pytest.approx(4.321)
+    with refused(PlantError, "recording_ended", difference_V=difference_V, output="u_B", t=t):
         plant.read()
 
 
@@ -158,7 +161,9 @@ def test_at_its_end_the_loop_trips_once_with_the_reason_and_a_reset_plays_it_aga
     assert (bench.loop.mode, bench.loop.fault) == (Mode.TRIPPED, Fault.PLANT_ERROR)
     (failing,) = (event for event in bench.events if isinstance(event, PlantFailing))
     assert failing.tick == 200
-    assert "the recording has ended after 200 samples; the voltages differed by at most 0.5 V" in failing.reason
+    difference_V, output, t = plant.difference
+    assert difference_V == pytest.approx(0.5)
+    assert messages.recording_ended(samples=200, difference_V=difference_V, output=output, t=t) in failing.reason
     bench.advance(1.0)
     assert plant.sample == 0
     assert isinstance(bench.send(Reset()), Accepted)
@@ -170,13 +175,13 @@ def test_what_a_recording_cannot_do_is_refused(columns: Columns, tmp_path: Path)
     plant = played(columns, tmp_path)
     before: Measurement = plant.read()
     attempts: tuple[tuple[Callable[[], object], str], ...] = (
-        (lambda: plant.push(1.0), "pushed"),
-        (lambda: plant.load(NO_LOAD), "loaded"),
-        (lambda: plant.inject(None), "fail"),
-        (lambda: plant.zero(0.0, 0.0, 0.0), "zeros"),
+        (lambda: plant.push(1.0), "replay_cannot_be_pushed"),
+        (lambda: plant.load(NO_LOAD), "replay_cannot_be_loaded"),
+        (lambda: plant.inject(None), "replay_without_fault_injection"),
+        (lambda: plant.zero(0.0, 0.0, 0.0), "replay_has_its_zeros"),
     )
-    for attempt, said in attempts:
-        with pytest.raises(PlantError, match=said):
+    for attempt, code in attempts:
+        with refused(PlantError, code):
             attempt()
     assert plant.read()[:5] == before[:5]
 
@@ -194,46 +199,91 @@ def each(change: Callable[[np.ndarray], np.ndarray], *names: str) -> Callable[[C
 
 
 @pytest.mark.parametrize(
-    ("spoil", "said"),
+    ("spoil", "code", "values"),
     [
-        (without("theta_B"), r"no column theta_B \[rad\]; the file has t, q,"),
-        (without("u_A"), r"no column u_A \[V\]"),
-        (at("F_A", 40, np.nan), r"F_A is not a number at t = 0\.040 s, and no fault is recorded there"),
-        (at("u_B", 41, np.nan), r"u_B is not a number at t = 0\.041 s"),
-        (at("t", 3, np.nan), "sample 4 has no time t"),
-        (at("u_A", 7, 10.1), r"u_A is 10\.1 at t = 0\.007 s, beyond 10 V"),
-        (at("u_B", 8, -10.1), r"u_B is -?10\.1 at t = 0\.008 s, beyond 10 V"),
-        (each(np.degrees, "q"), r"q is 5\.7\d* at t = 0\.000 s, beyond 3\.142\srad: the column must be in rad"),
-        (each(lambda values: 10.0 * values, "t"), "its period is 10 ms, but must be 1 ms"),
+        (
+            without("theta_B"),
+            "column_missing",
+            {
+                "column": "theta_B",
+                "unit": "rad",
+                "columns": ["t", "q", "theta_A", "F_A", "F_B", "u_A", "u_B", "S_true", "F_push", "fault"],
+            },
+        ),
+        (without("u_A"), "column_missing", {"column": "u_A", "unit": "V"}),
+        (at("F_A", 40, np.nan), "sample_not_a_number", {"column": "F_A", "t": pytest.approx(0.040)}),
+        (at("u_B", 41, np.nan), "sample_not_a_number", {"column": "u_B", "t": pytest.approx(0.041)}),
+        (at("t", 3, np.nan), "sample_without_time", {"sample": 4}),
+        (
+            at("u_A", 7, 10.1),
+            "sample_out_of_range",
+            {
+                "column": "u_A",
+                "value": pytest.approx(10.1),
+                "t": pytest.approx(0.007),
+                "maximum": pytest.approx(10.0),
+                "unit": "V",
+            },
+        ),
+        (
+            at("u_B", 8, -10.1),
+            "sample_out_of_range",
+            {
+                "column": "u_B",
+                "value": pytest.approx(-10.1),
+                "t": pytest.approx(0.008),
+                "maximum": pytest.approx(10.0),
+                "unit": "V",
+            },
+        ),
+        (
+            each(np.degrees, "q"),
+            "sample_out_of_range",
+            {
+                "column": "q",
+                "value": pytest.approx(np.degrees(0.1)),
+                "t": pytest.approx(0.0),
+                "maximum": pytest.approx(np.pi),
+                "unit": "rad",
+            },
+        ),
+        (
+            each(lambda values: 10.0 * values, "t"),
+            "recording_of_other_period",
+            {"period_s": pytest.approx(0.010), "expected_s": pytest.approx(0.001)},
+        ),
         (
             each(lambda values: np.delete(values, slice(60, 72))),
-            r"after t = 0\.059 s the next sample comes 13 ms later",
+            "samples_missing",
+            {"t": pytest.approx(0.059), "step_s": pytest.approx(0.013)},
         ),
-        (each(lambda values: values[:1]), "it holds 1 samples, but at least two are required"),
+        (each(lambda values: values[:1]), "recording_too_short", {"samples": 1}),
     ],
 )
 def test_a_file_that_is_no_recording_is_refused_with_the_place(
-    columns: Columns, tmp_path: Path, spoil: Callable[[Columns], None], said: str
+    columns: Columns, tmp_path: Path, spoil: Callable[[Columns], None], code: str, values: dict[str, object]
 ) -> None:
     spoil(columns)
     file = tmp_path / "run-7.csv"
     file.write_bytes(to_csv(columns))
-    with pytest.raises(PlantError, match=rf"the recording run-7\.csv cannot be played: .*{said}"):
+    with refused(PlantError, code, recording="run-7.csv", **values):
         load_replay(file)
 
 
 def test_files_of_other_kinds_are_refused(columns: Columns, tmp_path: Path) -> None:
-    for name, content, said in (
-        ("run.mat", to_mat(columns), "only .csv and .parquet are read"),
-        ("run.parquet", b"PAR1 junk", "cannot be played"),
-        ("run.csv", b"t,q\n1,2\n3\n", "cannot be played"),
-        ("text.csv", to_csv(columns).replace(b",0.1,", b",far,"), "the column q contains values that are not numbers"),
+    for name, content, code, column in (
+        ("run.mat", to_mat(columns), "recording_of_other_format", None),
+        ("run.parquet", b"PAR1 junk", "recording_unreadable", None),
+        ("run.csv", b"t,q\n1,2\n3\n", "recording_unreadable", None),
+        ("text.csv", to_csv(columns).replace(b",0.1,", b",far,"), "column_without_numbers", "q"),
     ):
         (tmp_path / name).write_bytes(content)
-        with pytest.raises(PlantError, match=said) as error:
+        with pytest.raises(PlantError) as error:
             load_replay(tmp_path / name)
-        assert len(str(error.value).splitlines()) == 1
-    with pytest.raises(PlantError, match=r"gone\.csv cannot be played: .*[Nn]o such file"):
+        message = error.value.message
+        assert (message.code, message.values["recording"], message.values.get("column")) == (code, name, column)
+        assert len(message.splitlines()) == 1
+    with refused(PlantError, "recording_unreadable", recording="gone.csv", reason=os.strerror(errno.ENOENT)):
         load_replay(tmp_path / "gone.csv")
 
 
@@ -241,7 +291,7 @@ def test_a_unit_that_the_file_names_has_to_be_the_right_one(columns: Columns, tm
     table = pa.parquet.read_table(pa.BufferReader(to_parquet(columns)))
     fields = [field.with_metadata({"unit": "deg"}) if field.name == "q" else field for field in table.schema]
     pa.parquet.write_table(pa.table(table.columns, schema=pa.schema(fields)), tmp_path / "run.parquet")
-    with pytest.raises(PlantError, match="the column q is in deg, but must be in rad"):
+    with refused(PlantError, "column_in_other_unit", column="q", unit="deg", expected="rad"):
         load_replay(tmp_path / "run.parquet")
 
 

@@ -24,6 +24,7 @@ from plant.safety_card import Card
 from plant.simulator import Simulator
 from plant.virtual_daq import VirtualCard, VirtualRig
 from plant.wiring import Wiring, load_wiring
+from tests.refusals import refused
 
 PARAMETERS = load_parameters("lab")
 WIRING = load_wiring("pcie-6323")
@@ -183,7 +184,7 @@ def test_a_watchdog_that_cuts_nothing_keeps_the_drives_off() -> None:
     """A card whose watchdog never expires: nobody looks at its registers."""
     card = VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers := Card.create(), has_clock=False)
     rig = Rig(WIRING, Daq(WIRING, card.options))
-    with pytest.raises(PlantError, match="watchdog did not expire within"):
+    with refused(PlantError, "watchdog_did_not_expire"):
         rig.open()
     assert not registers.state().drive_enabled
 
@@ -198,7 +199,7 @@ def test_a_line_that_something_else_has_cut_proves_no_watchdog() -> None:
             return self.looks == 1 and super().is_enabled
 
     card = VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers := Card.create(), has_clock=False)
-    with pytest.raises(PlantError, match="watchdog did not expire within"):
+    with refused(PlantError, "watchdog_did_not_expire"):
         Rig(WIRING, Loose(WIRING, card.options)).open()
     assert not registers.state().drive_enabled
 
@@ -223,7 +224,7 @@ def test_hands_at_the_rig_have_the_line_off_from_the_first_moment_and_the_watchd
     rig.acknowledge()
     assert switched
     assert not any(switched)
-    with pytest.raises(PlantError, match="watchdog did not expire within"):
+    with refused(PlantError, "watchdog_did_not_expire"):
         rig.switch_drives(on=True)
     assert (switched.count(True), switched[-1]) == (1, False)
     assert not registers.state().drive_enabled
@@ -235,7 +236,7 @@ def test_a_line_that_is_on_while_hands_are_at_the_rig_is_no_start() -> None:
     card = VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers := Card.create(), has_clock=False)
     registers.set_drives(on=True)
     card.faults.enable_held = True
-    with pytest.raises(PlantError, match="did not switch off"):
+    with refused(PlantError, "drive_enable_not_switched", on=False):
         Rig(WIRING, Daq(WIRING, card.options), drives_off=True).open()
 
 
@@ -254,7 +255,7 @@ def test_a_rig_that_is_not_open_says_so() -> None:
     rig = VirtualRig(WIRING, Simulator(PARAMETERS, 0))
     for _ in range(2):
         for attempt in (rig.read, rig.acknowledge, lambda: rig.write(ZERO_VOLTS)):
-            with pytest.raises(PlantError, match="not open"):
+            with refused(PlantError, "card_not_open"):
                 attempt()
         rig.open()
         rig.read()
@@ -264,7 +265,7 @@ def test_a_rig_that_is_not_open_says_so() -> None:
 def test_a_drive_enable_line_that_stays_on_is_found_before_anything_is_acknowledged() -> None:
     rig = stepped()
     rig.card.faults.enable_held = True
-    with pytest.raises(PlantError, match=r"\(port2/line4\) was switched off but stays on"):
+    with refused(PlantError, "drive_enable_stays_on", line="port2/line4"):
         rig.acknowledge()
     rig.card.faults.enable_held = False
     rig.acknowledge()
@@ -300,7 +301,7 @@ def test_a_card_that_another_task_holds_is_refused_with_zero_volts() -> None:
     rig = stepped()
     assert isinstance(rig, VirtualRig)
     second = Rig(rig.wiring, Daq(rig.wiring, rig.card.options))
-    with pytest.raises(PlantError, match="NI-DAQmx: "):
+    with refused(PlantError, "card_failed"):
         second.open()
     rig.read()
     rig.write(MotorCommand(1.0, 1.0))

@@ -12,6 +12,7 @@ from plant.parameters import load_parameters
 from plant.rig import Rig
 from plant.safety_card import Card, WatchdogExpiredError
 from plant.virtual_daq import VirtualRig
+from tests.refusals import refused
 
 pytestmark = pytest.mark.live
 
@@ -51,7 +52,7 @@ def test_silence_takes_the_drives_away_until_they_are_acknowledged() -> None:
     until_expired(registers)
     state = registers.state()
     assert (state.u_A, state.u_B, state.drive_enabled) == (0.0, 0.0, False)
-    with pytest.raises(WatchdogExpiredError, match=r"no write for 0\.5 s"):
+    with refused(WatchdogExpiredError, "watchdog_expired", watchdog_s=0.5):
         rig.write(MotorCommand(1.0, 1.0))
     rig.acknowledge()
     rig.write(MotorCommand(0.5, 0.0))
@@ -101,7 +102,7 @@ def test_a_watchdog_that_says_so_and_leaves_the_line_on_is_found_at_the_start() 
     rig, registers = watched()
     assert isinstance(rig, VirtualRig)
     rig.card.faults.enable_held = True
-    with pytest.raises(PlantError, match=r"expired, but drive-enable \(port2/line4\) stayed on within 2\.5 s"):
+    with refused(PlantError, "watchdog_left_drives_on", line="port2/line4", within_s=pytest.approx(2.5)):
         rig.open()
     assert not registers.state().drive_enabled
     rig.close()

@@ -11,6 +11,7 @@ from plant.dynamics import AT_REST, PlantState, tendon_tension
 from plant.interface import ZERO_VOLTS, MotorCommand, PlantError
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator, quantise
+from tests.refusals import refused
 
 # Encoders, load cells and converters of the simulated rig, seen through its interface.
 
@@ -163,7 +164,7 @@ def test_too_much_tension_cuts_the_motors_and_stays_cut(ideal: PlantParameters) 
 def test_acknowledging_is_refused_until_the_cause_is_gone(ideal: PlantParameters) -> None:
     simulator = Simulator(ideal, x=STANDING_SAFETY)
     drive_until_tripped(simulator, FULL)
-    with pytest.raises(PlantError, match="still out of bounds"):
+    with refused(PlantError, "limit_still_exceeded"):
         simulator.acknowledge()
     assert simulator.read().safety_trip == 1.0
     for _ in range(1500):

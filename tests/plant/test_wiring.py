@@ -1,23 +1,31 @@
 """A wiring file is checked line by line: everything wrong with it is told at once, with what to do."""
 
+import math
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
 import plant.wiring
-from plant.wiring import SECTIONS, SHIPPED, WiringError, load_wiring
+from plant import messages
+from plant.message import Message
+from plant.wiring import SECTIONS, SHIPPED, MotorWiring, WiringError, WiringProblem, load_wiring
 
 SHIPPED_TEXT = (Path(plant.wiring.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
 
 
-def problems(tmp_path: Path, text: str) -> list[tuple[int, str, str]]:
-    """Return line, entry and the whole sentence of each problem of a file."""
+def problems(tmp_path: Path, text: str) -> tuple[WiringProblem, ...]:
+    """Return the problems of a file."""
     path = tmp_path / "mine.toml"
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(WiringError) as refused:
+    with pytest.raises(WiringError) as error:
         load_wiring(path)
-    return [(found.line, found.entry, found.sentence("mine.toml")) for found in refused.value.problems]
+    found, message = error.value.problems, error.value.message
+    assert message.code == "wiring_rejected"
+    assert message.values == {"problems": [problem.sentence("mine.toml") for problem in found]}
+    return found
 
 
 def line_of(text: str, words: str) -> int:
@@ -45,101 +53,131 @@ def replaced(old: str, new: str) -> Callable[[str], str]:
 
 LINE_A = 'slope = { value = 10.0, unit = "N/V", source = "placeholder: 100 N at 10 V" }'
 
+
+class Wrong(NamedTuple):
+    """A change of the file, words in its line, and the problem of the entry with its remedy."""
+
+    change: Callable[[str], str]
+    words: str
+    entry: str
+    problem: Message
+    remedy: Message
+
+
+(ANALOG_OUTPUT,) = (entry.metadata["wanted"] for entry in fields(MotorWiring) if entry.name == "channel")
+
 WRONG = {
-    "unknown channel": (replaced('channel = "ao1"', 'channel = "ao9"'), 'channel = "ao9"', "motor_B.channel", "ao0"),
-    "duplicate": (
+    "unknown channel": Wrong(
+        replaced('channel = "ao1"', 'channel = "ao9"'),
+        'channel = "ao9"',
+        "motor_B.channel",
+        messages.unknown_connection(value="ao9"),
+        messages.give_connection(expected=ANALOG_OUTPUT),
+    ),
+    "duplicate": Wrong(
         replaced('channel = "ao1"', 'channel = "ao0"'),
         "[motor_B]",
         "motor_B.channel",
-        "already used by motor_A",
+        messages.terminal_in_use(terminal="ao0", section="motor_A"),
+        messages.use_separate_terminals(),
     ),
-    "missing calibration": (
+    "missing calibration": Wrong(
         replaced('slope = { value = 10.0, unit = "N/V", source = "placeholder: 100 N at 10 V" }\n', ""),
         "[load_cell_A]",
         "load_cell_A",
-        "the bring-up measures them",
+        messages.load_cell_without_calibration(),
+        messages.give_one_calibration(),
     ),
-    "wrong unit": (
+    "wrong unit": Wrong(
         replaced('slope = { value = 10.0, unit = "N/V"', 'slope = { value = 10.0, unit = "kg/V"'),
         "kg/V",
         "load_cell_A.slope",
-        "give it in 'N/V'",
+        messages.number_in_other_unit(unit="kg/V"),
+        messages.give_unit(unit="N/V"),
     ),
-    "table without a slack tendon": (
+    "table without a slack tendon": Wrong(
         replaced(LINE_A, 'table = { value = [[0.5, 5], [9, 90]], unit = "V, N", source = "weights" }'),
         "[[0.5, 5], [9, 90]]",
         "load_cell_A.table",
-        "it covers 5 to 90 N; add a measured point at 0 N",
+        messages.table_without_zero_force(minimum=5.0, maximum=90.0),
+        messages.add_zero_force(),
     ),
-    "table that goes up and down": (
+    "table that goes up and down": Wrong(
         replaced(LINE_A, 'table = { value = [[0, 0], [5, 60], [9, 50]], unit = "V, N", source = "weights" }'),
         "[[0, 0], [5, 60], [9, 50]]",
         "load_cell_A.table",
-        "its forces are not monotonic",
+        messages.forces_not_monotonic(),
+        messages.make_forces_monotonic(),
     ),
-    "not a direction": (
+    "not a direction": Wrong(
         replaced("direction = { value = 1,", "direction = { value = 2,"),
         "direction = { value = 2,",
         "encoder_q.direction",
-        "not a direction",
+        messages.not_a_direction(value=2),
+        messages.give_direction(),
     ),
-    "slow watchdog": (
+    "slow watchdog": Wrong(
         replaced("watchdog_s = { value = 0.05", "watchdog_s = { value = 0.5"),
         "watchdog_s",
         "card.watchdog_s",
-        "0.005 to 0.05 s",
+        messages.number_out_of_range(value=0.5, unit="s"),
+        messages.choose_number_in_range(minimum=0.005, maximum=0.05, unit="s"),
     ),
-    "number without source": (
+    "number without source": Wrong(
         replaced(
             'counts_per_rev = { value = 4000, unit = "1", source = "paper: 1000 lines, four edges" }',
             "counts_per_rev = 4000",
         ),
         "counts_per_rev = 4000",
         "encoder_q.counts_per_rev",
-        "source",
+        messages.number_without_unit_and_source(),
+        messages.write_number_with_unit_and_source(entry="counts_per_rev", unit="1"),
     ),
-    "not a number": (
+    "not a number": Wrong(
         replaced("offset = { value = 0.0", "offset = { value = nan"),
         "offset = { value = nan",
         "load_cell_A.offset",
-        "not a finite number",
+        messages.number_not_finite(value=math.nan),
+        messages.write_number_with_unit_and_source(entry="offset", unit="V"),
     ),
-    "entry nobody knows": (
+    "entry nobody knows": Wrong(
         replaced('timing = "on-demand"', 'timing = "on-demand"\nrate = 5'),
         "rate = 5",
         "card.rate",
-        "known are device, timing, watchdog_s",
+        messages.wiring_entry_unknown(),
+        messages.choose_known_entry(known=["device", "timing", "watchdog_s"]),
     ),
-    "line of an encoder": (
+    "line of an encoder": Wrong(
         replaced('line = "port2/line4"', 'line = "port2/line0"'),
         'line = "port2/line0"',
         "drive_enable.line",
-        "already used by encoder_q",
+        messages.terminal_in_use(terminal="port2/line0", section="encoder_q"),
+        messages.use_separate_terminals(),
     ),
 }
 
 
 @pytest.mark.parametrize("wrong", WRONG)
 def test_a_wrong_wiring_is_refused_with_line_entry_and_remedy(tmp_path: Path, wrong: str) -> None:
-    change, words, entry, told = WRONG[wrong]
+    change, words, entry, problem, remedy = WRONG[wrong]
     text = change(SHIPPED_TEXT)
-    found = problems(tmp_path, text)
-    (line, sentence) = next((line, sentence) for line, named, sentence in found if named == entry)
+    found = next(found for found in problems(tmp_path, text) if found.entry == entry)
     expected = line_of(text, words)
     # what is about a section as a whole stands at its header, what is about an entry at the entry
-    assert line in (expected, expected + 1)
-    assert sentence.startswith(f"mine.toml:{line}: {entry}: ")
-    assert told in sentence
-    assert "; " in sentence
+    assert found.line in (expected, expected + 1)
+    assert (found.text.code, found.remedy.code) == (problem.code, remedy.code)
+    sentence = found.sentence("mine.toml")
+    values = {"place": f"mine.toml:{found.line}", "entry": entry, "problem": problem, "remedy": remedy}
+    assert (sentence.code, sentence.values) == ("wiring_problem", values)
 
 
 def test_all_problems_are_told_at_once_in_the_order_of_their_lines(tmp_path: Path) -> None:
     text = SHIPPED_TEXT
-    for change, *_ in (WRONG["unknown channel"], WRONG["wrong unit"], WRONG["slow watchdog"]):
-        text = change(text)
+    for wrong in (WRONG["unknown channel"], WRONG["wrong unit"], WRONG["slow watchdog"]):
+        text = wrong.change(text)
     found = problems(tmp_path, text)
-    assert [entry for _, entry, _ in found] == ["card.watchdog_s", "motor_B.channel", "load_cell_A.slope"]
-    assert [line for line, _, _ in found] == sorted(line for line, _, _ in found)
+    assert [problem.entry for problem in found] == ["card.watchdog_s", "motor_B.channel", "load_cell_A.slope"]
+    assert [problem.line for problem in found] == sorted(problem.line for problem in found)
 
 
 @pytest.mark.parametrize("text", ["[card", "\x00", "card = 5"])
@@ -148,5 +186,9 @@ def test_what_is_no_wiring_is_refused_in_a_sentence(tmp_path: Path, text: str) -
 
 
 def test_a_file_that_is_not_there_is_refused_with_what_is_shipped() -> None:
-    with pytest.raises(WiringError, match="pcie-6323"):
+    with pytest.raises(WiringError) as error:
         load_wiring("no-such-wiring")
+    (problem,) = error.value.problems
+    assert (problem.line, problem.text.code) == (0, "wiring_unreadable")
+    assert (problem.remedy.code, problem.remedy.values) == ("choose_wiring", {"shipped": SHIPPED})
+    assert "pcie-6323" in SHIPPED
