@@ -57,6 +57,8 @@ _COMPILED_SOURCES = (
     "backend/realtime/heartbeat.py",
     "backend/tuning/simulation.py",
 )
+_NOT_COMPILED = ("message", "messages")
+"""Modules of these folders from which no compiled code is made: a new text keeps the code."""
 
 
 FALLBACK = "SINEW_CACHE_FALLBACK"
@@ -154,7 +156,8 @@ def _digest_of_sources() -> str:
     digest = hashlib.sha256()
     for pattern in _COMPILED_SOURCES:
         for source in sorted(_ROOT.glob(pattern)):
-            digest.update(source.read_bytes())
+            if source.stem not in _NOT_COMPILED:
+                digest.update(source.read_bytes())
     return digest.hexdigest()[:16]
 
 
