@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from backend import __version__
+from backend.exports import messages
 from backend.models import document_digest
 from backend.plain_text import check_plain_texts
 from backend.recording import CodecError, Columns, SamplesDigest, read_recorded_columns, read_samples
@@ -27,7 +28,7 @@ from backend.storage import (
     recordings,
     runs,
 )
-from plant import ErrorCode, SinewError, T_s
+from plant import ErrorCode, Message, SinewError, T_s
 
 # Errors --------------------------------------------------------------------------------------------
 # Errors of exports and imports.
@@ -43,6 +44,12 @@ class ImportRefusedError(SinewError, ValueError):
     """A file that is not imported at all; the message names the part that is wrong."""
 
     category = ErrorCode.BAD_VALUE
+
+
+def get_reason(error: Exception) -> str:
+    """Return the text of an error, with the code of its catalogue entry if it has one."""
+    text = error.args[0] if error.args else ""
+    return text if isinstance(text, Message) else str(error)
 
 
 # Sink ----------------------------------------------------------------------------------------------
@@ -99,23 +106,23 @@ def read_finite(text: str | bytes) -> Any:
     try:
         return json.loads(text, parse_constant=_refuse, parse_float=_finite, parse_int=_whole)
     except RecursionError:
-        raise ValueError("it is nested too deeply") from None
+        raise ValueError(messages.nested_too_deeply()) from None
 
 
 def _refuse(word: str) -> NoReturn:
-    raise ValueError(f"{word} is not a number")
+    raise ValueError(messages.not_a_number(text=word))
 
 
 def _finite(word: str) -> float:
     number = float(word)
     if not math.isfinite(number):
-        raise ValueError(f"the number {word[:40]} is beyond 1.8e308")
+        raise ValueError(messages.number_too_large(number=word))
     return number
 
 
 def _whole(word: str) -> int:
     if len(word.lstrip("-")) > _MOST_DIGITS:
-        raise ValueError(f"the whole number {word[:20]}... has {len(word)} digits: {_MOST_DIGITS} at most are stored")
+        raise ValueError(messages.too_many_digits(number=word, digits=len(word), maximum=_MOST_DIGITS))
     return int(word)
 
 
@@ -129,7 +136,7 @@ def require_texts(document: Any) -> None:
         for inner in _inner_documents(document):
             require_texts(inner)
     except RecursionError:
-        raise ValueError("it is nested too deeply") from None
+        raise ValueError(messages.nested_too_deeply()) from None
 
 
 def _inner_documents(document: Any) -> Iterator[Any]:
@@ -230,20 +237,20 @@ def read_facts(text: str | bytes) -> Facts:
     try:
         document = read_finite(text)
         if not isinstance(document, Mapping) or document.get("format") != FORMAT:
-            raise ImportRefusedError(f"its metadata are not of format {FORMAT}: use the version of Sinew that wrote it")
+            raise ImportRefusedError(messages.metadata_of_another_format(version=FORMAT))
         contents = {name: part for name, part in document.items() if name != SEAL}
         if document.get(SEAL) != document_digest(contents):
-            raise ImportRefusedError("its metadata were changed: their sha256 differs")
+            raise ImportRefusedError(messages.metadata_changed())
         facts = _FACTS.validate_python(contents)
     except ValidationError as error:
         first = error.errors()[0]
-        raise ImportRefusedError(f"its metadata: {first['loc'][0]}: {first['msg']}") from None
+        raise ImportRefusedError(messages.invalid_metadata(name=first["loc"][0], reason=first["msg"])) from None
     except ValueError as error:
         if isinstance(error, ImportRefusedError):
             raise
-        raise ImportRefusedError(f"its metadata cannot be read: {error}") from None
+        raise ImportRefusedError(messages.metadata_unreadable(reason=get_reason(error))) from None
     if facts.period_s <= 0.0 or facts.samples < 1 or set(facts.names) != {"t", *facts.fields, *facts.derived}:
-        raise ImportRefusedError("its metadata: period, samples or columns are inconsistent")
+        raise ImportRefusedError(messages.metadata_inconsistent())
     return facts
 
 
@@ -295,7 +302,7 @@ def export_run(database: Database, run_id: int, derived: Sequence[str] = ()) -> 
     length_s = (extent.end_tick - extent.first_tick) * recording.period_s
     lacking = [name for name in derived if name not in written]
     if lacking:
-        raise ExportError(f"there is no formula {', '.join(lacking)}")
+        raise ExportError(messages.formulas_not_found(names=lacking))
     names = [*recording.fields, *derived] if derived else []
     digest, samples = SamplesDigest(recording.fields, recording.period_s), 0
 
@@ -376,6 +383,6 @@ def _slab(database: Database, run_id: int, names: Sequence[str], from_s: float, 
         with database.reading() as session:
             samples = read_samples(session, run_id, names, from_s, to_s)
     except (CodecError, UnknownRecordError) as error:
-        raise ExportError(f"run {run_id} cannot be exported: {error}") from error
+        raise ExportError(messages.run_not_exportable(run_id=run_id, reason=error.message)) from error
     if samples.t.size:  # a gap may be longer
         yield {"t": samples.t, **samples.columns}

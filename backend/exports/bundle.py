@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from backend import __version__
-from backend.exports.base import ExportError, ImportRefusedError, Sink, export_run, read_strict
+from backend.exports import messages
+from backend.exports.base import ExportError, ImportRefusedError, Sink, export_run, get_reason, read_strict
 from backend.exports.formats import PIECE, DataFormat, stream_export
 from backend.models import MAX_RECORD_NUMBER, document_digest
 from backend.storage import (
@@ -137,13 +138,10 @@ def get_record_name(record: dict[str, Any]) -> str:
 
 def _gather_run(session: Session, run: Run, gathered: Gathered) -> None:
     if run.end_state == EndState.RUNNING:
-        raise ExportError(f"run {run.id} has not ended: bundle it after its end")
+        raise ExportError(messages.run_not_ended(run_id=run.id))
     changed = origins.load_banks_during_run(session, run)
     if changed.computed:
-        raise ExportError(
-            f"run {run.id} computes the number of a bank that it changes to, {changed.computed[0][:80]}, "
-            "which could select another bank in another data folder: export only the samples of the run"
-        )
+        raise ExportError(messages.run_computes_bank(run_id=run.id, expression=changed.computed[0]))
     for number in sorted({*changed.numbers, *([] if run.bank_id is None else [run.bank_id])}):
         bank = banks.get(session, number)
         for entry in bank.entries:
@@ -193,7 +191,6 @@ _NAME = re.compile(
 _LARGEST_TEXT = 64_000_000
 """Most bytes of a member that is read completely: records and reports of a run have one or two million."""
 _MOST_MEMBERS = 1_000
-_CHANGED = f"was changed: its sha256 differs from the one in {MANIFEST}"
 
 
 @dataclass(frozen=True)
@@ -230,10 +227,10 @@ def open_bundle(file: Path) -> Iterator[Bundle]:
             manifest = _manifest(archive, names)
             records = _records(archive, manifest)
             if archive.comment != whole:
-                raise ImportRefusedError("the archive around its members was changed, or its end is missing")
+                raise ImportRefusedError(messages.archive_changed())
             yield Bundle(archive, whole.decode(), int(manifest["run"]), records, frozenset(names))
     except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError, UnicodeDecodeError) as error:
-        raise ImportRefusedError(f"it is not a bundle, or was truncated or changed: {error}") from None
+        raise ImportRefusedError(messages.not_a_bundle(reason=str(error))) from None
 
 
 def _digest(file: Path) -> bytes:
@@ -255,32 +252,32 @@ def _members(archive: zipfile.ZipFile, size: int) -> dict[str, zipfile.ZipInfo]:
     for info in archive.infolist():
         name = info.filename
         if not _NAME.fullmatch(name) or name in found or len(found) >= _MOST_MEMBERS:
-            raise ImportRefusedError(f"a bundle cannot contain the member {name[:80]!r}, or contains it more than once")
+            raise ImportRefusedError(messages.member_not_allowed(member=name))
         if info.compress_type != zipfile.ZIP_STORED or info.compress_size != info.file_size or info.flag_bits & 1:
-            raise ImportRefusedError(f"{name} is compressed or encrypted: members of a bundle are neither")
+            raise ImportRefusedError(messages.member_compressed(member=name))
         if info.file_size > (size if name.endswith(".parquet") else min(size, _LARGEST_TEXT)):
-            raise ImportRefusedError(f"{name} has a stated size of {info.file_size} bytes, which is too large")
+            raise ImportRefusedError(messages.member_too_large(member=name, size=info.file_size))
         found[name] = info
     if sum(info.file_size for info in found.values()) > size:
-        raise ImportRefusedError("the stated sizes of its members exceed the size of the file")
+        raise ImportRefusedError(messages.members_larger_than_file())
     for name in (MANIFEST, RECORDS):
         if name not in found:
-            raise ImportRefusedError(f"it has no {name}: it is not a bundle of a run")
+            raise ImportRefusedError(messages.bundle_without_member(member=name))
     return found
 
 
 def _manifest(archive: zipfile.ZipFile, names: Mapping[str, zipfile.ZipInfo]) -> dict[str, Any]:
     manifest = read_json(archive.read(MANIFEST), MANIFEST)
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
-        raise ImportRefusedError(f"{MANIFEST} is not of format {FORMAT}: use the version of Sinew that wrote it")
+        raise ImportRefusedError(messages.manifest_of_another_format(manifest=MANIFEST, version=FORMAT))
     members, run, records = manifest.get("members"), manifest.get("run"), manifest.get("records")
     if not isinstance(members, dict) or not isinstance(records, dict) or type(run) is not int:
-        raise ImportRefusedError(f"{MANIFEST} names no run, no records or no members")
+        raise ImportRefusedError(messages.manifest_incomplete(manifest=MANIFEST))
     for name in sorted({*members, *names} - {MANIFEST}):
         if name not in names:
-            raise ImportRefusedError(f"{name[:80]} is missing")
+            raise ImportRefusedError(messages.member_missing(member=name))
         if not isinstance(members.get(name), dict):
-            raise ImportRefusedError(f"{name} is in the file, but {MANIFEST} does not name it")
+            raise ImportRefusedError(messages.member_not_in_manifest(member=name, manifest=MANIFEST))
         if members[name].get("sha256") != _hash(archive, name):
             raise _make_hash_error(archive, name, records)
     return manifest
@@ -291,21 +288,24 @@ def _make_hash_error(archive: zipfile.ZipFile, name: str, members: Mapping[str, 
     if name == RECORDS:
         for record in _list(read_json(archive.read(RECORDS), RECORDS)):
             if members.get(get_record_name(record)) != document_digest(record):
-                return ImportRefusedError(f"{get_record_name(record)} {_CHANGED}")
-    return ImportRefusedError(f"{name} {_CHANGED}")
+                return ImportRefusedError(messages.content_changed(name=get_record_name(record), manifest=MANIFEST))
+    return ImportRefusedError(messages.content_changed(name=name, manifest=MANIFEST))
 
 
 def _records(archive: zipfile.ZipFile, manifest: Mapping[str, Any]) -> list[dict[str, Any]]:
     document = read_json(archive.read(RECORDS), RECORDS)
     records = _list(document)
     if document.get("run") != manifest["run"]:
-        raise ImportRefusedError(f"{MANIFEST} is of run {manifest['run']}, {RECORDS} of another run")
+        raise ImportRefusedError(
+            messages.records_of_another_run(run_id=manifest["run"], manifest=MANIFEST, records=RECORDS)
+        )
     record_list = manifest["records"]
     for record in records:
         if record_list.get(get_record_name(record)) != document_digest(record):
-            raise ImportRefusedError(f"{get_record_name(record)} differs from the one in {MANIFEST}")
+            name = get_record_name(record)
+            raise ImportRefusedError(messages.record_differs_from_manifest(record=name, manifest=MANIFEST))
     if len(record_list) != len(records) or len({get_record_name(record) for record in records}) != len(records):
-        raise ImportRefusedError(f"{MANIFEST} and {RECORDS} list different records")
+        raise ImportRefusedError(messages.records_differ_from_manifest(manifest=MANIFEST, records=RECORDS))
     return records
 
 
@@ -321,9 +321,7 @@ def _list(document: Any) -> list[dict[str, Any]]:
         for record in records
     )
     if not isinstance(records, list) or not whole:
-        raise ImportRefusedError(
-            f"{RECORDS} is not a list of records, each of a kind with a number from 1 to {MAX_RECORD_NUMBER}"
-        )
+        raise ImportRefusedError(messages.invalid_records(records=RECORDS, maximum=MAX_RECORD_NUMBER))
     return records
 
 
@@ -343,4 +341,4 @@ def read_json(text: bytes, name: str) -> Any:
     try:
         return read_strict(text)
     except ValueError as error:
-        raise ImportRefusedError(f"{name} cannot be read: {error}") from None
+        raise ImportRefusedError(messages.member_unreadable(member=name, reason=get_reason(error))) from None

@@ -8,7 +8,7 @@ from enum import StrEnum
 from io import BufferedWriter
 from pathlib import Path
 
-from backend.exports import matlab, mcap, writers
+from backend.exports import matlab, mcap, messages, writers
 from backend.exports.base import Batch, Export, Facts, ImportRefusedError
 
 # Files ---------------------------------------------------------------------------------------------
@@ -159,9 +159,7 @@ def read_export(file: Path) -> tuple[Facts, Iterator[Batch]]:
     """
     kind = file.suffix.removeprefix(".").lower()
     if kind not in set(DataFormat):
-        raise ImportRefusedError(
-            f"its type is not supported, choose one of {', '.join(f'.{one}' for one in DataFormat)}"
-        )
+        raise ImportRefusedError(messages.file_type_not_supported(supported=tuple(DataFormat)))
     file.stat()  # a missing file raises OSError
     with _translate_errors():
         facts, batches = _READ[DataFormat(kind)](file)
@@ -182,4 +180,4 @@ def _translate_errors() -> Iterator[None]:
         raise
     except Exception as error:
         first = (str(error).splitlines() or [type(error).__name__])[0]
-        raise ImportRefusedError(f"it is damaged or of another type: {first}") from error
+        raise ImportRefusedError(messages.file_damaged(reason=first)) from error

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from backend.exports.base import Batch, Facts, ImportRefusedError, make_table, require_texts, unbroken
+from backend.exports import messages
+from backend.exports.base import Batch, Facts, ImportRefusedError, get_reason, make_table, require_texts, unbroken
 from backend.exports.bundle import Bundle, make_recording_name, make_report_name, open_bundle
 from backend.exports.formats import file_digest, read_export
 from backend.models import UnreadableDocumentError, find_bank_changes, remove_initial_bank, renumber_banks
@@ -110,7 +111,7 @@ def check_export(file: Path) -> Facts:
     try:
         require_texts(asdict(facts))
     except ValueError as error:
-        raise ImportRefusedError(f"its metadata cannot be read: {error}") from None
+        raise ImportRefusedError(messages.metadata_unreadable(reason=get_reason(error))) from None
     require_matching_facts(facts, batches)
     return facts
 
@@ -123,28 +124,28 @@ def require_matching_facts(facts: Facts, batches: Iterable[Batch]) -> None:
             digest.add(tick, make_table(batch, facts.fields))
             samples += batch["t"].size
     except (ValueError, OverflowError) as error:
-        raise ImportRefusedError(str(error)) from None
+        raise ImportRefusedError(get_reason(error)) from None
     if samples != facts.samples:
-        raise ImportRefusedError(f"it holds {samples} samples, its metadata state {facts.samples}")
+        raise ImportRefusedError(messages.wrong_number_of_samples(samples=samples, stated=facts.samples))
     if digest.hex() != facts.sha256:
-        raise ImportRefusedError(f"its samples differ from the exported ones: their sha256 is {digest.hex()}")
+        raise ImportRefusedError(messages.samples_changed(sha256=digest.hex()))
 
 
 def get_run(facts: Facts) -> dict[str, Any]:
     """Return the run of an export. Raises ImportRefusedError."""
     if facts.run is None:
-        raise ImportRefusedError(f"it is of {facts.of}, not of a run")
+        raise ImportRefusedError(messages.not_of_a_run(content=facts.of))
     try:
         return parse_required_record(RUN, facts.run)
     except UnfitDocumentError as error:
-        raise ImportRefusedError(f"its run: {error}") from None
+        raise ImportRefusedError(messages.invalid_run(reason=error.message)) from None
 
 
 def get_run_number(facts: Facts) -> int:
     """Return the number of the run at its origin. Raises ImportRefusedError."""
     kind, _, number = facts.of.partition(" ")
     if kind != RUN or not number.isdecimal() or len(number) > 9:
-        raise ImportRefusedError(f"it is of {facts.of[:40]}, not of a run")
+        raise ImportRefusedError(messages.not_of_a_run(content=facts.of[:40]))
     return int(number)
 
 
@@ -156,12 +157,12 @@ def same_run(session: Session, document: Mapping[str, Any], facts: Facts | None)
     try:
         here = find_same_record(session, RUN, dict(document))
     except UnfitDocumentError as error:
-        raise ImportRefusedError(str(error)) from None
+        raise ImportRefusedError(error.message) from None
     recorded = here is not None and recordings.is_begun(session, here)
     if here is not None and recorded and facts is not None:
         removed = recordings.get(session, here).removed_at is not None
         if not removed and compute_recording_digest(session, here) != facts.sha256:
-            raise ImportRefusedError(f"run {here} is the same run, but has other samples here")
+            raise ImportRefusedError(messages.run_with_other_samples(run_id=here))
     return here
 
 
@@ -176,7 +177,7 @@ def store_run(session: Session, document: Mapping[str, Any], file: Path | None, 
         _ = run.set_to
         check_run(run)
     except UnreadableDocumentError as error:
-        raise ImportRefusedError(f"its run: {error}") from None
+        raise ImportRefusedError(messages.invalid_run(reason=error.message)) from None
     if file is not None:
         facts, batches = read_export(file)
         recordings.begin_imported(
@@ -208,10 +209,10 @@ def _pieces(facts: Facts, batches: Iterable[Batch]) -> Iterator[tuple[int, Batch
     for batch in batches:
         ticks = batch["t"] / facts.period_s
         if not np.all(np.abs(ticks) < 1e12) or not np.all(np.abs(ticks - np.rint(ticks)) < 0.01):
-            raise ImportRefusedError(f"its times t are not multiples of {facts.period_s:g} s")
+            raise ImportRefusedError(messages.times_not_multiples(period_s=facts.period_s))
         for tick, part in unbroken(batch, facts.period_s):
             if tick <= end or (end < 0 and tick != 0):
-                raise ImportRefusedError(f"its times t do not increase from 0: see t = {tick * facts.period_s:g} s")
+                raise ImportRefusedError(messages.times_do_not_increase(t=tick * facts.period_s))
             yield tick, part
             end = tick + part["t"].size - 1
 
@@ -249,7 +250,7 @@ def import_bundle(
                     check_run=check_run,
                 )
             if (RUN, bundle.run) not in numbers:
-                raise ImportRefusedError(f"run {bundle.run}, to which the bundle belongs, is not among its records")
+                raise ImportRefusedError(messages.bundle_without_its_run(run_id=bundle.run))
             run_id = numbers[RUN, bundle.run]
             if (
                 new
@@ -274,14 +275,14 @@ def _recordings(bundle: Bundle, folder: Path) -> dict[int, tuple[Facts, Path]]:
             try:
                 facts = check_export(file)
                 if get_run_number(facts) != record["number"] or facts.run != record["document"]:
-                    raise ImportRefusedError("it is of another run")
+                    raise ImportRefusedError(messages.recording_of_another_run())
             except ImportRefusedError as error:
-                raise ImportRefusedError(f"{member}: {error}") from None
+                raise ImportRefusedError(messages.recording_refused(member=member, reason=error.message)) from None
             found[record["number"]] = facts, file
     known = {make_recording_name(number) for number in found} | {make_report_name(bundle.run)}
     for name in sorted(bundle.names):
         if "/" in name and name not in known:
-            raise ImportRefusedError(f"{name} belongs to no run of the bundle")
+            raise ImportRefusedError(messages.member_of_no_run(member=name))
     return found
 
 
@@ -318,7 +319,7 @@ def _import_member(
             )
             origins.add(session, record_origin)
     except (UnfitDocumentError, UnreadableDocumentError, ImportRefusedError) as error:
-        raise ImportRefusedError(f"{kind} {was}: {error}") from None
+        raise ImportRefusedError(messages.record_refused(kind=kind, number=was, reason=error.message)) from None
     numbers[kind, was] = here
     return new
 
@@ -355,12 +356,12 @@ def _renumber(document: Document, numbers: Numbers, *, unconnected: bool) -> Doc
         renumbered[ENTRIES] = [here(entry) for entry in renumbered[ENTRIES]]
     if "settings" in document and not unconnected:
         if computed := find_bank_changes(document["settings"]).computed:
-            raise ImportRefusedError(f"it computes the number of a bank, {computed[0][:80]}: import only its samples")
+            raise ImportRefusedError(messages.computed_bank_number(expression=computed[0]))
         renumbered["settings"] = renumber_banks(document["settings"], lambda was: _number(BANK, was, numbers))
     return renumbered
 
 
 def _number(kind: str, was: Any, numbers: Numbers) -> int:
     if (kind, was) not in numbers:
-        raise ImportRefusedError(f"it names {kind} {was}, which does not precede it in the bundle")
+        raise ImportRefusedError(messages.record_not_before(kind=kind, number=was))
     return numbers[kind, was]

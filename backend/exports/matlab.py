@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from backend.exports import messages
 from backend.exports.base import Batch, Export, ExportError, Facts, ImportRefusedError, read_facts
 
 LARGEST = 2**31 - 1
@@ -40,11 +41,8 @@ def write(export: Export, folder: Path) -> Iterator[bytes]:
     """
     rows = export.facts.samples
     if 8 * rows + 128 > LARGEST:
-        raise ExportError(
-            f"{export.facts.of} has {rows} samples, a MATLAB file of version 5 can contain "
-            f"{(LARGEST - 128) // 8} at most: "
-            "choose Parquet, which MATLAB reads with parquetread"
-        )
+        most = (LARGEST - 128) // 8
+        raise ExportError(messages.too_many_samples_for_matlab(content=export.facts.of, samples=rows, maximum=most))
     return _pieces(export, folder)
 
 
@@ -115,14 +113,11 @@ def read_matlab(file: Path) -> tuple[Facts, Iterator[Batch]]:
     """
     found = _vectors(file)
     if FACTS not in found:
-        raise ImportRefusedError(f"it has no text {FACTS}: it is not an export of a run")
+        raise ImportRefusedError(messages.matlab_without_metadata(name=FACTS))
     facts = read_facts(_text(file, found.pop(FACTS)[0]))
     missing = [name for name in facts.names if found.get(name, (0, 0))[1] != facts.samples]
     if missing:
-        raise ImportRefusedError(
-            f"{missing[0]} does not have {facts.samples} samples: the file was truncated or saved again "
-            "by another program"
-        )
+        raise ImportRefusedError(messages.column_incomplete(column=missing[0], samples=facts.samples))
 
     def batches() -> Iterator[Batch]:
         with file.open("rb") as opened:
@@ -152,9 +147,9 @@ def _vectors(file: Path) -> dict[str, tuple[int, int]]:
             head = opened.read(256)
             kind, length = _TAG.unpack_from(head)
             if place + _TAG.size + length > size:
-                raise ImportRefusedError("the file is truncated")
+                raise ImportRefusedError(messages.file_truncated())
             if kind == _COMPRESSED:
-                raise ImportRefusedError("it is compressed, unlike an export: another program saved it again")
+                raise ImportRefusedError(messages.file_compressed())
             if kind == _MATRIX and len(head) >= 64 and head[16] in (_CHARACTERS, *_CLASS.values()):
                 rows, columns = struct.unpack_from("<ii", head, 32)
                 named, letters = _TAG.unpack_from(head, 40)
@@ -171,5 +166,5 @@ def _text(file: Path, place: int) -> bytes:
         opened.seek(place - _TAG.size)
         kind, length = _TAG.unpack(opened.read(_TAG.size))
         if kind != _UTF8:
-            raise ImportRefusedError(f"its text {FACTS} is not in UTF-8: another program saved the file again")
+            raise ImportRefusedError(messages.metadata_not_utf8(name=FACTS))
         return opened.read(length)

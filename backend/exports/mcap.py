@@ -8,7 +8,7 @@ from typing import IO, TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from backend.exports import writers
+from backend.exports import messages, writers
 from backend.exports.base import Batch, Export, Facts, ImportRefusedError, Sink, read_facts
 from backend.sample import FIELDS
 
@@ -142,7 +142,7 @@ def read_mcap(file: Path) -> tuple[Facts, Iterator[Batch]]:
         metadata = (one for one in _records(opened) if isinstance(one, Metadata) and one.name == FACTS)
         metadata_record = next(metadata, None)
     if metadata_record is None or "facts" not in metadata_record.metadata:
-        raise ImportRefusedError("it does not identify its samples: it is not an export of a run")
+        raise ImportRefusedError(messages.mcap_without_metadata())
     facts = read_facts(metadata_record.metadata["facts"])
 
     def batches() -> Iterator[Batch]:
@@ -191,13 +191,10 @@ def _require_small(chunk: "Chunk") -> None:
     from zstandard import frame_content_size
 
     if chunk.compression not in ("", "zstd"):
-        raise ImportRefusedError(f"a chunk of it is compressed with {chunk.compression[:20]}; an export uses zstd")
+        raise ImportRefusedError(messages.unknown_compression(compression=chunk.compression))
     inside = frame_content_size(chunk.data) if chunk.compression else len(chunk.data)
     if (size := max(inside, chunk.uncompressed_size)) > _LARGEST:
-        raise ImportRefusedError(
-            f"a chunk of it decompresses to {size} bytes, but {_LARGEST} are the maximum, and an export "
-            "has a million: export the run again"
-        )
+        raise ImportRefusedError(messages.chunk_too_large(size=size, maximum=_LARGEST))
 
 
 def _batch(facts: Facts, rows: list[list[float | None]]) -> Batch:

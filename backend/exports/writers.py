@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.exports import messages
 from backend.exports.base import Batch, Described, Export, Facts, ImportRefusedError, Sink, read_facts
 from backend.plain_text import escape_json_for_csv, format_csv_cell, format_csv_comment
 
@@ -77,7 +78,7 @@ def read_csv(file: Path) -> tuple[Facts, Iterator[Batch]]:
     lines = heading_lines(file)
     facts_line = next((line for line in lines if line.startswith(_MARK)), None)
     if facts_line is None:
-        raise ImportRefusedError("no line identifies its samples: it is not an export of a run")
+        raise ImportRefusedError(messages.csv_without_metadata())
     facts = read_facts(facts_line.removeprefix(_MARK))
     return facts, _batches(file, facts, len(lines))
 
@@ -100,7 +101,7 @@ def find_heading_problem(file: Path, facts: Facts) -> str:
     as_before = f"{_MARK}{facts.to_json()}"  # of a file from before cells were escaped
     for number, (line, due) in enumerate(zip_longest(found, wanted, fillvalue=""), start=1):
         if line not in (due, as_before if due.startswith(_MARK) else due):
-            return f"line {number} is “{line[:_SHOWN]}” where “{due[:_SHOWN]}” belongs"
+            return messages.heading_line_differs(line_number=number, line=line, expected=due, maximum=_SHOWN)
     return ""
 
 
@@ -113,7 +114,7 @@ def _batches(file: Path, facts: Facts, skip: int) -> Iterator[Batch]:
     reading = pyarrow.csv.ReadOptions(skip_rows=skip)
     with pyarrow.csv.open_csv(file, read_options=reading, convert_options=convert) as rows:
         if rows.schema.names != facts.names:
-            raise ImportRefusedError("its header row does not name the columns of its metadata")
+            raise ImportRefusedError(messages.header_row_differs())
         for part in rows:
             yield {name: part.column(name).to_numpy(zero_copy_only=False) for name in facts.names}
 
@@ -223,13 +224,13 @@ def read_parquet(file: Path) -> tuple[Facts, Iterator[Batch]]:
     opened = pyarrow.parquet.ParquetFile(file, pre_buffer=False)  # pre_buffer would hold the whole file
     facts_text = (opened.schema_arrow.metadata or {}).get(FACTS.encode())
     if facts_text is None:
-        raise ImportRefusedError("its metadata do not identify its samples: it is not an export of a run")
+        raise ImportRefusedError(messages.parquet_without_metadata())
     facts = read_facts(facts_text)
     groups = [opened.metadata.row_group(number) for number in range(opened.metadata.num_row_groups)]
     if opened.schema_arrow.names != facts.names or opened.metadata.num_rows != facts.samples:
-        raise ImportRefusedError("its columns or samples differ from its metadata")
+        raise ImportRefusedError(messages.columns_or_samples_differ())
     if any(group.total_byte_size > _LARGEST_GROUP for group in groups):
-        raise ImportRefusedError("it has larger groups of rows than an export of a run")
+        raise ImportRefusedError(messages.row_groups_too_large())
 
     def batches() -> Iterator[Batch]:
         with opened:
@@ -246,5 +247,5 @@ def find_schema_problem(file: Path, facts: Facts) -> str:
     for found, due in zip(pyarrow.parquet.read_schema(file), csv_schema(facts), strict=True):
         if (found.metadata or {}) != due.metadata:
             metadata = {key.decode(): value.decode("utf-8", "replace") for key, value in (found.metadata or {}).items()}
-            return f"{found.name} has {metadata}"
+            return messages.column_metadata_differ(column=found.name, metadata=metadata)
     return ""
