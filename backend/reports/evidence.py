@@ -22,6 +22,7 @@ from backend import __version__
 from backend.analysis import select_used_settings
 from backend.models import CRITERIA, METRICS, PLANT_NUMBERS, Metrics, RunCriterion, document_digest
 from backend.recording import Columns, count_missing_ticks
+from backend.reports import messages
 from backend.reports.run_data import RunData
 from backend.reports.timing import granted_rows
 from backend.sample import STORED_NAMES, UNIT_BY_SIGNAL
@@ -308,19 +309,17 @@ def read_manifest(page: str) -> ReportManifest | SeriesEvidence:
     """Return the manifest of a page, of a run or of a series. Raises EvidenceError."""
     element = find_element(page)
     if not element:
-        raise EvidenceError(
-            "it contains no report manifest: it is not a report of a run, or an older version of Sinew wrote it"
-        )
+        raise EvidenceError(messages.no_manifest())
     text = element[len(_BEGIN) : -len(_END)]
     try:
         kind = json.loads(text).get("format")
         if kind not in (FORMAT, SERIES):
-            raise EvidenceError(f"its report manifest is not of format {FORMAT}: use the version of Sinew that made it")
+            raise EvidenceError(messages.manifest_of_another_format(version=FORMAT))
         return _SERIES.validate_json(text) if kind == SERIES else _EVIDENCE.validate_json(text)
     except (ValidationError, ValueError, AttributeError, RecursionError) as error:
         if isinstance(error, EvidenceError):
             raise
-        raise EvidenceError(f"its report manifest cannot be read: {str(error).splitlines()[0]}") from None
+        raise EvidenceError(messages.manifest_unreadable(reason=str(error).splitlines()[0])) from None
 
 
 def _find_identifications(source: RunData) -> set[int]:

@@ -18,6 +18,7 @@ from backend.models import (
     TriedStructure,
     UnreadableDocumentError,
 )
+from backend.reports import messages
 from backend.reports.model import (
     NO_FIGURE,
     Block,
@@ -136,7 +137,7 @@ def held_N(source: RunData) -> float:
     """
     tension = (source.run.set_to.plan or {}).get("tension_N")
     if not isinstance(tension, int | float):
-        raise UnreadableDocumentError(f"run {source.run.id}: its plan has no tension_N")
+        raise UnreadableDocumentError(messages.plan_without_tension(run_id=source.run.id))
     return tension
 
 

@@ -8,8 +8,9 @@ from xml.sax.saxutils import escape, quoteattr
 
 from backend.errors import RequestRejectedError
 from backend.plain_text import escape_lines
+from backend.reports import messages
 from backend.reports.pdf import missing_letters, sentence, with_boxes
-from plant import ErrorCode
+from plant import ErrorCode, Message
 
 # Sheet ---------------------------------------------------------------------------------------------
 # A sheet of charts drawn by the page, as PDF at its size; text stays text and lines stay lines.
@@ -22,6 +23,7 @@ from plant import ErrorCode
 
 
 SVG = "http://www.w3.org/2000/svg"
+SHORTEST_MM = 10.0
 LONGEST_MM = 5000.0
 """Limit of a side [mm]: no reader shows a page of more than 5080 mm."""
 MOST_ELEMENTS = 20_000
@@ -118,7 +120,9 @@ def read_sheet(svg: str) -> Sheet:
     try:
         parser.Parse(svg.encode("utf-8", "replace"), True)
     except expat.ExpatError as error:
-        raise _refusal(f"it is not well-formed XML: {expat.errors.messages[error.code]}, line {error.lineno}") from None
+        raise _make_refusal(
+            messages.not_well_formed(problem=expat.errors.messages[error.code], line=error.lineno)
+        ) from None
     return reading.sheet()
 
 
@@ -143,10 +147,9 @@ class _Reading:
         _require_few("elements", self.elements, MOST_ELEMENTS, "draw fewer panels or marks on one sheet")
         _require_few("nested elements", len(self.open) + 1, DEEPEST, "reduce the nesting")
         if not self.open and name != "svg":
-            raise _refusal(f"it begins with <{_short(name)}> instead of <svg>")
+            raise _make_refusal(messages.root_is_not_svg(element=_short(name)))
         if self.open and name not in (*_DRAWN, *_UNDRAWN):
-            allowed = ", ".join((*_DRAWN, *_UNDRAWN))
-            raise _refusal(f"it has an element <{_short(name)}>; allowed in a sheet are only {allowed}")
+            raise _make_refusal(messages.element_not_allowed(element=_short(name), allowed=(*_DRAWN, *_UNDRAWN)))
         if name == "text":
             self.texts += 1
             if "text" not in self.open:  # a child of a text is drawn as a part of it
@@ -158,8 +161,8 @@ class _Reading:
         kept_attributes = {key: value for key, value in attributes.items() if not _IGNORED.fullmatch(key)}
         for key, value in kept_attributes.items():
             if key not in known or not re.fullmatch(known[key], value):
-                raise _refusal(
-                    f'its <{name}> has {_short(key)}="{_short(value)}", which is not allowed in a chart sheet'
+                raise _make_refusal(
+                    messages.attribute_not_allowed(element=name, attribute=_short(key), value=_short(value))
                 )
         if not self.open:
             self._measure(kept_attributes)
@@ -197,37 +200,37 @@ class _Reading:
     def _measure(self, attributes: dict[str, str]) -> None:
         missing = [key for key in ("xmlns", "width", "height", "viewBox") if key not in attributes]
         if missing:
-            raise _refusal(f"its <svg> has no {missing[0]}")
+            raise _make_refusal(messages.svg_without_attribute(attribute=missing[0]))
         self.width_mm, self.height_mm = (float(attributes[key].removesuffix("mm")) for key in ("width", "height"))
         for side, length in (("width", self.width_mm), ("height", self.height_mm)):
-            if not 10.0 <= length <= LONGEST_MM:
-                raise _refusal(f"its {side} of {length:g} mm is outside 10 to {LONGEST_MM:g} mm")
+            if not SHORTEST_MM <= length <= LONGEST_MM:
+                raise _make_refusal(
+                    messages.side_out_of_range(
+                        side=side, length_mm=length, minimum_mm=SHORTEST_MM, maximum_mm=LONGEST_MM
+                    )
+                )
 
 
 def _refuse_document_type(*_declared: object) -> None:
-    raise _refusal("it has a document type (<!DOCTYPE>), which a sheet does not need: entities are not read")
+    raise _make_refusal(messages.document_type_not_allowed())
 
 
 def _refuse_instruction(target: str, _data: str) -> None:
-    raise _refusal(f"it has a processing instruction <?{_short(target)}?>")
+    raise _make_refusal(messages.instruction_not_allowed(instruction=_short(target)))
 
 
-def _require_few(what: str, number: int, most: int, remedy: str) -> None:
+def _require_few(quantity: str, number: int, most: int, remedy: str) -> None:
     """Raise RequestRejectedError if ``number``, the count so far, exceeds ``most``."""
     if number > most:
         raise RequestRejectedError(
             ErrorCode.BAD_VALUE,
-            f"{what}: this sheet of charts has {number} or more, at most {most} are drawn: {remedy}",
+            messages.sheet_too_large(quantity=quantity, number=number, maximum=most, remedy=remedy),
             code="sheet_too_large",
         )
 
 
-def _refusal(why: str) -> RequestRejectedError:
-    return RequestRejectedError(
-        ErrorCode.BAD_VALUE,
-        f"this is not a chart sheet: {why}. Send the SVG as the charts save it, or convert it with a drawing program",
-        code="not_a_sheet",
-    )
+def _make_refusal(reason: Message) -> RequestRejectedError:
+    return RequestRejectedError(ErrorCode.BAD_VALUE, messages.not_a_sheet(reason=reason), code="not_a_sheet")
 
 
 def _short(words: str) -> str:

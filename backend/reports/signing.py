@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from backend.data_folder import FILE_MODE
+from backend.reports import messages
 from backend.reports.verification import MOST, ReportDifference, Verified
 from plant import ErrorCode, SinewError
 
@@ -65,10 +66,7 @@ def parse_public_key(text: str) -> PublicKey:
             blob = base64.b64decode(words[1], validate=True)
             if blob.startswith(_HEAD) and len(blob) == len(_HEAD) + _RAW:
                 return PublicKey(blob[len(_HEAD) :])
-    raise SigningKeyError(
-        f"not a public key: a public key has the form “{KIND} AAAA…”, as `sinew report key` prints it; "
-        f"found “{text.strip()[:60]}”"
-    )
+    raise SigningKeyError(messages.not_a_public_key(key_type=KIND, text=text.strip()))
 
 
 def find_public_key(file_or_text: str) -> PublicKey:
@@ -79,11 +77,11 @@ def find_public_key(file_or_text: str) -> PublicKey:
             with Path(text).open("rb") as file:
                 text = file.read(_TEXT_MAX).decode("utf-8")
         except (OSError, UnicodeDecodeError, ValueError) as error:
-            words = f"{file_or_text[:200]}: neither a public key, “{KIND} AAAA…”, nor a file with one: {error}"
-            raise SigningKeyError(words) from None
+            reason = messages.key_file_unreadable(file=file_or_text, key_type=KIND, reason=str(error))
+            raise SigningKeyError(reason) from None
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if len(lines) != 1:
-        raise SigningKeyError(f"{file_or_text[:200]} has {len(lines)} lines: a public key file has one")
+        raise SigningKeyError(messages.wrong_number_of_keys(file=file_or_text, lines=len(lines)))
     return parse_public_key(lines[0])
 
 
@@ -138,10 +136,7 @@ def _load(path: Path) -> "Ed25519PrivateKey":
     except (ValueError, TypeError, UnsupportedAlgorithm):
         key = None
     if not isinstance(key, Ed25519PrivateKey):
-        raise SigningKeyError(
-            f"{path} holds no usable signing key: restore it from a copy, or delete it so that a new key "
-            "is created; the old public key still verifies what the old key signed"
-        )
+        raise SigningKeyError(messages.signing_key_unusable(file=path))
     return key
 
 
@@ -221,9 +216,9 @@ def sign_page(page: bytes, key: "Ed25519PrivateKey", name: str) -> bytes:
     unsigned = page[:begin] + page[end:]
     place = _place(unsigned)
     if place is None:
-        raise UnsignableError("it contains no report manifest: only reports of runs and of series can be signed")
+        raise UnsignableError(messages.page_not_signable())
     if _BEGIN in unsigned:
-        raise UnsignableError("it has two signatures: export the report again")
+        raise UnsignableError(messages.two_signatures())
     fields = _make_signature_fields(Signature(derive_public_key(key), name))
     return unsigned[:place] + _element(fields, key.sign(_message(fields, unsigned))) + unsigned[place:]
 
@@ -237,11 +232,11 @@ def read_signature(page: bytes) -> SignedPage:
     try:
         signature, value = _parse(page[begin:end])
     except (ValueError, KeyError, TypeError, RecursionError):
-        return SignedPage(unsigned, problem="an element that is not a signature of a report")
+        return SignedPage(unsigned, problem=messages.invalid_signature_element())
     if begin != _place(unsigned) or _BEGIN in unsigned:
-        return SignedPage(unsigned, signature, "a signature that does not follow the report manifest")
+        return SignedPage(unsigned, signature, messages.signature_elsewhere())
     if not _is_signed(signature.key, value, _message(_make_signature_fields(signature), unsigned)):
-        return SignedPage(unsigned, signature, "a page that this key has not signed")
+        return SignedPage(unsigned, signature, messages.page_not_signed_by_key())
     return SignedPage(unsigned, signature)
 
 
@@ -256,7 +251,8 @@ def signature_differences(signed: SignedPage, wanted: PublicKey | None = None) -
     if signed.problem:
         return (ReportDifference("signature", by, signed.problem),)
     if wanted is not None and (signed.signature is None or signed.signature.key != wanted):
-        return (ReportDifference("signature", by, f"none by the given key, {wanted.fingerprint}"),)
+        other = messages.not_signed_by_given_key(fingerprint=wanted.fingerprint)
+        return (ReportDifference("signature", by, other),)
     return ()
 
 

@@ -27,6 +27,7 @@ from backend.exports import (
 )
 from backend.models import CRITERIA, DEFINITIONS, METRICS, Metrics, RunCriterion, upgrades
 from backend.recording import Columns, count_missing_ticks, read_recorded_columns
+from backend.reports import messages
 from backend.reports.build import build_metrics_document, build_report
 from backend.reports.evidence import (
     BLOCK_S,
@@ -70,6 +71,9 @@ LIKE = 1e-9
 LIKE_ESTIMATE = 1e-4
 """The same for results of an optimizer; their standard errors are known to five digits."""
 
+_MAX_REASON = 200
+"""Maximum number of characters of the reason why a part cannot be recomputed."""
+
 MOST = 50
 """Maximum number of differences in a verification result."""
 
@@ -87,7 +91,7 @@ class ReportDifference:
     @property
     def sentence(self) -> str:
         """Return the difference as a sentence."""
-        return f"{self.name}: the report has {self.said}, found {self.found}"
+        return messages.report_differs(name=self.name, reported=self.said, found=self.found)
 
 
 @dataclass(frozen=True)
@@ -108,7 +112,9 @@ class Verified:
 
 def not_made(name: str, wanted: str, error: Exception) -> ReportDifference:
     """Return the difference for a part of a report that cannot be recomputed."""
-    return ReportDifference(name, wanted, f"{type(error).__name__}: {error}"[:200])
+    reason = error.message if isinstance(error, SinewError) else str(error)
+    found = messages.recomputation_failed(error=type(error).__name__, reason=reason, maximum=_MAX_REASON)
+    return ReportDifference(name, wanted, found)
 
 
 def compare_documents(
@@ -205,16 +211,17 @@ def compare_pages(page: str, manifest: ReportManifest | SeriesEvidence, make_aga
     differences = [*_compare_manifest(page, manifest), *_pages(page, again)]
     others = [name for name, other in here.items() if reported.get(name) != other] + [*({*reported} - {*here})]
     if SINEW in others or LAYOUT in others:
-        by, this = (
-            f"Sinew {versions.get(SINEW)}, layout {versions.get(LAYOUT, 'unknown')}" for versions in (reported, here)
+        left_out = messages.page_of_another_version(
+            reported=reported.get(SINEW),
+            reported_layout=reported.get(LAYOUT, "unknown"),
+            installed=here[SINEW],
+            installed_layout=here[LAYOUT],
         )
-        left_out = f"the visible page: {by} wrote it, this installation has {this}"
         return Verified(foreign[:MOST], (left_out,), _VERIFIED_PARTS)
     if DRAWING in others:
         differences = [one for one in differences if not one.name.startswith(_DRAWING_OF)]
     version_differences = (
-        f"the output of {name}: the report manifest names version {reported.get(name)}, this "
-        f"installation has {here.get(name)}"
+        messages.output_of_another_version(name=name, reported=reported.get(name), installed=here.get(name))
         for name in others
     )
     return Verified((*differences, *foreign)[:MOST], tuple(version_differences))
@@ -363,10 +370,11 @@ def read_samples_file(file: Path) -> tuple[Columns, tuple[ReportDifference, ...]
         facts, batches = read_export(file)
         parts = list(batches)
     except (ImportRefusedError, OSError) as error:
-        raise SamplesFileError(f"{file} cannot be read: {error}") from None
+        reason = error.message if isinstance(error, ImportRefusedError) else str(error)
+        raise SamplesFileError(messages.samples_file_unreadable(file=file, reason=reason)) from None
     missing = [name for name in STORED_NAMES if name not in facts.names and name not in ADDED_LATER]
     if "t" not in facts.names or "q" in missing:
-        raise SamplesFileError(f"{file}: the column {missing[0]} is missing; it is not an export of a run's samples")
+        raise SamplesFileError(messages.column_missing(file=file, column=missing[0]))
     names = ("t", *(name for name in STORED_NAMES if name in facts.names))
     columns = {name: np.concatenate([part[name] for part in parts]).astype(np.float64) for name in names}
     # A signal that an older version did not store was not measured; it differs if the manifest has its checksum.
@@ -378,7 +386,7 @@ def _problems(file: Path, facts: Facts, parts: Sequence[Batch]) -> Iterator[Repo
     try:
         require_matching_facts(facts, parts)
     except ImportRefusedError as error:
-        yield ReportDifference("the file of the samples", "samples as they were exported", str(error))
+        yield ReportDifference("the file of the samples", "samples as they were exported", error.message)
     known = {column.name: column.unit for column in describe_columns(facts.fields)}
     for column in facts.columns:
         if column.unit != known[column.name]:
@@ -418,13 +426,6 @@ def read_stored_samples(database: Database, manifest: ReportManifest) -> tuple[C
 # Each difference has a name: a figure, a criterion, a parameter, a sample, a hash, a version, or a line of the page.
 
 
-_NO_RESULT = (
-    "the result: the report contains none, but a result can be computed from its samples: sinew runs evaluate RUN"
-)
-_OTHER_PDF = (
-    "the PDF: the report was made with other versions of the drawing and typesetting software, so that its bytes differ"
-)
-
 _Result = tuple[Metrics | None, tuple[RunCriterion, ...], StoredEstimate | None]
 
 
@@ -459,7 +460,7 @@ def _verify_files(
         stored = _samples(manifest, _without_unrecorded(manifest, files.stored))
         differences += (replace(one, name=f"{files.stored_as}, {one.name}") for one in stored)
     if files.metrics is not None and source is None:
-        left_out.append("metrics.json: the source of its numbers cannot be recomputed")
+        left_out.append(messages.metrics_file_not_comparable())
     elif files.metrics is not None and source is not None:
         differences += _metrics_file(files.metrics, source, manifest)
     return replace(found, differences=tuple(differences[:MOST]), left_out=tuple(left_out))
@@ -510,10 +511,7 @@ def _metrics_in_present_form(document: dict[str, Any], source: RunData) -> dict[
 def _verify_page(page: str, manifest: ReportManifest, columns: Columns | None) -> tuple[Verified, RunData | None]:
     """Return the result of the comparison, and the recomputed source data."""
     if columns is None:
-        raise EvidenceError(
-            "the samples of the report are missing: give their file with --samples, or the folder that "
-            "contains their run"
-        )
+        raise EvidenceError(messages.samples_missing())
     again, source = computed_again(manifest, columns)
     if source is None:
         return again, None
@@ -539,7 +537,7 @@ def verify_pdf(pdf: bytes, page: str, columns: Columns | None, files: Accompanyi
         return verified
     if manifest.made_with != made_with():
         words = f"of the page in the same folder: {verified.compared}"
-        return replace(verified, left_out=(*verified.left_out, _OTHER_PDF), compared=words)
+        return replace(verified, left_out=(*verified.left_out, messages.pdf_of_another_version()), compared=words)
     try:
         same = to_pdf(build_report(source)) == pdf
     except Exception as error:
@@ -554,7 +552,7 @@ def verify_pdf(pdf: bytes, page: str, columns: Columns | None, files: Accompanyi
 def _of_a_run(page: str) -> ReportManifest:
     manifest = read_manifest(page)
     if isinstance(manifest, SeriesEvidence):
-        raise EvidenceError("it is a report of a series: give the data folder of its runs with --data")
+        raise EvidenceError(messages.report_of_a_series())
     return manifest
 
 
@@ -574,7 +572,7 @@ def computed_again(manifest: ReportManifest, columns: Columns) -> tuple[Verified
         again = _recompute_result(manifest, columns)
         if manifest.metrics is None and again[0] is not None:
             source = rebuild_run_data(manifest, columns, None, (), None)
-            return Verified(tuple(differences[:MOST]), (_NO_RESULT,)), source
+            return Verified(tuple(differences[:MOST]), (messages.result_not_in_report(),)), source
         older = _describe_older_definitions(manifest)
         left_out = (*older, *_list_unverified_fields(manifest))
         others = [] if older else list(_results(manifest, again))
@@ -609,12 +607,8 @@ def _describe_older_definitions(manifest: ReportManifest) -> tuple[str, ...]:
     if manifest.metrics is None or manifest.metrics.get("definitions", 0) == DEFINITIONS:
         return ()
     definitions = manifest.metrics.get("definitions", 0)
-    text = (
-        f"the result: it was computed by version {definitions} of the definitions of metrics and "
-        f"criteria, this version of Sinew uses version {DEFINITIONS}: recompute it with `sinew runs evaluate "
-        f"{manifest.run.id}`, and export the report again"
-    )
-    return (text,)
+    reason = messages.result_of_other_definitions(version=definitions, current=DEFINITIONS, run_id=manifest.run.id)
+    return (reason,)
 
 
 def _list_unverified_fields(manifest: ReportManifest) -> tuple[str, ...]:
@@ -627,7 +621,7 @@ def _list_unverified_fields(manifest: ReportManifest) -> tuple[str, ...]:
         for name, nothing in get_unverified_defaults(manifest.metrics).items()
         if getattr(manifest.run, name) != nothing
     ]
-    return (f"{', '.join(missing)} of the run: nothing in the report depends on it",) if missing else ()
+    return (messages.fields_not_in_report(names=missing),) if missing else ()
 
 
 def _hashes(reported: Mapping[str, str], found: Mapping[str, str]) -> Iterator[ReportDifference]:
@@ -727,16 +721,12 @@ def verify_series_report(
     EvidenceError if the samples of a run are missing.
     """
     if len(manifest.runs) < 2 or any(one.run.kind == RunKind.SESSION for one in manifest.runs):
-        raise EvidenceError(
-            "its report manifest is not of a series: a series has two or more runs, none of them a session"
-        )
+        raise EvidenceError(messages.not_a_series())
     found, sources = [], []
     for one in manifest.runs:
         columns = find(one)
         if columns is None:
-            raise EvidenceError(
-                f"the samples of its run {one.run.id} are missing: give the folder that contains its runs"
-            )
+            raise EvidenceError(messages.samples_of_run_missing(run_id=one.run.id))
         again, source = computed_again(one, columns)
         found.append(_of_run(one.run.id, again))
         if source is not None:
@@ -748,4 +738,5 @@ def verify_series_report(
 
 def _of_run(number: int, again: Verified) -> Verified:
     differences = tuple(replace(one, name=f"run {number}, {one.name}") for one in again.differences)
-    return replace(again, differences=differences, left_out=tuple(f"run {number}, {one}" for one in again.left_out))
+    left_out = tuple(messages.part_of_run_omitted(run_id=number, reason=one) for one in again.left_out)
+    return replace(again, differences=differences, left_out=left_out)
