@@ -319,7 +319,7 @@ def _import_member(
             )
             origins.add(session, record_origin)
     except (UnfitDocumentError, UnreadableDocumentError, ImportRefusedError) as error:
-        raise ImportRefusedError(messages.record_refused(kind=kind, number=was, reason=error.message)) from None
+        raise ImportRefusedError(messages.record_refused(record=f"{kind} {was}", reason=error.message)) from None
     numbers[kind, was] = here
     return new
 

@@ -330,8 +330,8 @@ def member_of_no_run(*, member: str) -> str:
 
 
 @catalogue_entry
-def record_refused(*, kind: str, number: int, reason: str) -> str:
-    return f"{kind} {number}: {reason}"
+def record_refused(*, record: str, reason: str) -> str:
+    return f"{record}: {reason}"
 
 
 @catalogue_entry

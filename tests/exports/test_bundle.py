@@ -26,6 +26,8 @@ from backend.storage.banks import BankEntry
 from backend.storage.database import Database
 from backend.storage.runs import RunKind
 from tests.exports.stored import ESTIMATE, NEW, boxes, held, nothing_left, recorded
+from tests.reasons import Reason, TextWith
+from tests.refusals import refused
 
 # A run with all that it came from moves to an empty installation; whatever was touched on the way is named.
 
@@ -137,32 +139,69 @@ def last(document: Any) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("change", "why"),
+    ("change", "code", "values"),
     [
-        (edited("records.json", lambda d: first(d, "bank").update(name="other")), "bank 1 was changed"),
-        (edited("records.json", lambda d: first(d, "result").update(software="2")), "result 1 was changed"),
-        (edited("records.json", lambda d: first(d, "run")["parameters"].clear()), "run 1 was changed"),
-        (edited("records.json", lambda d: d["records"][0]["carried"].update(x=1)), "run 1 was changed"),
-        (edited("manifest.json", lambda d: d.update(format=2)), "manifest.json is not of format 1"),
-        (edited("manifest.json", lambda d: d.update(run=1)), "manifest.json is of run 1"),
-        (edited("manifest.json", lambda d: d["records"].update({"bank 1": "0"})), "bank 1 differs"),
-        (edited("manifest.json", lambda d: d["members"].pop("reports/2.html")), "does not name it"),
-        (lambda m: m.update({"recordings/2.parquet": m["recordings/1.parquet"]}), "recordings/2.parquet was changed"),
-        (lambda m: m.update({"reports/2.html": b"<html>"}), "reports/2.html was changed"),
-        (lambda m: m.pop("recordings/1.parquet"), "recordings/1.parquet is missing"),
-        (lambda m: m.pop("manifest.json"), "it has no manifest.json"),
-        (lambda m: m.update({"../../escaped.json": b""}), "cannot contain the member '../../escaped.json'"),
-        (lambda m: m.update({"/escaped.json": b""}), "cannot contain the member '/escaped.json'"),
-        (lambda m: m.update({"recordings/9.parquet": b""}), "does not name it"),
-        (lambda m: m.update({"records.json": b"[" * 100_000}), "records.json cannot be read"),
+        (
+            edited("records.json", lambda d: first(d, "bank").update(name="other")),
+            "content_changed",
+            {"name": "bank 1"},
+        ),
+        (
+            edited("records.json", lambda d: first(d, "result").update(software="2")),
+            "content_changed",
+            {"name": "result 1"},
+        ),
+        (edited("records.json", lambda d: first(d, "run")["parameters"].clear()), "content_changed", {"name": "run 1"}),
+        (
+            edited("records.json", lambda d: d["records"][0]["carried"].update(x=1)),
+            "content_changed",
+            {"name": "run 1"},
+        ),
+        (edited("manifest.json", lambda d: d.update(format=2)), "manifest_of_another_format", {"version": 1}),
+        (edited("manifest.json", lambda d: d.update(run=1)), "records_of_another_run", {"run_id": 1}),
+        (
+            edited("manifest.json", lambda d: d["records"].update({"bank 1": "0"})),
+            "record_differs_from_manifest",
+            {"record": "bank 1"},
+        ),
+        (
+            edited("manifest.json", lambda d: d["members"].pop("reports/2.html")),
+            "member_not_in_manifest",
+            {"member": "reports/2.html"},
+        ),
+        (
+            lambda m: m.update({"recordings/2.parquet": m["recordings/1.parquet"]}),
+            "content_changed",
+            {"name": "recordings/2.parquet"},
+        ),
+        (lambda m: m.update({"reports/2.html": b"<html>"}), "content_changed", {"name": "reports/2.html"}),
+        (lambda m: m.pop("recordings/1.parquet"), "member_missing", {"member": "recordings/1.parquet"}),
+        (lambda m: m.pop("manifest.json"), "bundle_without_member", {"member": "manifest.json"}),
+        (lambda m: m.update({"../../escaped.json": b""}), "member_not_allowed", {"member": "../../escaped.json"}),
+        (lambda m: m.update({"/escaped.json": b""}), "member_not_allowed", {"member": "/escaped.json"}),
+        (
+            lambda m: m.update({"recordings/9.parquet": b""}),
+            "member_not_in_manifest",
+            {"member": "recordings/9.parquet"},
+        ),
+        (
+            lambda m: m.update({"records.json": b"[" * 100_000}),
+            "member_unreadable",
+            {"member": "records.json", "reason": Reason("nested_too_deeply")},
+        ),
     ],
 )
 def test_what_was_changed_is_named(
-    there: Database, file: Path, tmp_path: Path, change: Callable[[dict[str, bytes]], None], why: str
+    there: Database,
+    file: Path,
+    tmp_path: Path,
+    change: Callable[[dict[str, bytes]], None],
+    code: str,
+    values: dict[str, object],
 ) -> None:
     before = held(there)
     remade(file, change)
-    with pytest.raises(ImportRefusedError, match=why):
+    with refused(ImportRefusedError, code, **values):
         import_bundle(there, file, "Ben", tmp_path / "there")
     assert held(there) == before
 
@@ -187,45 +226,145 @@ def forged(change: Callable[[Any], None], *, alone: bool = False) -> Callable[[d
 
 
 @pytest.mark.parametrize(
-    ("change", "why"),
+    ("change", "code", "values"),
     [
-        (lambda d: first(d, "result").update(run_id=9), "result 1: it names run 9, which does not precede it"),
-        (lambda d: first(d, "result").update(metrics={"version": 1}), "result 1: "),
-        (lambda d: first(d, "identification").update(usable="yes"), "usable of a identification cannot be 'yes'"),
-        (lambda d: first(d, "identification").update(model=[]), "identification 1: "),
-        (lambda d: d["records"].append(d["records"][0] | {"kind": "setting", "number": 1}), "no records of kind"),
-        (lambda d: first(d, "run").update(who="Bob"), "recordings/1.parquet: it is of another run"),
-        (lambda d: d["records"].reverse(), "which does not precede it in the bundle"),
-        (lambda d: first(d, "bank").pop("note"), "a bank has the parts"),
-        (lambda d: first(d, "bank")["entries"][0].update(S_nominal="x"), "S_nominal of a bank entry cannot be 'x'"),
-        (lambda d: first(d, "bank")["entries"][0].update(S_nominal=-5), "S_nominal .* '-5': it is a stiffness above 0"),
-        (lambda d: first(d, "bank")["entries"][0].update(model={"x": 1}), "model of a bank entry .* with K_q, T_q"),
-        (lambda d: first(d, "bank").update(entries=5), "entries of a bank cannot be '5': it is a list of one or more"),
-        (lambda d: first(d, "bank").update(created_at="0001-01-01T00:00:00+14:00"), "created_at of a bank cannot be"),
-        (lambda d: first(d, "bank").update(note=HUGE), "1e999 is beyond 1.8e308"),
-        (lambda d: first(d, "bank").update(note="\ud800"), "an unpaired surrogate"),
-        (lambda d: first(d, "bank").update(note="\0"), "a control character"),
-        (lambda d: last(d)["parameters"].update(zz={"a": {"value": 10**400}}), "has 401 digits: 18 at most"),
-        (lambda d: d["records"][-1].update(number=10**17), "a number from 1 to 2147483647"),
-        (lambda d: first(d, "result").update(metrics=[]), "metrics of a result cannot be .*: it is an object"),
-        (lambda d: last(d).update(parameters=[]), "parameters of a run cannot be .*: it is an object"),
-        (lambda d: last(d).update(kind="nonsense"), "kind of a run cannot be 'nonsense': it is one of session, motor"),
-        (lambda d: last(d).update(end_state="flying"), "end_state of a run cannot be 'flying': it is one of completed"),
-        (lambda d: last(d).update(end_state="running"), "the run was not over at its export"),
-        (lambda d: last(d).update(ended_at="1999-01-01T00:00:00+00:00"), "ended_at of a run .* a time after"),
-        (lambda d: last(d)["settings"]["loop"].update(bank=55), "settings.loop.bank of a run cannot be '55': .* 1"),
-        (lambda d: d["records"][0]["carried"].update(calibrations={"x": 1}), "carried.calibrations cannot be"),
-        (lambda d: d["records"][0]["carried"].update(banks=["1"]), "carried.banks cannot be"),
-        (lambda d: d["records"][1]["carried"].update(x=1), "a part of the document cannot be 'x'"),
+        (
+            lambda d: first(d, "result").update(run_id=9),
+            "record_refused",
+            {"record": "result 1", "reason": Reason("record_not_before", kind="run", number=9)},
+        ),
+        (
+            lambda d: first(d, "result").update(metrics={"version": 1}),
+            "record_refused",
+            {"record": "result 1"},
+        ),
+        (
+            lambda d: first(d, "identification").update(usable="yes"),
+            "record_refused",
+            {"reason": TextWith("usable of a identification cannot be 'yes'")},
+        ),
+        (
+            lambda d: first(d, "identification").update(model=[]),
+            "record_refused",
+            {"record": "identification 1"},
+        ),
+        (
+            lambda d: d["records"].append(d["records"][0] | {"kind": "setting", "number": 1}),
+            "record_refused",
+            {"reason": TextWith("no records of kind")},
+        ),
+        (
+            lambda d: first(d, "run").update(who="Bob"),
+            "recording_refused",
+            {"member": "recordings/1.parquet", "reason": Reason("recording_of_another_run")},
+        ),
+        (lambda d: d["records"].reverse(), "record_refused", {"reason": Reason("record_not_before")}),
+        (lambda d: first(d, "bank").pop("note"), "record_refused", {"reason": TextWith("a bank has the parts")}),
+        (
+            lambda d: first(d, "bank")["entries"][0].update(S_nominal="x"),
+            "record_refused",
+            {"reason": TextWith("S_nominal of a bank entry cannot be 'x'")},
+        ),
+        (
+            lambda d: first(d, "bank")["entries"][0].update(S_nominal=-5),
+            "record_refused",
+            {"reason": TextWith("S_nominal .* '-5': it is a stiffness above 0")},
+        ),
+        (
+            lambda d: first(d, "bank")["entries"][0].update(model={"x": 1}),
+            "record_refused",
+            {"reason": TextWith("model of a bank entry .* with K_q, T_q")},
+        ),
+        (
+            lambda d: first(d, "bank").update(entries=5),
+            "record_refused",
+            {"reason": TextWith("entries of a bank cannot be '5': it is a list of one or more")},
+        ),
+        (
+            lambda d: first(d, "bank").update(created_at="0001-01-01T00:00:00+14:00"),
+            "record_refused",
+            {"reason": TextWith("created_at of a bank cannot be")},
+        ),
+        (
+            lambda d: first(d, "bank").update(note=HUGE),
+            "member_unreadable",
+            {"reason": Reason("number_too_large", number="1e999")},
+        ),
+        (
+            lambda d: first(d, "bank").update(note="\ud800"),
+            "member_unreadable",
+            {"reason": TextWith("an unpaired surrogate")},
+        ),
+        (
+            lambda d: first(d, "bank").update(note="\0"),
+            "member_unreadable",
+            {"reason": TextWith("a control character")},
+        ),
+        (
+            lambda d: last(d)["parameters"].update(zz={"a": {"value": 10**400}}),
+            "member_unreadable",
+            {"reason": Reason("too_many_digits", digits=401, maximum=18)},
+        ),
+        (lambda d: d["records"][-1].update(number=10**17), "invalid_records", {"maximum": 2147483647}),
+        (
+            lambda d: first(d, "result").update(metrics=[]),
+            "record_refused",
+            {"reason": TextWith("metrics of a result cannot be .*: it is an object")},
+        ),
+        (
+            lambda d: last(d).update(parameters=[]),
+            "record_refused",
+            {"reason": TextWith("parameters of a run cannot be .*: it is an object")},
+        ),
+        (
+            lambda d: last(d).update(kind="nonsense"),
+            "record_refused",
+            {"reason": TextWith("kind of a run cannot be 'nonsense': it is one of session, motor")},
+        ),
+        (
+            lambda d: last(d).update(end_state="flying"),
+            "record_refused",
+            {"reason": TextWith("end_state of a run cannot be 'flying': it is one of completed")},
+        ),
+        (
+            lambda d: last(d).update(end_state="running"),
+            "record_refused",
+            {"reason": TextWith("the run was not over at its export")},
+        ),
+        (
+            lambda d: last(d).update(ended_at="1999-01-01T00:00:00+00:00"),
+            "record_refused",
+            {"reason": TextWith("ended_at of a run .* a time after")},
+        ),
+        (
+            lambda d: last(d)["settings"]["loop"].update(bank=55),
+            "record_refused",
+            {"reason": TextWith("settings.loop.bank of a run cannot be '55': .* 1")},
+        ),
+        (
+            lambda d: d["records"][0]["carried"].update(calibrations={"x": 1}),
+            "record_refused",
+            {"reason": TextWith("carried.calibrations cannot be")},
+        ),
+        (
+            lambda d: d["records"][0]["carried"].update(banks=["1"]),
+            "record_refused",
+            {"reason": TextWith("carried.banks cannot be")},
+        ),
+        (
+            lambda d: d["records"][1]["carried"].update(x=1),
+            "record_refused",
+            {"reason": TextWith("a part of the document cannot be 'x'")},
+        ),
     ],
 )
 def test_hashes_that_hold_are_not_enough(
-    there: Database, file: Path, tmp_path: Path, change: Callable[[Any], None], why: str
+    there: Database, file: Path, tmp_path: Path, change: Callable[[Any], None], code: str, values: dict[str, object]
 ) -> None:
     before = held(there)
     # without its samples the run's own record is what is looked at
-    remade(file, forged(change, alone="recordings" not in why))
-    with pytest.raises(ImportRefusedError, match=why):
+    remade(file, forged(change, alone=code != "recording_refused"))
+    with refused(ImportRefusedError, code, **values):
         import_bundle(there, file, "Ben", tmp_path / "there")
     assert held(there) == before
     assert nothing_left(tmp_path / "there")
@@ -234,14 +373,14 @@ def test_hashes_that_hold_are_not_enough(
 def test_what_could_swell_is_refused(there: Database, file: Path, tmp_path: Path) -> None:
     remade(file, lambda members: members.update({"reports/2.html": bytes(50_000_000)}), zipfile.ZIP_DEFLATED)
     assert file.stat().st_size < 5_000_000
-    with pytest.raises(ImportRefusedError, match="is compressed"):
+    with refused(ImportRefusedError, "member_compressed", member="records.json"):
         import_bundle(there, file, "Ben", tmp_path / "there")
 
 
 def test_a_run_that_is_not_over_is_not_bundled(here: Database, tmp_path: Path) -> None:
     with here.session() as session:
         run = runs.create(session, NEW).id
-    with pytest.raises(ExportError, match="run 1 has not ended"):
+    with refused(ExportError, "run_not_ended", run_id=1):
         b"".join(stream_bundle(here, run, tmp_path))
 
 
@@ -323,7 +462,7 @@ def test_banks_that_a_run_changes_to_come_along(
 
 def test_a_bank_whose_number_is_computed_is_told(here: Database, tmp_path: Path) -> None:
     run = changing_bank(here, COMPUTED)
-    with pytest.raises(ExportError, match=r"run 3 computes the number of a bank that it changes to, 1 \+ 1"):
+    with refused(ExportError, "run_computes_bank", run_id=3, expression="1 + 1"):
         b"".join(bundle.write_bundle(here, run, None, tmp_path))
     (gains,) = [box for box in boxes(here, run).values() if box.kind == "gains"]
     assert gains.no_sha256 == "the program computes the numbers of its banks: 1 + 1"

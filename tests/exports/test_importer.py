@@ -29,6 +29,8 @@ from tests.exports.stored import NEW, held, noise, recorded
 from tests.migrations.old_schema import migrated
 from tests.models.earlier import BEFORE
 from tests.models.earlier_identifications import BAND, QUALITY
+from tests.reasons import TextWith
+from tests.refusals import refused
 
 # An export is taken in as the run that it was, or refused with what is wrong, and then nothing of it is stored.
 
@@ -105,26 +107,31 @@ def test_what_a_csv_says_of_itself_has_to_hold(
 ) -> None:
     file = exported(here, run_imported, "csv", tmp_path)
     whole, before = file.read_text(encoding="utf-8"), held(there)
-    for said, other, why in (
-        ('"format":1', '"format":2', "not of format 1"),
-        ('"samples":2300', '"samples":2299', "holds 2300 samples, its metadata state 2299"),
-        ('"period_s":0.001', '"period_s":0.0015', "not multiples"),
-        ('"of":"run 2"', '"of":"trip 2"', "not of a run"),
-        ('"end_state":"completed"', '"end_state":"running"', "not over"),
-        ('"end_state":"completed"', '"end_state":7', "end_state of a run cannot be '7'"),
-        ('"kind":"actuator_identification",', "", "a run has the parts"),
-        ('"who":"Ana"', f'"who":"{"x" * 201}"', "who of a run cannot be"),
-        ('"run":{', '"run":[],"was":{', "its metadata"),
-        ("# sinew-export: {", "# sinew-export: [", "cannot be read"),
-        ('"value":0.075', '"value":0.076', "were changed"),
-        ("\n0.001,", "\n0.003,", "do not increase"),
-        ("\n0.001,", "\nnan,", "not multiples"),
-        ("t,q,q_ref", "t,q_ref,q", "header row"),
+    for said, other, code, values in (
+        ('"format":1', '"format":2', "metadata_of_another_format", {"version": 1}),
+        ('"samples":2300', '"samples":2299', "wrong_number_of_samples", {"samples": 2300, "stated": 2299}),
+        ('"period_s":0.001', '"period_s":0.0015', "times_not_multiples", {"period_s": 0.0015}),
+        ('"of":"run 2"', '"of":"trip 2"', "not_of_a_run", {"content": "trip 2"}),
+        ('"end_state":"completed"', '"end_state":"running"', "invalid_run", {"reason": TextWith("not over")}),
+        (
+            '"end_state":"completed"',
+            '"end_state":7',
+            "invalid_run",
+            {"reason": TextWith("end_state of a run cannot be '7'")},
+        ),
+        ('"kind":"actuator_identification",', "", "invalid_run", {"reason": TextWith("a run has the parts")}),
+        ('"who":"Ana"', f'"who":"{"x" * 201}"', "invalid_run", {"reason": TextWith("who of a run cannot be")}),
+        ('"run":{', '"run":[],"was":{', "invalid_metadata", {"name": "run"}),
+        ("# sinew-export: {", "# sinew-export: [", "metadata_unreadable", {}),
+        ('"value":0.075', '"value":0.076', "metadata_changed", {}),
+        ("\n0.001,", "\n0.003,", "times_do_not_increase", {}),
+        ("\n0.001,", "\nnan,", "times_not_multiples", {}),
+        ("t,q,q_ref", "t,q_ref,q", "header_row_differs", {}),
     ):
         assert said in whole
         changed = whole.replace(said, other, 1)
-        file.write_text(changed if "changed" in why else sealed(changed), encoding="utf-8")
-        with pytest.raises(ImportRefusedError, match=why):
+        file.write_text(changed if code == "metadata_changed" else sealed(changed), encoding="utf-8")
+        with refused(ImportRefusedError, code, **values):
             import_export(there, file, "Ben")
     assert held(there) == before
 
@@ -179,10 +186,10 @@ def mat_that_swells(file: Path, facts: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "swell", "why"),
+    ("kind", "swell", "code", "values"),
     [
-        ("mcap", mcap_that_swells, "decompresses to 167.* bytes, but 8388608 are the maximum, .* export the run again"),
-        ("mat", mat_that_swells, "it is compressed, unlike an export"),
+        ("mcap", mcap_that_swells, "chunk_too_large", {"size": pytest.approx(16.75e6, rel=3e-3), "maximum": 8388608}),
+        ("mat", mat_that_swells, "file_compressed", {}),
     ],
 )
 def test_what_would_swell_is_refused_unopened(
@@ -191,14 +198,15 @@ def test_what_would_swell_is_refused_unopened(
     run_imported: int,
     kind: str,
     swell: Callable[[Path, str], None],
-    why: str,
+    code: str,
+    values: dict[str, object],
     tmp_path: Path,
 ) -> None:
     file = tmp_path / f"run.{kind}"
     swell(file, export_run(here, run_imported).facts.to_json())
     assert file.stat().st_size < 1 << 20
     tracemalloc.start()
-    with pytest.raises(ImportRefusedError, match=why):
+    with refused(ImportRefusedError, code, **values):
         import_export(there, file, "Ben")
     assert tracemalloc.get_traced_memory()[1] < len(SWOLLEN)
     tracemalloc.stop()
@@ -208,7 +216,7 @@ def test_what_cannot_be_read_is_refused_before_the_first_byte(here: Database, tm
     with here.session() as session:
         run = recorded(session, NEW, noise(10), cuts=(4,))
         session.connection().exec_driver_sql("UPDATE chunk SET samples = x'00' WHERE first_tick > 7000")
-    with pytest.raises(ExportError, match="run 1 cannot be exported: damaged samples"):
+    with refused(ExportError, "run_not_exportable", run_id=1, reason=TextWith("^damaged samples")):
         export_run(here, run)
     with pytest.raises(UnknownRecordError):
         export_run(here, 99)

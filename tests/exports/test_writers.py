@@ -27,6 +27,7 @@ from backend.storage import formulas, recordings
 from backend.storage.database import Database
 from tests.exports.stored import recorded
 from tests.exports.written import to_csv, to_mat, to_parquet, written
+from tests.refusals import refused
 from tests.reports.tracking_run import PLAN, samples
 
 # Exports read back by the libraries that their users read them with: equal, and with their notation.
@@ -145,7 +146,7 @@ def test_a_file_that_was_cut_off_is_refused(kind: DataFormat, share: float, tmp_
 def test_what_is_too_long_for_matlab_is_refused_at_once(tmp_path: Path) -> None:
     export = export_columns(COLUMNS, "run 7")
     object.__setattr__(export.facts, "samples", 268_435_456)
-    with pytest.raises(ExportError, match=r"run 7 has 268435456 samples.*choose Parquet"):
+    with refused(ExportError, "too_many_samples_for_matlab", content="run 7", samples=268_435_456):
         matlab.write(Export(export.facts, export.batches), tmp_path)
 
 
@@ -180,5 +181,5 @@ def test_it_is_taken_in_again_without_what_was_derived(
 def test_an_unknown_formula_is_refused(here: Database) -> None:
     with here.session() as session:
         run = recorded(session)
-    with pytest.raises(ExportError, match="there is no formula F_mean"):
+    with refused(ExportError, "formulas_not_found", names=["F_mean"]):
         export_run(here, run, ["F_mean"])

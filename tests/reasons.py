@@ -1,0 +1,33 @@
+"""Reasons that a refusal contains: by code and values, or by a part of the text of another package."""
+
+import re
+
+from plant import Message
+
+
+class Reason:
+    """Equal to a message of this code with these of its values."""
+
+    def __init__(self, code: str, **values: object) -> None:
+        self.code, self.values = code, values
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Message) or other.code != self.code:
+            return False
+        return {name: other.values.get(name) for name in self.values} == self.values
+
+    def __repr__(self) -> str:
+        return f"Reason({self.code!r}, {self.values})"
+
+
+class TextWith:
+    """Equal to a text in which the regular expression is found."""
+
+    def __init__(self, pattern: str) -> None:
+        self.pattern = pattern
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, str) and re.search(self.pattern, other) is not None
+
+    def __repr__(self) -> str:
+        return f"TextWith({self.pattern!r})"
