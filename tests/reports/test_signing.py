@@ -24,6 +24,7 @@ from backend.reports.signing import (
     read_signature,
     sign_page,
 )
+from tests.refusals import refused
 
 PAGE = '<h1>λ</h1>\n<template id="evidence">{}</template>\n</body>\n'.encode()
 KEY, OTHER = (Ed25519PrivateKey.from_private_bytes(bytes([number]) * 32) for number in (1, 2))
@@ -105,9 +106,9 @@ def test_a_public_key_is_found_in_a_text_or_a_file_of_one(tmp_path: Path) -> Non
     file.write_text(f"# of rig 2\n{PUBLISHED} rig-2\n\n")
     assert find_public_key(str(file)) == find_public_key(f" {PUBLISHED} rig-2 ") == parse_public_key(PUBLISHED)
     file.write_text(f"{PUBLISHED}\n{derive_public_key(KEY).text}\n")
-    for refused in (str(file), str(tmp_path), str(tmp_path / "none"), "\0"):
+    for other in (str(file), str(tmp_path), str(tmp_path / "none"), "\0"):
         with pytest.raises(SigningKeyError):
-            find_public_key(refused)
+            find_public_key(other)
 
 
 def test_a_key_is_made_once_and_stays_with_its_owner(tmp_path: Path) -> None:
@@ -132,7 +133,7 @@ def test_a_key_is_made_once_and_stays_with_its_owner(tmp_path: Path) -> None:
 @pytest.mark.parametrize("content", [b"", b"junk", b"-----BEGIN "])
 def test_a_damaged_key_is_refused_and_left_as_it_is(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "signing-key").write_bytes(content)
-    with pytest.raises(SigningKeyError, match="signing-key holds no usable signing key"):
+    with refused(SigningKeyError, "signing_key_unusable", file=tmp_path / "signing-key"):
         load_or_make_signing_key(tmp_path)
     assert load_own_public_key(tmp_path) is None
     assert (tmp_path / "signing-key").read_bytes() == content

@@ -46,6 +46,8 @@ from backend.reports.verification import (
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
 from tests.exports.written import to_csv, written
+from tests.reasons import Reason
+from tests.refusals import refused
 from tests.reports import forgeries
 
 # Each single change of a report, or of its samples, is found and named; one that nobody touched holds.
@@ -255,16 +257,20 @@ def test_another_time_of_a_sample_is_found_and_named(report: Made) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
-    [("\n3.2,", "\n3.2004,", "not multiples of 0.001 s"), ("\n3.2,", "\n3.199,", "do not increase"), ("", "", "")],
+    ("old", "new", "reasons"),
+    [
+        ("\n3.2,", "\n3.2004,", [Reason("times_not_multiples", period_s=0.001)]),
+        ("\n3.2,", "\n3.199,", [Reason("times_do_not_increase", t=pytest.approx(3.199))]),
+        ("", "", []),
+    ],
 )
 def test_a_file_of_samples_is_held_against_what_it_says_of_itself(
-    report: Made, tmp_path: Path, old: str, new: str, told: str
+    report: Made, tmp_path: Path, old: str, new: str, reasons: list[Reason]
 ) -> None:
     file = tmp_path / "data.csv"
     file.write_text(to_csv(report.source.columns).decode().replace(old, new, 1))
     _, problems = read_samples_file(file)
-    assert [told in one.found for one in problems] == ([True] if told else [])
+    assert [one.found for one in problems] == reasons
 
 
 def test_missing_samples_are_counted_where_they_are_missing(report: Made) -> None:
@@ -302,27 +308,29 @@ def test_another_unit_in_the_columns_of_a_parquet_file_is_found(report: Made, tm
 
 
 def test_what_is_no_report_or_has_no_samples_cannot_be_told(report: Made, tmp_path: Path) -> None:
-    with pytest.raises(EvidenceError, match="the samples of the report are missing"):
+    with refused(EvidenceError, "samples_missing"):
         verify_report(report.page, None)
     for page in ("", "<html></html>", f"{BEGIN}{{}}{END}", f"{BEGIN}[1]{END}", f"{BEGIN}no JSON{END}"):
         with pytest.raises(EvidenceError):
             read_manifest(page)
-    (tmp_path / "data.csv").write_text("t,q\n0,1\n")
-    with pytest.raises(SamplesFileError, match="not an export of a run"):
-        read_samples_file(tmp_path / "data.csv")
+    file = tmp_path / "data.csv"
+    file.write_text("t,q\n0,1\n")
+    with refused(SamplesFileError, "samples_file_unreadable", file=file, reason=Reason("csv_without_metadata")):
+        read_samples_file(file)
     few = {name: np.zeros(3) for name in ("t", "S")}
-    (tmp_path / "data.csv").write_bytes(to_csv(few))
-    with pytest.raises(SamplesFileError, match="is missing"):
-        read_samples_file(tmp_path / "data.csv")
-    (tmp_path / "data.parquet").write_bytes(b"PAR1")
-    with pytest.raises(SamplesFileError, match="cannot be read"):
-        read_samples_file(tmp_path / "data.parquet")
+    file.write_bytes(to_csv(few))
+    with refused(SamplesFileError, "column_missing", file=file, column="mode"):
+        read_samples_file(file)
+    file = tmp_path / "data.parquet"
+    file.write_bytes(b"PAR1")
+    with refused(SamplesFileError, "samples_file_unreadable", file=file, reason=Reason("file_damaged")):
+        read_samples_file(file)
 
 
 def test_of_a_report_of_another_version_the_words_are_not_compared(report: Made) -> None:
     found = verify_report(report.with_account(put("made_with", "Sinew", value="0.0.9")), report.source.columns)
     assert names(found) == ["hash of the account"]
-    assert "Sinew 0.0.9" in found.left_out[0]
+    assert found.left_out[0] == Reason("page_of_another_version", reported="0.0.9")
     assert "every number" not in found.compared
     assert "not the visible page" in found.compared
 
@@ -364,7 +372,7 @@ def test_a_report_that_was_made_without_a_result_holds_and_says_so(report: Made)
     without = to_html(build_report(replace(report.source, run=run, result=None)))
     found = verify_report(without, report.source.columns)
     assert found.differences == ()
-    assert "the report contains none" in found.left_out[0]
+    assert found.left_out[0] == Reason("result_not_in_report")
 
 
 @pytest.mark.parametrize(("changed", "names"), [({}, []), ({"lam_q": 0.7}, ["metrics.json, settings, loop, lam_q"])])
