@@ -9,7 +9,7 @@ from plant import SinewError
 
 
 @contextmanager
-def refused(kind: type[SinewError], code: str, **values: object) -> Iterator[None]:
+def refused(kind: type[SinewError], code: str, /, **values: object) -> Iterator[None]:
     """Expect an error of this kind whose message has this code, and these of its values."""
     with pytest.raises(kind) as caught:
         yield
