@@ -23,10 +23,10 @@ from backend.control import (
     trajectory,
 )
 from backend.errors import check_range
+from backend.tuning import messages
 from plant import (
     ErrorCode,
     PlantParameters,
-    Quantity,
     Side,
     SinewError,
     T_s,
@@ -48,9 +48,9 @@ class TuningError(SinewError, ValueError):
     category = ErrorCode.BAD_VALUE
 
 
-def _positive(name: str, value: float, unit: str) -> None:
+def _positive(symbol: str, value: float, unit: str) -> None:
     if not (math.isfinite(value) and value > 0.0):
-        raise TuningError(f"{name} = {value:g} {unit} must be finite and above 0 {unit}")
+        raise TuningError(messages.not_positive(symbol=symbol, value=value, unit=unit))
 
 
 def motor_gains(K_m: float, T_m: float, lam: float) -> pid.IPDGains:
@@ -63,7 +63,7 @@ def motor_gains(K_m: float, T_m: float, lam: float) -> pid.IPDGains:
     _positive("λ_motor", lam, "s")
     D = 4.0 * T_m - lam
     if D <= 0.0:
-        raise TuningError(f"λ_motor = {lam:g} s must stay below 4 T_m = {4.0 * T_m:g} s")
+        raise TuningError(messages.motor_loop_too_slow(lam_motor=lam, maximum_s=4.0 * T_m))
     return pid.IPDGains(
         k_p=4.0 * T_m**2 / (K_m * lam**2 * D),
         k_i=T_m**2 / (K_m * lam**3 * D),
@@ -83,7 +83,7 @@ def outer_gains(K: float, T: float, lam: float, b: float = 0.0) -> pid.IPGains:
     _positive("T", T, "s")
     _positive("λ", lam, "s")
     if not 0.0 <= b <= 1.0:
-        raise TuningError(f"b = {b:g} is outside 0 to 1")
+        raise TuningError(messages.weight_out_of_range(b=b))
     if lam > 2.0 * T:
         return pid.IPGains(k_p=0.0, k_i=1.0 / (2.0 * K * lam), k_r=0.0)
     k_p = (2.0 * T - lam) / (K * lam)
@@ -228,9 +228,10 @@ def make_single_loop_tuning(parameters: PlantParameters, lambdas: TuningParamete
     K_m, T_m = 0.5 * (A.K_m + B.K_m), 0.5 * (A.T_m + B.T_m)
     for symbol, lam in (("λ_q", lambdas.lam_q), ("λ_S", lambdas.lam_S)):
         if not lam < LARGEST_PER_LAG * T_m:
-            bound = f"{LARGEST_PER_LAG:g} T_m = {Quantity(LARGEST_PER_LAG * T_m, 's'):.4g}"
             raise TuningError(
-                f"the law single-loop requires {symbol} below {bound}; it is {lam:g} s: choose a smaller {symbol}"
+                messages.single_loop_too_slow(
+                    symbol=symbol, lam=lam, motor_lags=LARGEST_PER_LAG, maximum_s=LARGEST_PER_LAG * T_m
+                )
             )
     q_per_theta, S_per_theta = d.r_m / d.r_j, 2.0 * stiffness_slope(d, S_NOMINAL_20_N)
     gains = baselines.SingleLoopGains(
@@ -332,7 +333,7 @@ def require_share(k_ext: float) -> None:
         minimum=0.0,
         maximum=1.0,
         unit="1",
-        remedy="0 leaves external forces to the position loop, 1 compensates the whole estimate",
+        remedy=messages.remedy_for_k_ext(),
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from backend.control import build_decoupler, cascade, compute_bounds, decoupler, pid
 from backend.errors import check_range
+from backend.tuning import messages
 from backend.tuning.gains import (
     LAM_MAX,
     MotorModel,
@@ -80,8 +81,7 @@ def require_budget(parameters: PlantParameters, u_plan: float) -> None:
     0 V is ``lambda`` motion, which has no limit.
     """
     if u_plan != 0.0:
-        remedy = "the remaining voltage is reserved for load, friction and feedback"
-        check_range("u_plan", u_plan, *plan_range(parameters), "V", remedy)
+        check_range("u_plan", u_plan, *plan_range(parameters), "V", messages.remedy_for_u_plan())
 
 
 # Preview -------------------------------------------------------------------------------------------
@@ -246,7 +246,7 @@ class TuningPreviewer:
         """Raise OutOfRangeError unless both λ and the voltage limit [V] are permitted."""
         require_budget(self._parameters, u_plan)
         lam_q_min, lam_S_min = self.safe_range()
-        remedy = "with a smaller λ the loop's sensitivity peak M_s exceeds 1.7 or a step saturates the motor voltage"
+        remedy = messages.remedy_for_lambda()
         check_range("lam_q", lambdas.lam_q, minimum=lam_q_min, maximum=LAM_MAX, unit="s", remedy=remedy)
         check_range("lam_S", lambdas.lam_S, minimum=lam_S_min, maximum=LAM_MAX, unit="s", remedy=remedy)
 
@@ -428,12 +428,9 @@ def _search_or_error(search: Callable[[], float]) -> float | TuningError:
         return error
 
 
-def _within_offer(name: str, lam: float, least: float, M_s: float) -> float:
+def _within_offer(symbol: str, lam: float, least: float, M_s: float) -> float:
     if lam < least:
-        raise TuningError(
-            f"M_s = {M_s:g} requires {name} = {lam:.3f} s, but the smallest accepted value is {least:.3f} s: "
-            "choose a smaller M_s"
-        )
+        raise TuningError(messages.M_s_needs_smaller_lambda(M_s=M_s, symbol=symbol, lam=lam, minimum_s=least))
     return lam
 
 
@@ -445,7 +442,7 @@ def _find_unsaturated_lambda(robust: float, voltage: Callable[[float], float], u
     if voltage(robust) < u_max:
         return robust
     if voltage(LAM_MAX) >= u_max:
-        raise TuningError(f"even with λ = {LAM_MAX:g} s a step requires at least {u_max:g} V: check K_m, T_m and u_max")
+        raise TuningError(messages.step_saturates(maximum_s=LAM_MAX, u_max=u_max))
     low, high = robust, LAM_MAX
     while high - low > LAM_RESOLUTION:
         middle = 0.5 * (low + high)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.control import Decoupler, decoupler, pid
+from backend.tuning import messages
 from backend.tuning.gains import (
     LAM_MAX,
     MotorModel,
@@ -35,7 +36,6 @@ from plant import (
     Motor,
     PlantParameters,
     PlantState,
-    Quantity,
     T_s,
     state_derivative,
     tendon_tension,
@@ -420,7 +420,7 @@ def safe_lambda(process: OuterProcess, gains_for: Callable[[float], pid.IPGains]
     if not above:
         return float(grid[0])
     if above[-1] == grid.size - 1:
-        raise TuningError(f"no λ up to {LAM_MAX:g} s keeps M_s at or below {M_s:g}: identify the actuator again")
+        raise TuningError(messages.no_robust_lambda(maximum_s=LAM_MAX, M_s=M_s))
     return float(brentq(excess, grid[above[-1]], grid[above[-1] + 1], xtol=1e-6))
 
 
@@ -470,10 +470,7 @@ def common_lambda_range(motors: Iterable[MotorModel]) -> tuple[float, float]:
     ranges = [motor_range(motor) for motor in motors]
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
     if low > high:
-        raise TuningError(
-            f"no λ_motor is robust for both motors: one needs {Quantity(low, 's'):.3g} at least, one "
-            f"{Quantity(high, 's'):.3g} at most"
-        )
+        raise TuningError(messages.no_lambda_for_both_motors(minimum_s=low, maximum_s=high))
     return low, high
 
 
@@ -488,8 +485,7 @@ def motor_lambda(motor: MotorModel, M_s: float) -> float:
     highest, lowest = _peak(motor, low), _peak(motor, end)
     if not lowest <= M_s <= highest:
         raise TuningError(
-            f"M_s = {M_s:g} is not attainable with the motor loop: choose {lowest:.3f} (λ = {Quantity(end, 's'):.3g}) "
-            f"to {highest:.3f} (λ = {Quantity(low, 's'):.3g})"
+            messages.M_s_not_attainable(M_s=M_s, lowest=lowest, lam_lowest=end, highest=highest, lam_highest=low)
         )
     return float(brentq(lambda lam: _peak(motor, lam) - M_s, low, end, xtol=1e-7))
 
@@ -505,14 +501,12 @@ def _computed_range(motor: MotorModel) -> tuple[float, float, float]:
 
     high = min(LAM_MOTOR_MAX, 3.8 * motor.T_m)
     if high <= LAM_MOTOR_MIN:
-        raise TuningError(
-            f"T_m = {motor.T_m:g} s permits no λ_motor of at least {LAM_MOTOR_MIN:g} s: λ_motor must stay below 4 T_m"
-        )
+        raise TuningError(messages.motor_too_quick(T_m=motor.T_m, minimum_s=LAM_MOTOR_MIN))
     lambdas = np.geomspace(LAM_MOTOR_MIN, high, _LAMBDAS)
     peaks = np.array([_peak(motor, lam) for lam in lambdas])
     fragile = np.flatnonzero(peaks > M_S_MAX)
     if fragile.size == _LAMBDAS or (fragile.size and fragile[-1] == _LAMBDAS - 1):
-        raise TuningError(f"no λ_motor up to {high:g} s keeps M_s of the motor loop at or below {M_S_MAX:g}")
+        raise TuningError(messages.no_robust_motor_loop(maximum_s=high, M_s=M_S_MAX))
     first = int(fragile[-1]) + 1 if fragile.size else 0
     low = float(lambdas[0])
     if fragile.size:
