@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from backend.identification import messages
 from backend.identification.estimation import Candidates, estimate_model, rank
 from backend.identification.fitting import Method
 from backend.identification.models import Estimate, Verdict, worst_grade
@@ -148,5 +149,12 @@ def _joint_verdict(G_q: Verdict, G_S: Verdict) -> Verdict:
     """Return the worse grade, with the reasons of the models that have it only."""
     named = {"G_q": G_q, "G_S": G_S}
     grade = worst_grade(*(verdict.grade for verdict in named.values()))
-    reasons = (f"{name}: {reason}" for name, one in named.items() if one.grade is grade for reason in one.reasons)
-    return Verdict(grade, tuple(reasons))
+    return Verdict(
+        grade,
+        tuple(
+            messages.reason_of_channel(channel=name, reason=reason)
+            for name, verdict in named.items()
+            if verdict.grade is grade
+            for reason in verdict.reasons
+        ),
+    )

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from backend.identification import messages
 from backend.identification.excitation import check_frequency_response, external_signal
 from backend.identification.fitting import (
     Fit,
@@ -104,9 +105,7 @@ def fit_percent(error: Signal, motion: Signal) -> float:
     Raises IdentificationError if there is no motion.
     """
     if np.ptp(motion) == 0.0:
-        raise IdentificationError(
-            "the output of the comparison record is constant, so no fit can be computed: use a record with motion"
-        )
+        raise IdentificationError(messages.comparison_output_constant())
     return 100.0 * (1.0 - float(np.linalg.norm(error)) / float(np.linalg.norm(motion)))
 
 
@@ -303,7 +302,7 @@ def estimate_model(
             return with_hint(record, found) if hint else found
     except np.linalg.LinAlgError:
         raise _cause_in(record, structure_name) or NotConvergedError(
-            f"{structure_name}: the record does not determine it; try a simpler structure"
+            messages.structure_not_determined(structure=structure_name)
         ) from None
     except (NoStartError, NotConvergedError, NotContinuousError, UnstableModelError) as error:
         cause = _cause_in(record, structure_name)
@@ -317,17 +316,12 @@ def _cause_in(record: Record, structure_name: str) -> NotConvergedError | None:
     wrap = find_wrap(record.y)
     if wrap is not None:
         return NotConvergedError(
-            f"{structure_name}: no model found: the output jumps by {wrap[1]:.4g} and back after sample"
-            f" {wrap[0]}, as a wrapped angle does; unwrap it first (numpy.unwrap)"
+            messages.no_model_of_wrapped_angle(structure=structure_name, jump=wrap[1], sample=wrap[0])
         )
     lead = _lead(record, float("inf"))
     if lead is None:
         return None
-    return NotConvergedError(
-        f"{structure_name}: no time constant found: the output follows the input within the same sample "
-        f"(y = {lead:.3g} u +"
-        " offset): check that the columns are two different signals, or sample faster"
-    )
+    return NotConvergedError(messages.no_time_constant(structure=structure_name, gain=lead))
 
 
 def with_hint(record: Record, found: Estimate) -> Estimate:
@@ -567,7 +561,7 @@ def rank(
         except (NotConvergedError, NoStartError, NotContinuousError) as error:
             failed[name] = str(error)
     if not found:
-        raise NotConvergedError("; ".join(failed.values()))
+        raise NotConvergedError(messages.no_structure_fits(reasons=list(failed.values())))
     best, *others = sorted(found, key=_rank)
     return Candidates((with_hint(record, best), *others), failed)
 

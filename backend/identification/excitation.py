@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from backend.identification import messages
 from backend.identification.initialization import FitProblem, least_squares
 from backend.identification.models import Complex, FrequencyCheck, Model, moving_average
 from backend.identification.records import Controller, Record, Signal, UnstableModelError
@@ -87,7 +88,7 @@ def _closed_loop_input(problem: FitProblem, parameters: Signal, feedback: Signal
     closed[: loop.size] += loop
     closed_poles = np.roots(closed)
     if np.max(np.abs(closed_poles)) >= 1.0:
-        raise UnstableModelError("the closed loop of model and controller is unstable")
+        raise UnstableModelError(messages.closed_loop_unstable())
     zeros = np.concatenate((poles, [1.0], np.zeros(closed_poles.size - poles.size - 1)))
     # The stubs of zpk2sos omit complex zeros and poles, its purpose.
     sections = zpk2sos(zeros, closed_poles, 1.0)  # type: ignore[arg-type]  # the stubs leave complex zeros out

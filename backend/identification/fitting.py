@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from backend.identification import messages
 from backend.identification.excitation import NoiseFreeInput, noise_free_input
 from backend.identification.initialization import (
     WHITE,
@@ -77,11 +78,7 @@ def continuous_poles(sampled: Poles, period_s: float) -> Poles:
     """
     real = np.abs(sampled.imag) <= 1e-9 * np.abs(sampled)
     if np.any(real & (sampled.real <= 0.0)) or np.any(np.abs(sampled) >= 1.0):
-        shown = np.array2string(sampled, precision=4)
-        raise NotContinuousError(
-            f"the ARX poles z = {shown} have no stable continuous-time equivalent: filter more strongly "
-            "or choose another estimator"
-        )
+        raise NotContinuousError(messages.arx_not_continuous(poles=sampled))
     return np.asarray(np.log(sampled) / period_s)
 
 
@@ -130,8 +127,7 @@ def fit_output_error(problem: FitProblem, start: Signal, tolerance: float = FINE
     """
     found, converged = _descend(problem, start, tolerance, MAX_ITERATIONS)
     if not converged:
-        name = problem.structure.name
-        raise NotConvergedError(f"{name}: no minimum within {MAX_ITERATIONS} iterations; try a simpler structure")
+        raise NotConvergedError(messages.no_minimum_within(structure=problem.structure.name, iterations=MAX_ITERATIONS))
     return found
 
 
@@ -214,8 +210,9 @@ def fit_refined_iv(start: FitEvaluation, noise_free_input: NoiseFreeInput) -> Fi
         if remaining < FINE * here.noise or remaining < _FLOOR * signal:
             return here
         here = _stable_step(here, least_squares(matrix, right))
-    name = start.problem.structure.name
-    raise NotConvergedError(f"{name}: refined IV did not converge within {MAX_ITERATIONS} iterations")
+    raise NotConvergedError(
+        messages.refined_iv_not_converged(structure=start.problem.structure.name, iterations=MAX_ITERATIONS)
+    )
 
 
 def _equation(here: FitEvaluation, instruments: Signal) -> tuple[Signal, Signal]:
@@ -237,7 +234,7 @@ def _stable_step(here: FitEvaluation, step: Signal) -> FitEvaluation:
             return FitEvaluation(here.problem, apply_step(here.parameters, step))
         except UnstableModelError:
             step = step / 2.0
-    raise NotConvergedError(f"{here.problem.structure.name}: refined IV leads to an unstable model")
+    raise NotConvergedError(messages.refined_iv_unstable(structure=here.problem.structure.name))
 
 
 # Fit -----------------------------------------------------------------------------------------------
@@ -383,9 +380,10 @@ def _check_dead_time(structure: Structure, record: Record, method: Method) -> No
 
     ARX and the closed-loop form with a controller support none.
     """
-    if method is Method.ARX or record.controller is not None:
-        instead = "another method" if method is Method.ARX else "--setpoint in place of --controller"
-        raise StructureError(f"{structure.name} has a dead time, which this method cannot estimate: use {instead}")
+    if method is Method.ARX:
+        raise StructureError(messages.dead_time_with_arx(structure=structure.name))
+    if record.controller is not None:
+        raise StructureError(messages.dead_time_with_controller(structure=structure.name))
 
 
 def refit(found: Fit, record: Record) -> FitEvaluation:
@@ -456,7 +454,7 @@ def _from_starts(problem: FitProblem, drive: NoiseFreeInput | None, *further: Si
         if other is not None and (found is None or other.cost < found.cost):
             found = other
     if found is None:
-        raise NotConvergedError(f"{problem.structure.name}: no minimum found; try a simpler structure")
+        raise NotConvergedError(messages.no_minimum_found(structure=problem.structure.name))
     return _with_instruments(found, drive)
 
 

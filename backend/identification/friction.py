@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 import numba
 import numpy as np
 
+from backend.identification import messages
 from backend.identification.models import DryFriction
 from backend.identification.records import NotConvergedError, Record, Signal
 from backend.identification.validation import sandwich, whiteness
 from backend.response_docs import describe_field
-from plant import cache_compiled
+from plant import Message, cache_compiled
 
 # Friction ------------------------------------------------------------------------------------------
 # Coulomb friction in a record from force, current or voltage to speed or position.
@@ -118,13 +119,13 @@ def fit_friction(record: Record, dead_time_s: float) -> FrictionFit:
     try:
         found = least_squares(residuals, start, jac=differences(residuals), x_scale=0.1, max_nfev=_MAX_STEPS)
     except ValueError:  # a simulation that overflows
-        raise NotConvergedError("no motor model with Coulomb friction describes the record") from None
+        raise NotConvergedError(messages.no_friction_model_fits()) from None
     if not np.all(np.isfinite(found.x)):
-        raise NotConvergedError("no motor model with Coulomb friction describes the record")
+        raise NotConvergedError(messages.no_friction_model_fits())
     sensitivities = -np.asarray(found.jac, dtype=np.float64)
     moves = np.linalg.norm(sensitivities, axis=0) > 0.0  # rest, or an offset, may have no effect
     if not np.all(moves[:3]):
-        raise NotConvergedError("gain, time constant and Coulomb friction cannot be separated in this record")
+        raise NotConvergedError(messages.friction_not_separable())
     covariance = sandwich(sensitivities[:, moves], sensitivities[:, moves], found.fun)[:3, :3]
     T = float(np.exp(found.x[1]))
     unit = np.array([scale_y / scale_u, T, scale_u])
@@ -235,6 +236,7 @@ MIN_SAMPLES = 2000
 _KERNEL_S = 0.012
 _REACH = 4.0
 _MAX_DELAY_S = 0.03
+_NO_PROBLEM = Message("")
 _PARAMETERS = ("theta_dd", "theta_d", "load", "sign", "sign_load", "u_d", "offset")
 
 
@@ -283,7 +285,7 @@ class LoadFrictionResult:
     """
 
     estimate: LoadFrictionFit | None
-    problem: str = ""
+    problem: Message = _NO_PROBLEM
     left_out: tuple[str, ...] = ()
 
     @property
@@ -317,22 +319,23 @@ def estimate_load_friction(runs: Sequence[TensionRun], r_m: float) -> LoadFricti
     left_out: list[str] = []
     for run in runs:
         made = _equations(run, r_m)
-        if isinstance(made, str):
-            left_out.append(f"run {run.run}: {made}")
+        if isinstance(made, Message):
+            left_out.append(messages.run_left_out(run=run.run, reason=made))
         else:
             used.append(run)
             equations.append(made)
     tensions = tuple(run.tension_N for run in used)
     if not tensions or max(tensions) - min(tensions) < MIN_TENSION_SPREAD_N:
-        return LoadFrictionResult(None, _too_few(tensions), tuple(left_out))
+        problem = messages.too_few_tensions(tensions_N=tensions, minimum_distance_N=MIN_TENSION_SPREAD_N)
+        return LoadFrictionResult(None, problem, tuple(left_out))
     columns, u = np.vstack([one for one, _ in equations]), np.concatenate([one for _, one in equations])
     found = _solve(columns, u)
-    if isinstance(found, str):
+    if isinstance(found, Message):
         return LoadFrictionResult(None, found, tuple(left_out))
     (c0, c1, K_t), covariance = found
     stds = np.sqrt(np.diag(covariance))
     if not (np.all(np.isfinite((c0, c1, K_t))) and np.all(np.isfinite(stds))):
-        return LoadFrictionResult(None, "the standard errors could not be computed; record again", tuple(left_out))
+        return LoadFrictionResult(None, messages.load_friction_without_errors(), tuple(left_out))
     estimate = LoadFrictionFit(
         c0=c0,
         c1=c1,
@@ -348,19 +351,19 @@ def estimate_load_friction(runs: Sequence[TensionRun], r_m: float) -> LoadFricti
     return LoadFrictionResult(estimate, left_out=tuple(left_out))
 
 
-def _solve(columns: Signal, u: Signal) -> tuple[tuple[float, float, float], Signal] | str:
+def _solve(columns: Signal, u: Signal) -> tuple[tuple[float, float, float], Signal] | Message:
     """Return c0, c1, K_t and their covariance, shape (3, 3), or an error message."""
     size = np.linalg.norm(columns, axis=0)
     if not np.all(size > 0.0):
-        return "the motor did not turn in both directions; increase the excitation"
+        return messages.motor_turned_one_way()
     solution, _, rank, _ = np.linalg.lstsq(columns / size, u)
     if rank < columns.shape[1]:
-        return "friction, inertia and load cannot be separated in these records; use a richer excitation"
+        return messages.load_friction_not_separable()
     solution = solution / size
     covariance = sandwich(columns, columns, u - columns @ solution)
     load, sign, sign_load = (_PARAMETERS.index(name) for name in ("load", "sign", "sign_load"))
     if not solution[load] > 0.0:
-        return "the voltage does not increase with the force of the load cell; check the load cell of tendon A"
+        return messages.voltage_does_not_follow_force()
     K_t = 1.0 / float(solution[load])
     c0, c1 = K_t * float(solution[sign]), K_t * float(solution[sign_load])
     gradient = np.zeros((3, columns.shape[1]))
@@ -370,17 +373,7 @@ def _solve(columns: Signal, u: Signal) -> tuple[tuple[float, float, float], Sign
     return (c0, c1, K_t), np.asarray(gradient @ covariance @ gradient.T)
 
 
-def _too_few(tensions: Sequence[float]) -> str:
-    there = (
-        "there is none" if not tensions else f"there is {', '.join(f'{one:.3g} N' for one in sorted(tensions))} only"
-    )
-    return (
-        f"usable runs are required at two tensions at least {MIN_TENSION_SPREAD_N:g} N apart, {there};"
-        " identify at more tensions"
-    )
-
-
-def _equations(run: TensionRun, r_m: float) -> tuple[Signal, Signal] | str:
+def _equations(run: TensionRun, r_m: float) -> tuple[Signal, Signal] | Message:
     """Return regressors, shape (n, 7), and voltage, shape (n,), or an error message.
 
     Unused samples are 0.
@@ -389,13 +382,13 @@ def _equations(run: TensionRun, r_m: float) -> tuple[Signal, Signal] | str:
 
     missing = [name for name in COLUMNS if name not in run.columns]
     if missing:
-        return f"its record has no {', '.join(missing)}"
+        return messages.run_without_columns(missing=missing)
     u, theta, q, F = (np.asarray(run.columns[name], dtype=np.float64) for name in COLUMNS)
     if not all(np.all(np.isfinite(values)) for values in (u, theta, q, F)):
-        return "its record has non-finite samples"
+        return messages.run_not_finite()
     period_s = run.period_s
     if u.size < MIN_SAMPLES:
-        return f"its record has {u.size} samples, fewer than {MIN_SAMPLES}"
+        return messages.run_too_short(length=u.size, minimum=MIN_SAMPLES)
     reach, most = int(np.ceil(_REACH * _KERNEL_S / period_s)), int(_MAX_DELAY_S / period_s)
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * period_s / _KERNEL_S) ** 2)
     kernel /= np.sum(kernel)
@@ -413,7 +406,7 @@ def _equations(run: TensionRun, r_m: float) -> tuple[Signal, Signal] | str:
     is_one_direction[: 2 * reach] = is_one_direction[-2 * reach - most :] = False
     counted = int(np.count_nonzero(is_one_direction))
     if counted < MIN_SAMPLES:
-        return f"motor A turns without reversal in {counted} samples, fewer than {MIN_SAMPLES}"
+        return messages.run_reverses_too_often(count=counted, minimum=MIN_SAMPLES)
     sign = np.sign(theta_d)
     columns = (
         np.gradient(theta_d, period_s),

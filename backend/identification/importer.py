@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
 
+from backend.identification import messages
 from backend.identification.records import (
     Controller,
     DataFileError,
@@ -23,6 +24,7 @@ from backend.identification.records import (
     mean_period,
 )
 from backend.identification.tables import DAY_FIRST, LARGEST_EXACT, MAX_SAMPLES, MONTH_FIRST, Columns, read_dates
+from plant import Message
 
 if TYPE_CHECKING:
     import pyarrow
@@ -92,11 +94,7 @@ def find_time_column(
     DataFileError if the column, its unit, or its dates are ambiguous.
     """
     if unit is not None and unit not in (*SECONDS, DAY_FIRST, MONTH_FIRST):
-        raise DataFileError(
-            f"--time-unit {unit}: give one of {UNITS}; for dates {DAY_FIRST} or {MONTH_FIRST}",
-            FileFault.OPTION,
-            option="--time-unit",
-        )
+        raise DataFileError(messages.unknown_time_unit(unit=unit, known=UNITS), FileFault.OPTION, option="--time-unit")
     if asked == NO_COLUMN and asked not in columns:
         return None
     name = asked or _named_like_one(columns, taken, period_s)
@@ -118,7 +116,7 @@ def _named_like_one(columns: Columns, taken: Collection[str], period_s: float | 
         certain = [name for name in certain if (columns.units.get(name) or "s").lower() in SECONDS]
     if len(certain) > 1:
         raise DataFileError(
-            f"each of the columns {', '.join(certain)} may be the time: choose one with --time COLUMN",
+            messages.several_time_columns(names=certain),
             FileFault.AMBIGUOUS_TIME,
             column=certain[1],
             option="--time",
@@ -131,8 +129,7 @@ def _named_like_one(columns: Columns, taken: Collection[str], period_s: float | 
     doubtful = [name for name in names if _DOUBTFUL.match(name) and not columns.units.get(name)]
     if doubtful and period_s is None:
         raise DataFileError(
-            f"column '{doubtful[0]}' may or may not be the time: --time {doubtful[0]} uses it as the "
-            "time; otherwise give the sample time with --period",
+            messages.doubtful_time_column(name=doubtful[0]),
             FileFault.AMBIGUOUS_TIME,
             column=doubtful[0],
             option="--time",
@@ -149,7 +146,7 @@ def _is_certain(name: str, unit: str) -> bool:
 def _read_dates(name: str, texts: list[str], unit: str | None) -> TimeColumn:
     if unit in SECONDS:
         raise DataFileError(
-            f"the time column '{name}' holds '{texts[0]}', which is not a number and has no unit: omit --time-unit",
+            messages.time_unit_of_dates(name=name, cell=texts[0]),
             FileFault.OPTION,
             column=name,
             option="--time-unit",
@@ -163,21 +160,14 @@ def _read_sample_numbers(name: str, columns: Columns, unit: str | None, period_s
     values = columns.column(name)
     if unit in (DAY_FIRST, MONTH_FIRST):
         raise DataFileError(
-            f"the time column '{name}' holds numbers, not dates: --time-unit takes {UNITS}",
+            messages.date_order_of_numbers(name=name, known=UNITS),
             FileFault.OPTION,
             column=name,
             option="--time-unit",
         )
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
-        raise RecordError(
-            quantity=f"number of rows without a time in '{name}' (first in row {bad[0] + 1})",
-            value=bad.size,
-            minimum=None,
-            maximum=0,
-            unit="1",
-            remedy=f"shorten the file, or give the sample time with --period and set --time {NO_COLUMN}",
-        )
+        raise RecordError(messages.rows_without_time(name=name, count=bad.size, first_row=int(bad[0]) + 1))
     whole = columns.whole.get(name)
     since = values - values[:1] if whole is None else (whole - whole[:1]).astype(np.float64)
     unit, unit_from = (unit, "--time-unit") if unit else _find_time_unit(name, columns, since, period_s)
@@ -192,8 +182,7 @@ def _find_time_unit(name: str, columns: Columns, since: Signal, period_s: float 
         if known in SECONDS:
             return known, "heading"
         raise DataFileError(
-            f"the time column '{name}' is in '{unit_text}': this unit is unknown; choose one of {UNITS} "
-            "with --time-unit",
+            messages.unknown_unit_of_time_column(name=name, unit=unit_text, known=UNITS),
             FileFault.TIME_UNIT,
             column=name,
             option="--time-unit",
@@ -212,10 +201,7 @@ def _find_time_unit(name: str, columns: Columns, since: Signal, period_s: float 
     is_day = size > 1e4 and 0.0 < step < 1e-4
     if (is_whole or is_day or step > _LONGEST_PERIOD_S) and step > 0.0:
         raise DataFileError(
-            f"the unit of the time column '{name}', whose values differ by {step:.6g} from row to row, "
-            "is unknown: give it "
-            f"with --time-unit, one of {UNITS}"
-            + (f"; if it is not a time, use --time {NO_COLUMN} with --period" if period_s else ""),
+            messages.no_unit_of_time_column(name=name, step=step, known=UNITS, period_s=period_s),
             FileFault.TIME_UNIT,
             column=name,
             option="--time-unit",
@@ -242,24 +228,17 @@ def require_forward(time: TimeColumn, first_row: int) -> None:
     if not steps.size or float(np.min(steps)) >= 0.0:
         return
     if float(np.max(steps)) <= 0.0:
-        raise RecordError(
-            quantity="largest time step",
-            value=float(np.max(steps)),
-            minimum=0.0,
-            maximum=None,
-            unit="s",
-            remedy="the rows are in reverse order: reverse them",
-        )
+        raise RecordError(messages.rows_in_reverse_order(largest_step_s=float(np.max(steps))))
     at = int(np.argmax(steps < 0.0))
-    row = first_row + at + 1
     raise RecordError(
-        quantity=f"time step after row {row} (at {time.seconds[at]:.6g} s)",
-        value=float(steps[at]),
-        minimum=0.0,
-        maximum=None,
-        unit="s",
-        remedy=f"the time must not decrease{_cause(float(steps[at]), SECONDS.get(time.unit, 1.0))}; "
-        f"use the rows before it (--skip {first_row} --take {at + 1}) or after it (--skip {row})",
+        messages.time_decreases_after_row(
+            row=first_row + at + 1,
+            time_s=float(time.seconds[at]),
+            step_s=float(steps[at]),
+            cause=_cause(float(steps[at]), SECONDS.get(time.unit, 1.0)),
+            skipped=first_row,
+            rows=at + 1,
+        )
     )
 
 
@@ -283,35 +262,22 @@ def even(t: Signal, values: Signal, period_s: float, *, held: bool) -> Signal:
     steps = np.diff(t)
     if not float(np.min(steps)) >= 0.0:
         at = int(np.argmin(steps))
-        raise RecordError(
-            quantity=f"time step after sample {at}",
-            value=float(steps[at]),
-            minimum=0.0,
-            maximum=None,
-            unit="s",
-            remedy="the time must not decrease",
-        )
+        raise RecordError(messages.time_decreases(sample=at, step_s=float(steps[at])))
     if float(np.max(steps)) > MAX_BRIDGED * period_s:
         at = int(np.argmax(steps))
         raise RecordError(
-            quantity=f"gap after sample {at}",
-            value=float(np.max(steps)),
-            minimum=None,
-            maximum=MAX_BRIDGED * period_s,
-            unit="s",
-            remedy=f"use the part before the gap (--range {t[0]:.6g}:{t[at]:.6g}) or after it"
-            f" (--range {t[at + 1]:.6g}:)",
+            messages.gap_too_long(
+                sample=at,
+                gap_s=float(np.max(steps)),
+                maximum_s=MAX_BRIDGED * period_s,
+                start_s=float(t[0]),
+                before_s=float(t[at]),
+                after_s=float(t[at + 1]),
+            )
         )
     count = (t[-1] - t[0]) / period_s
     if count > MAX_SAMPLES:
-        raise RecordError(
-            quantity="number of samples after resampling",
-            value=float(count),
-            minimum=None,
-            maximum=MAX_SAMPLES,
-            unit="1",
-            remedy="give a longer sample time or a --range",
-        )
+        raise RecordError(messages.too_many_resampled(count=float(count), maximum=MAX_SAMPLES))
     instants = t[0] + period_s * np.arange(int((t[-1] - t[0]) / period_s * (1.0 + 1e-12)) + 1)
     if not held:
         return np.asarray(np.interp(instants, t, values))
@@ -338,14 +304,12 @@ def decode_text(content: bytes, name: str) -> str:
     try:
         text = content.decode(encoding)
     except UnicodeDecodeError:
-        raise DataFileError(f"{name} is not text in UTF-8: save it as CSV in UTF-8", FileFault.ENCODING) from None
+        raise DataFileError(messages.not_utf_8(file=name), FileFault.ENCODING) from None
     found = _CONTROL.search(text)
     if found is not None:
         line = text.count("\n", 0, found.start()) + 1
         raise DataFileError(
-            f"{name} is not a table of text: line {line} holds the control character U+{ord(found[0]):04X}",
-            FileFault.ENCODING,
-            line=line,
+            messages.control_character(file=name, line=line, character=found[0]), FileFault.ENCODING, line=line
         )
     return text
 
@@ -361,25 +325,21 @@ def read_parquet(stream: BinaryIO) -> Columns:
     try:
         table = pyarrow.parquet.ParquetFile(stream).read()  # unlike read_table it accepts duplicate column names
     except (pyarrow.ArrowException, OSError, ValueError):
-        raise DataFileError("the file is damaged or not a Parquet file", FileFault.UNREADABLE) from None
+        raise DataFileError(messages.not_parquet(), FileFault.UNREADABLE) from None
     if table.num_rows > MAX_SAMPLES:
-        raise DataFileError(
-            f"the file holds {table.num_rows} rows, at most {MAX_SAMPLES} are read: cut it", FileFault.TOO_LONG
-        )
+        raise DataFileError(messages.too_many_rows(rows=table.num_rows, maximum=MAX_SAMPLES), FileFault.TOO_LONG)
     columns = Columns()
     columns.layout |= {"format": "Parquet file", "rows": table.num_rows}
     for index, (written, values) in enumerate(zip(table.column_names, table.columns, strict=True)):
         name = written if written.isprintable() else ascii(written)[1:-1]
         if name in columns or name in columns.reasons:
             columns.texts.pop(name, None)
-            columns.leave_out(name, f"two columns are called '{name}'", FileFault.AMBIGUOUS_COLUMN)
+            columns.leave_out(name, messages.two_columns_of_parquet(name=name), FileFault.AMBIGUOUS_COLUMN)
         else:
             try:
                 _take(columns, name, values)
             except pyarrow.ArrowException:
-                columns.leave_out(
-                    name, f"column '{name}' holds values of type {values.type}, which Sinew does not read"
-                )
+                columns.leave_out(name, messages.unreadable_values(name=name, kind=str(values.type)))
             unit = (table.schema.field(index).metadata or {}).get(b"unit", b"").decode(errors="replace")
             columns.units.setdefault(name, unit)
     return columns
@@ -402,7 +362,7 @@ def _take(columns: Columns, name: str, values: "pyarrow.ChunkedArray") -> None:
         columns.texts[name] = [
             "" if value is None else str(value) for value in values.cast(pyarrow.timestamp("ns")).to_numpy()
         ]
-        columns.leave_out(name, f"column '{name}' holds dates, not numbers", FileFault.NOT_A_NUMBER)
+        columns.leave_out(name, messages.dates_not_numbers(name=name), FileFault.NOT_A_NUMBER)
     elif pyarrow.types.is_duration(kind):
         columns[name] = (
             np.asarray(values.cast(pyarrow.duration("ns")).cast(pyarrow.int64()).to_numpy(), dtype=np.float64) * 1e-9
@@ -413,7 +373,7 @@ def _take(columns: Columns, name: str, values: "pyarrow.ChunkedArray") -> None:
         columns[name] = np.asarray(of_day.to_numpy(), dtype=np.float64) * 1e-9
         columns.units[name] = "s"
     else:
-        columns.leave_out(name, f"column '{name}' holds values of type {kind}, which are not numbers")
+        columns.leave_out(name, messages.values_not_numbers(name=name, kind=str(kind)))
 
 
 @dataclass(frozen=True)
@@ -512,7 +472,7 @@ def import_record(
     signals = {name: columns.column(name) for name in roles.values()}
     if time.column in signals:
         raise DataFileError(
-            f"--time {time.column}: this column is already used as a signal: name another column",
+            messages.time_is_a_signal(name=time.column),
             FileFault.OPTION,
             column=time.column,
             option="--time",
@@ -522,26 +482,11 @@ def import_record(
     found = find_time_column(columns, signals, asked=time.column, unit=time.unit, period_s=period_s)
     _require_one_length(signals, found)
     if found is None and time.unit is not None:
-        raise DataFileError(
-            "--time-unit needs a time column: name it with --time COLUMN",
-            FileFault.NO_TIME,
-            option="--time",
-        )
+        raise DataFileError(messages.time_unit_without_time(), FileFault.NO_TIME, option="--time")
     if found is None and (period_s is None or selection.resample):
-        raise DataFileError(
-            "the file has no time column (t, time, timestamp, ...): name it with --time COLUMN, or give "
-            "the sample time with --period",
-            FileFault.NO_TIME,
-            option="--time",
-        )
+        raise DataFileError(messages.no_time_column(), FileFault.NO_TIME, option="--time")
     if found is None and columns.holes:
-        raise DataFileError(
-            f"{columns.holes} lines between rows are empty or commented out: they may be missing "
-            "samples, which cannot be detected without a time column. Delete those lines, or name the "
-            "time column with --time COLUMN",
-            FileFault.ROWS,
-            option="--time",
-        )
+        raise DataFileError(messages.lines_may_be_missing(lines=columns.holes), FileFault.ROWS, option="--time")
     rows = np.arange(columns[u].size)
     at = np.asarray(rows * (period_s or 0.0), dtype=np.float64) if found is None else found.seconds
     part = _part(found, at, selection)
@@ -595,12 +540,7 @@ def _require_one_length(signals: dict[str, Signal], found: TimeColumn | None) ->
     for name, size in others:
         if size != expected:
             raise RecordError(
-                quantity=f"length of {name}",
-                value=size,
-                minimum=expected,
-                maximum=expected,
-                unit="samples",
-                remedy=f"give columns of equal length; {first} has {expected}",
+                messages.columns_of_file_of_unequal_length(name=name, length=size, other=first, expected=expected)
             )
 
 
@@ -614,20 +554,12 @@ def _part(found: TimeColumn | None, at: Signal, selection: Selection) -> slice:
     if selection.has_range:
         rows = rows[(at[rows] >= selection.start_s) & (at[rows] <= selection.end_s)]
     if not rows.size:
-        raise DataFileError(
-            f"the selection contains no row: the file holds {at.size} rows from 0 to "
-            f"{at[-1] if at.size else 0.0:.6g} s",
-            FileFault.ROWS,
-        )
+        end_s = float(at[-1]) if at.size else 0.0
+        raise DataFileError(messages.no_row_selected(rows=at.size, end_s=end_s), FileFault.ROWS)
     part = slice(int(rows[0]), int(rows[-1]) + 1)
     if part.stop - part.start != rows.size:
         apart = int(rows[np.argmax(np.diff(rows) > 1)]) + 1
-        raise DataFileError(
-            "--range selects rows that are not contiguous, because the time decreases after row"
-            f" {apart}: choose rows with --skip and --take",
-            FileFault.ROWS,
-            option="--take",
-        )
+        raise DataFileError(messages.rows_not_contiguous(row=apart), FileFault.ROWS, option="--take")
     if found is not None:
         require_forward(replace(found, seconds=found.seconds[part]), part.start)
     return part
@@ -639,8 +571,7 @@ def _require_finite(signals: dict[str, Signal]) -> None:
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             raise DataFileError(
-                f"{bad.size} samples of '{name}' are not finite (first at index {bad[0]}): cut the record before or"
-                " after them",
+                messages.resampled_not_finite(name=name, count=bad.size, first=int(bad[0])),
                 FileFault.NOT_A_NUMBER,
                 column=name,
             )
@@ -651,11 +582,6 @@ def _require_finite(signals: dict[str, Signal]) -> None:
 
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_VERSION_7_3 = (
-    "the file is of MATLAB version 7.3 (HDF5), which Sinew does not read: load it in MATLAB or Octave "
-    "and save it again with "
-    "save('new.mat', 'u', 'y', '-v7'), with the names of its variables in place of u and y"
-)
 _SAVE = {
     "table": "u = {0}.u; y = {0}.y; save('new.mat', 'u', 'y', '-v7')",
     "timetable": "t = seconds({0}.Properties.RowTimes - {0}.Properties.RowTimes(1)); u = {0}.u; y = {0}.y;"
@@ -688,7 +614,7 @@ def read_mat(stream: BinaryIO) -> Columns:
     content = stream.read()
     stream.seek(0)
     if content.startswith(_HDF5):
-        raise DataFileError(_VERSION_7_3, FileFault.FORMAT)
+        raise DataFileError(messages.matlab_of_version_7_3(), FileFault.FORMAT)
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             # SciPy warns of objects that it cannot name; unread contents are reported below.
@@ -696,31 +622,25 @@ def read_mat(stream: BinaryIO) -> Columns:
             # The stubs allow file names only; loadmat reads open files as well.
             variables = loadmat(stream, squeeze_me=True)  # type: ignore[arg-type]  # the stubs know paths only
     except NotImplementedError:
-        raise DataFileError(_VERSION_7_3, FileFault.FORMAT) from None
+        raise DataFileError(messages.matlab_of_version_7_3(), FileFault.FORMAT) from None
     except (
         ArithmeticError, AttributeError, AssertionError, EOFError, LookupError, MatReadError, MemoryError, OSError,
         TypeError, UnboundLocalError, ValueError, struct.error, zlib.error,
     ):  # fmt: skip
-        raise DataFileError("the file is damaged or not a MATLAB file", FileFault.UNREADABLE) from None
+        raise DataFileError(messages.not_matlab(), FileFault.UNREADABLE) from None
     objects = dict(_objects(content))
     columns = _collect_columns(variables, objects)
     columns.layout |= {"format": "MATLAB file"}
     if not columns:
-        what = [f"{name} ({kind})" for name, kind in objects.items()]
-        if what:
+        if objects:
+            name, kind = next(iter(objects.items()))
             raise DataFileError(
-                f"the MATLAB file holds objects, {', '.join(what)}, and no numeric vectors: {_remedies(objects)}",
+                messages.only_matlab_objects(objects=objects, command=_save(name, kind)),
                 FileFault.OBJECTS,
-                column=next(iter(objects)),
+                column=name,
             )
-        others = "; it has " + ", ".join(columns.reasons) if columns.reasons else ""
-        raise DataFileError(f"the MATLAB file holds no numeric vectors{others}", FileFault.NO_COLUMN)
+        raise DataFileError(messages.no_vectors_in_matlab(others=list(columns.reasons)), FileFault.NO_COLUMN)
     return columns
-
-
-def _remedies(objects: dict[str, str]) -> str:
-    name, kind = next(iter(objects.items()))
-    return "save the columns as vectors in MATLAB, as in " + _save(name, kind)
 
 
 def _save(name: str, kind: str) -> str:
@@ -742,24 +662,22 @@ def _collect_columns(variables: dict[str, Any], objects: dict[str, str]) -> Colu
         is_alone = short not in paths and shared[short] == 1
         name = path if short == path or not is_alone else short
         if name in columns or name in columns.reasons:
-            columns.leave_out(name, f"two values of the file are called '{name}'", FileFault.AMBIGUOUS_COLUMN)
+            columns.leave_out(name, messages.two_values_in_matlab(name=name), FileFault.AMBIGUOUS_COLUMN)
             continue
         if short != path and not is_alone:
             places.setdefault(short, []).append(path)
-        reason = _reason(values)
-        if reason:
-            columns.leave_out(name, f"'{name}' of the file is {reason}")
+        reason = _reason(name, values)
+        if reason is not None:
+            columns.leave_out(name, reason)
         else:
             columns[name] = np.asarray(values, dtype=np.float64)
             if np.issubdtype(values.dtype, np.integer) and np.any(np.abs(columns[name]) > LARGEST_EXACT):
                 columns.whole[name] = values.astype(np.int64)
     for short, keys in places.items():
         if short not in columns and short not in columns.reasons:
-            columns.leave_out(
-                short, f"'{short}' of the file may be {' or '.join(keys)}: choose one", FileFault.AMBIGUOUS_COLUMN
-            )
+            columns.leave_out(short, messages.several_fields(name=short, paths=keys), FileFault.AMBIGUOUS_COLUMN)
     for name, kind in objects.items():
-        reason = f"'{name}' is a MATLAB object ({kind}): save its columns as vectors, as in {_save(name, kind)}"
+        reason = messages.matlab_object_with_columns(name=name, kind=kind, command=_save(name, kind))
         columns.leave_out(name, reason, FileFault.OBJECTS)
         columns.notes.append(reason)
     return columns
@@ -788,23 +706,26 @@ def _element(value: Any) -> Any:
     return value if isinstance(value, np.ndarray) or _is_object(value) else np.asarray(value)
 
 
-def _reason(values: Any) -> str:
-    """Return why a value is no column, "" if it is one."""
+def _reason(name: str, values: Any) -> Message | None:
+    """Return why a value is no column, None if it is one."""
     if _is_object(values):
-        return "a MATLAB object"
+        return messages.matlab_object(name=name)
     if not isinstance(values, np.ndarray):
-        return "a sparse matrix: save it as full(x)" if hasattr(values, "toarray") else "not a numeric array"
+        is_sparse = hasattr(values, "toarray")
+        return messages.matlab_sparse_matrix(name=name) if is_sparse else messages.matlab_not_numeric(name=name)
     if values.dtype.kind in "US":
-        return "a text"
+        return messages.matlab_text(name=name)
     if values.dtype.kind == "c":
-        return "complex: save the real and imaginary parts as separate vectors"
+        return messages.matlab_complex(name=name)
     if values.dtype.kind not in "biuf":
-        return "a cell array or struct array: save its columns as vectors"
+        return messages.matlab_nested(name=name)
+    if values.ndim == 0:
+        return messages.matlab_scalar(name=name)
     if values.ndim != 1 or not values.size:
-        return "one number, not a column" if values.ndim == 0 else f"an array of {values.ndim} dimensions"
+        return messages.matlab_array(name=name, dimensions=values.ndim)
     if values.size > MAX_SAMPLES:
-        return f"a vector of {values.size} values, of which at most {MAX_SAMPLES} are read: cut it"
-    return ""
+        return messages.matlab_vector_too_long(name=name, length=values.size, maximum=MAX_SAMPLES)
+    return None
 
 
 def _is_object(values: Any) -> bool:

@@ -7,6 +7,7 @@ from typing import cast
 
 import numpy as np
 
+from backend.identification import messages
 from backend.identification.models import (
     DenominatorKind,
     Poles,
@@ -16,7 +17,6 @@ from backend.identification.models import (
     simulate_response,
 )
 from backend.identification.records import NoStartError, Record, RecordError, Signal, UnstableModelError
-from plant import Quantity
 
 # Linearisation -------------------------------------------------------------------------------------
 # Output error and its sensitivities: the evaluation of a structure on a record.
@@ -105,12 +105,10 @@ class FitEvaluation:
         self.parameters = parameters
         dead_time_s = problem.structure.dead_time(parameters)
         if not dead_time_s <= problem.first * problem.record.period_s:
-            raise UnstableModelError(
-                f"a dead time of {Quantity(dead_time_s, 's'):.3g} exceeds the longest dead time that the search covers"
-            )
+            raise UnstableModelError(messages.dead_time_too_long(dead_time_s=dead_time_s))
         self._from_rest = problem.whiten(problem.simulate(parameters, problem.record.u))
         if not np.all(np.isfinite(self._from_rest)):
-            raise UnstableModelError("the simulation exceeds the floating-point range")
+            raise UnstableModelError(messages.simulation_overflows())
         self.error = problem.whiten(problem.record.y) - self._from_rest
         columns = problem.nuisance(parameters)
         self._size = np.linalg.norm(columns, axis=0)
@@ -161,7 +159,7 @@ def least_squares(columns: Signal, right: Signal, rcond: float | None = None) ->
     LinAlgError.
     """
     if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(right))):
-        raise UnstableModelError("the equations exceed the floating-point range")
+        raise UnstableModelError(messages.equations_overflow())
     return np.asarray(np.linalg.lstsq(columns, right, rcond=rcond)[0])
 
 
@@ -229,7 +227,7 @@ def initial_estimates(problem: FitProblem, *further: Signal) -> list[Signal]:
     else:
         ranked = find_starts(problem, *further)
     if not ranked:
-        raise NoStartError(f"no stable model of structure {problem.structure.name} describes the record")
+        raise NoStartError(messages.no_stable_start(structure=problem.structure.name))
     return [parameters for _, parameters in ranked]
 
 
@@ -291,7 +289,7 @@ def dominant_lag(problem: FitProblem) -> float:
     single = FitProblem(problem.record, find_structure("first"), problem.whitening)
     ranked = ranked_starts(single, _equal_lags(single, single.structure, _LAGS))
     if not ranked:
-        raise NoStartError("the output does not respond to the input")
+        raise NoStartError(messages.no_response_to_input())
     return float(ranked[0][1][1])
 
 
@@ -321,7 +319,7 @@ def _fit_gain(problem: FitProblem, candidate: Signal) -> tuple[float, Signal]:
     factor = triangle(columns)
     gain = factor[-2, -1] / factor[-2, -2] if factor[-2, -2] else 0.0
     if gain == 0.0 or not np.isfinite(gain):
-        raise UnstableModelError("the output does not respond to the input")
+        raise UnstableModelError(messages.no_response_to_input())
     return float(abs(factor[-1, -1])), np.concatenate(([gain], candidate[1:]))
 
 

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from backend.identification import messages
 from backend.identification.records import Signal, StructureError, UnstableModelError
-from backend.units import format_percent
+from plant import Message
 
 # Published models ----------------------------------------------------------------------------------
 # Table 1 of the paper: the models that its authors identified on their rig, for comparison.
@@ -202,13 +203,9 @@ def check_stable(poles: Poles, period_s: float) -> None:
     """
     rates = np.abs(poles) * period_s
     if not (np.all(np.isfinite(poles)) and np.all(poles.real < 0.0)):
-        raise UnstableModelError(
-            f"poles {np.array2string(poles, precision=4)} rad/s are not all in the left half-plane"
-        )
+        raise UnstableModelError(messages.poles_not_stable(poles=poles))
     if not (np.all(rates > 1e-9) and np.all(rates < 50.0)):
-        raise UnstableModelError(
-            f"poles {np.array2string(poles, precision=4)} rad/s are outside the range that the sample time can resolve"
-        )
+        raise UnstableModelError(messages.poles_not_resolved(poles=poles))
 
 
 # Structures ----------------------------------------------------------------------------------------
@@ -324,7 +321,7 @@ def find_structure(name: str) -> Structure:
     if free and int(free[1]) <= MAX_ORDER:
         order = int(free[1])
         return Structure(name, DenominatorKind.FREE, order, ("b0", *(f"a{i}" for i in range(1, order + 1))))
-    raise StructureError(f"structure '{name}' does not exist: choose one of {KNOWN}")
+    raise StructureError(messages.unknown_structure(name=name, known=KNOWN))
 
 
 def _roots(ascending: Signal) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
@@ -335,11 +332,11 @@ def _roots(ascending: Signal) -> np.ndarray[tuple[int], np.dtype[np.complex128]]
     order = ascending.size - 1
     scale = abs(ascending[-1]) ** (1.0 / order)
     if not (scale > 0.0 and np.all(np.isfinite(ascending))):
-        raise UnstableModelError("the coefficients are outside the floating-point range")
+        raise UnstableModelError(messages.coefficients_overflow())
     scaled = ascending / scale ** np.arange(order + 1)
     found = np.asarray(np.roots(scaled[::-1]) / scale, dtype=np.complex128)
     if found.size != order or not np.all(np.isfinite(found)):  # a coefficient that underflows loses its root
-        raise UnstableModelError("the coefficients are outside the floating-point range")
+        raise UnstableModelError(messages.coefficients_overflow())
     return found
 
 
@@ -533,13 +530,15 @@ class Hint:
     independent_of_input: bool
 
     @property
-    def sentence(self) -> str:
+    def sentence(self) -> Message:
         """The recommendation with its values."""
-        return (
-            f"{'a dead time' if self.dead_time else 'a higher order'} would help: {self.structure} fits"
-            f" {format_percent(self.fit_percent)} % of the record, while this structure fits"
-            f" {format_percent(self.fit_percent_before)} %"
-            f" (BIC lower by {self.BIC_gain:.3g}, F = {self.F:.3g})"
+        return messages.better_structure(
+            structure=self.structure,
+            dead_time=self.dead_time,
+            fit_percent=self.fit_percent,
+            fit_percent_before=self.fit_percent_before,
+            BIC_gain=self.BIC_gain,
+            F=self.F,
         )
 
 
@@ -559,7 +558,7 @@ class Verdict:
     """A grade and its reasons; ``sentence`` has both in one line."""
 
     grade: Grade
-    reasons: tuple[str, ...]
+    reasons: tuple[Message, ...]
 
     @property
     def sentence(self) -> str:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from backend.identification import messages
 from backend.identification.estimation import ModelComparison
 from backend.identification.friction import (
     SIGNIFICANT_STD,
@@ -45,8 +46,7 @@ from backend.identification.validation import (
     sandwich,
     whiteness,
 )
-from backend.units import format_percent
-from plant import Quantity
+from plant import Message
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
@@ -63,6 +63,7 @@ if TYPE_CHECKING:
 
 LEVEL = 0.01
 MIN_RUNS = 2
+MIN_STEP_SAMPLES = 50
 MIN_MOTION_COUNTS = 200.0
 MAX_LOAD_N = 0.5
 MAX_MISFIT_COUNTS = 10.0
@@ -89,65 +90,27 @@ class VoltageStepRecord:
     tension_N: Signal | None = None
 
     def __post_init__(self) -> None:
-        if self.u.shape != self.theta.shape or self.u.ndim != 1 or self.u.size < 50:
-            raise RecordError(
-                quantity="length of the run",
-                value=self.u.size,
-                minimum=50,
-                maximum=None,
-                unit="samples",
-                remedy="give u and theta of equal length",
-            )
+        if self.u.shape != self.theta.shape or self.u.ndim != 1 or self.u.size < MIN_STEP_SAMPLES:
+            raise RecordError(messages.step_too_short(length=self.u.size, minimum=MIN_STEP_SAMPLES))
         for name, values in (("u", self.u), ("theta", self.theta)):
             bad = int(np.count_nonzero(~np.isfinite(values)))
             if bad:
-                raise RecordError(
-                    quantity=f"number of samples of {name} that are not finite",
-                    value=bad,
-                    minimum=None,
-                    maximum=0,
-                    unit="1",
-                    remedy="repeat the run",
-                )
-        if float(np.max(np.abs(self.u))) >= self.u_max:
-            raise RecordError(
-                quantity="voltage",
-                value=float(np.max(np.abs(self.u))),
-                minimum=None,
-                maximum=self.u_max,
-                unit="V",
-                remedy="the voltage saturates: use a smaller step",
-            )
+                raise RecordError(messages.step_not_finite(name=name, count=bad))
+        largest_V = float(np.max(np.abs(self.u)))
+        if largest_V >= self.u_max:
+            raise RecordError(messages.step_saturates(voltage_V=largest_V, maximum_V=self.u_max))
         after = self.u[self.first :]
         if self.voltage == 0.0 or float(np.ptp(after)) > 1e-3 * abs(self.voltage):
             raise RecordError(
-                quantity="change of voltage after the step",
-                value=float(np.ptp(after)),
-                minimum=None,
-                maximum=1e-3 * abs(self.voltage),
-                unit="V",
-                remedy="hold it",
+                messages.voltage_changes_after_step(change_V=float(np.ptp(after)), maximum_V=1e-3 * abs(self.voltage))
             )
         if self.tension_N is not None and float(np.max(np.abs(self.tension_N))) > MAX_LOAD_N:
             raise RecordError(
-                quantity="tendon force",
-                value=float(np.max(np.abs(self.tension_N))),
-                minimum=None,
-                maximum=MAX_LOAD_N,
-                unit="N",
-                remedy="the tendon loads the motor: step in the direction that slackens the tendon, or "
-                "detach the tendon",
+                messages.motor_is_loaded(force_N=float(np.max(np.abs(self.tension_N))), maximum_N=MAX_LOAD_N)
             )
         counts = float(np.ptp(self.theta)) / self.count_rad
         if counts < MIN_MOTION_COUNTS:
-            raise RecordError(
-                quantity="motion",
-                value=counts,
-                minimum=MIN_MOTION_COUNTS,
-                maximum=None,
-                unit="counts",
-                remedy="use a larger voltage or record for longer",
-            )
+            raise RecordError(messages.motor_hardly_moves(counts=counts, minimum=MIN_MOTION_COUNTS))
 
     @property
     def first(self) -> int:
@@ -200,14 +163,7 @@ def identify_motor(runs: Sequence[VoltageStepRecord]) -> MotorIdentification:
 
     voltages = {abs(run.voltage) for run in runs}
     if len(voltages) < MIN_RUNS:
-        raise RecordError(
-            quantity="number of different voltages",
-            value=len(voltages),
-            minimum=MIN_RUNS,
-            maximum=None,
-            unit="1",
-            remedy="gain and Coulomb friction cannot be separated with one voltage: apply steps of several voltages",
-        )
+        raise RecordError(messages.too_few_voltages(count=len(voltages), minimum=MIN_RUNS))
     rule = tuple(rule_of_63_percent(run) for run in runs)
     gains, lags = np.array([[result.K_m, result.T_m] for result in rule]).T
     start = np.array([np.mean(gains), np.mean(lags), 0.0])
@@ -258,9 +214,7 @@ def _least_squares(runs: Sequence[VoltageStepRecord], start: Signal, *, coulomb:
 
     found = least_squares(residuals, start[:free], x_scale=np.maximum(np.abs(start[:free]), 0.1), method="trf")
     if not found.success or found.x[1] <= 0.0:
-        raise NotConvergedError(
-            "no motor model K_m/(s (T_m s + 1)) fits these runs: check that they are steps from rest"
-        )
+        raise NotConvergedError(messages.no_motor_fits_steps())
     covariance = np.zeros((3, 3))
     sensitivities = -np.asarray(found.jac, dtype=np.float64)
     covariance[:free, :free] = sandwich(sensitivities, sensitivities, found.fun)
@@ -312,14 +266,7 @@ def _without_mean(error: Signal) -> Signal:
 def _check_length(runs: Sequence[VoltageStepRecord], T_m: float) -> None:
     shortest = min((run.u.size - run.first) * run.period_s for run in runs)
     if shortest < _MIN_LENGTH_LAGS * T_m:
-        raise RecordError(
-            quantity="time recorded after the step",
-            value=shortest,
-            minimum=_MIN_LENGTH_LAGS * T_m,
-            maximum=None,
-            unit="s",
-            remedy="record until the speed is steady",
-        )
+        raise RecordError(messages.step_ends_early(duration_s=shortest, minimum_s=_MIN_LENGTH_LAGS * T_m))
 
 
 def judge_motor(K_m: float, T_m: float, spread_percent: float, counts: float, misfit_percent: float) -> Grade:
@@ -344,16 +291,15 @@ def spread_percent(K_m: float, T_m: float, std_K_m: float, std_T_m: float) -> fl
 def _verdict(solution: Signal, std: Signal, coulomb: bool, counts: float, misfit_percent: float) -> Verdict:
     K_m, T_m, u_c = (float(value) for value in solution)
     spread = spread_percent(K_m, T_m, float(std[0]), float(std[1]))
-    known = (
-        f"have standard errors within ±{spread:.2g} %" if np.isfinite(spread) else "have no measured standard errors"
-    )
     reasons = [
-        f"K_m and T_m {known}",
-        f"Coulomb friction accounts for {u_c:.3f} V" if coulomb else "no Coulomb friction found",
-        f"position fitted to within {counts:.1f} counts, {misfit_percent:.2g} % of the rotation",
+        messages.steps_give_std_errors(spread_percent=spread)
+        if np.isfinite(spread)
+        else messages.steps_give_no_std_errors(),
+        messages.steps_give_friction(u_c=u_c) if coulomb else messages.no_friction_found(),
+        messages.position_fitted(counts=counts, misfit_percent=misfit_percent),
     ]
     if K_m <= 0.0:
-        reasons.insert(0, "the motor turns opposite to its voltage (check the wiring)")
+        reasons.insert(0, messages.motor_turns_backwards())
     return Verdict(judge_motor(K_m, T_m, spread, counts, misfit_percent), tuple(reasons))
 
 
@@ -370,12 +316,6 @@ _LAGS = 10
 _FRICTIONS = (0.0, 0.1, 0.3, 0.6)
 _MAX_STEPS = 60
 _STARTS_TRIED = 3
-_NO_MOTOR = "no motor model K_m/(s (T_m s + 1)) fits this record: check that its columns are voltage and angle"
-_NO_FIT = "fit on validation data not measured"
-_RESTS_WORDS = (
-    _NO_FIT + ", because the angle is at rest in the first two thirds or the last third of the record; "
-    "the fit on the whole record is {:.1f} %"
-)
 _RESTS = 0.1
 _MAX_CONDITION = 1e5
 """Condition number beyond which the record does not determine the parameters."""
@@ -474,25 +414,12 @@ def identify_motor_record(record: Record, y_resolution: float | None = None) -> 
 def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
     wrap = find_wrap(record.y, least=1)
     if wrap is not None:
-        raise RecordError(
-            quantity=f"jump of the angle after sample {wrap[0]}",
-            value=abs(float(record.y[wrap[0] + 1] - record.y[wrap[0]])),
-            minimum=None,
-            maximum=0.5 * wrap[1],
-            unit="(unit of y)",
-            remedy="the angle wraps: unwrap it first (numpy.unwrap)",
-        )
+        jump = abs(float(record.y[wrap[0] + 1] - record.y[wrap[0]]))
+        raise RecordError(messages.angle_wraps(sample=wrap[0], jump=jump, maximum=0.5 * wrap[1]))
     resolution = y_resolution or coarse_resolution(record.y)
     counts = float(np.ptp(record.y)) / resolution if resolution else None
     if counts is not None and counts < MIN_COUNTS:
-        raise RecordError(
-            quantity="motion",
-            value=counts,
-            minimum=MIN_COUNTS,
-            maximum=None,
-            unit="counts",
-            remedy="use a larger voltage or record for longer",
-        )
+        raise RecordError(messages.motor_hardly_moves(counts=counts, minimum=MIN_COUNTS))
     both = _has_both_directions(record)
     free = [which for which in _ALL if both or which != _OFFSET]
     starts = _starts(record, offset=False)[: 1 if both else _STARTS_TRIED]
@@ -513,26 +440,28 @@ def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
     is_trusted = is_trusted or 100.0 - fit_all <= NEGLIGIBLE_PERCENT
     spread = _spread(whole, found) if np.isfinite(friction_std) else float("nan")
     K_m, T_m, u_c, t_d, u_0 = (float(value) for value in found.parameters)
-    findings = [
+    grades = [
         # White residuals are noise, with the floor of every structure; others are the motor's.
-        (grade_value(100.0 - used, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT), ""),
-        (
-            judge_motor(K_m, T_m, spread, rms / resolution if resolution else 0.0, 0.0 if is_trusted else 100.0 - used),
-            "",
-        ),
-        *([(Grade.CAUTION, _RESTS_WORDS.format(fit_all))] if rests else []),
+        grade_value(100.0 - used, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT),
+        judge_motor(K_m, T_m, spread, rms / resolution if resolution else 0.0, 0.0 if is_trusted else 100.0 - used),
+    ]
+    findings = [
+        *([(Grade.CAUTION, messages.angle_at_rest(fit_all_percent=fit_all))] if rests else []),
         *_findings(record, friction_std, float(whole.std_errors[3]), T_m, is_friction_significant=is_trusted),
     ]
     reasons = [
-        *(words for grade, words in findings if words and grade is not Grade.USABLE),
-        f"standard errors of K_m and T_m within ±{spread:.2g} %"
+        *(reason for grade, reason in findings if grade is not Grade.USABLE),
+        messages.motor_std_errors_within(spread_percent=spread)
         if np.isfinite(spread)
-        else "standard errors of K_m and T_m not measured",
-        f"Coulomb friction accounts for {Quantity(u_c, 'V'):.3g}" if u_c > 0.0 else "no Coulomb friction found",
-        f"dead time of {1e3 * t_d:.3g} ms" if t_d > 0.0 else "no dead time found",
-        *([f"input offset of {Quantity(u_0, 'V'):.3g} ± {Quantity(found.std_errors[4], 'V'):.2g}"] if u_0 else []),
-        *([] if rests else [f"fit of {format_percent(fit)} % on validation data" if np.isfinite(fit) else _NO_FIT]),
+        else messages.motor_std_errors_not_measured(),
+        messages.friction_found(u_c=u_c) if u_c > 0.0 else messages.no_friction_found(),
+        messages.dead_time_found(t_d=t_d) if t_d > 0.0 else messages.no_dead_time_found(),
     ]
+    if u_0:
+        reasons.append(messages.input_offset_found(u_0=u_0, u_0_std=float(found.std_errors[4])))
+    if not rests:
+        has_fit = bool(np.isfinite(fit))
+        reasons.append(messages.fit_on_validation_data(fit_percent=fit) if has_fit else messages.fit_not_measured())
     errors = dict.fromkeys(_ORDER, 0.0) | {
         which: float(std) for which, std in zip(_ORDER, found.std_errors, strict=True) if which in free
     }
@@ -547,7 +476,7 @@ def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
         spread,
         rms,
         *tests,
-        Verdict(worst_grade(*(grade for grade, _ in findings)), tuple(reasons)),
+        Verdict(worst_grade(*grades, *(grade for grade, _ in findings)), tuple(reasons)),
     )
 
 
@@ -595,19 +524,18 @@ def _input_correlation(record: Record, found: _Fitted) -> CorrelationTest:
 
 def _findings(
     record: Record, friction_std: float, dead_time_std: float, T_m: float, *, is_friction_significant: bool
-) -> Iterator[tuple[Grade, str]]:
+) -> Iterator[tuple[Grade, Message]]:
     """Grade the uncertainty of friction and dead time, relative to voltage and lag."""
     friction, dead_time = 100.0 * friction_std / _size(record.u), 100.0 * dead_time_std / T_m
     for name, share, reference in (("friction", friction, "voltage"), ("dead time", dead_time, "lag")):
         yield (
             grade_value(share, CAUTION_STD_PERCENT, MAX_STD_PERCENT),
-            f"the record determines the {name} only to ±{share:.2g} % of the {reference}"
+            messages.weakly_determined(quantity=name, std_percent=share, reference=reference)
             if np.isfinite(share)
-            else f"the {name} cannot be separated from gain and time constant in this record: drive the "
-            "motor with several voltages",
+            else messages.not_separable(quantity=name),
         )
     if not is_friction_significant:
-        yield Grade.CAUTION, "the residuals are not white: this model does not describe all dynamics of the motor"
+        yield Grade.CAUTION, messages.motor_residuals_not_white()
 
 
 def _model(record: Record, z: Signal) -> Signal:
@@ -653,18 +581,18 @@ def _fit(record: Record, free: list[int], starts: list[Signal], first: int | Non
         try:
             return least_squares(residuals, start[free], jac=differences(residuals), x_scale=scale, max_nfev=_MAX_STEPS)
         except ValueError:  # a simulation that overflows
-            raise NotConvergedError(_NO_MOTOR) from None
+            raise NotConvergedError(messages.no_motor_fits_record()) from None
 
     best = min((descend(start) for start in starts), key=lambda one: float(one.cost))
     sensitivities = -np.asarray(best.jac, dtype=np.float64)
     moves = np.linalg.norm(sensitivities, axis=0) > 0.0
     if not (np.all(np.isfinite(best.x)) and moves[_GAIN] and moves[_LAG]):
-        raise NotConvergedError(_NO_MOTOR)
+        raise NotConvergedError(messages.no_motor_fits_record())
     solution = full(best.x)
     covariance = np.full((len(_ALL), len(_ALL)), np.nan)
     known, moving_ones = np.array(free)[moves], sensitivities[:, moves]
     if not np.all(np.isfinite(moving_ones)):
-        raise NotConvergedError(_NO_MOTOR)
+        raise NotConvergedError(messages.no_motor_fits_record())
     if float(np.linalg.cond(moving_ones / np.linalg.norm(moving_ones, axis=0))) < _MAX_CONDITION:
         covariance[np.ix_(known, known)] = sandwich(moving_ones, moving_ones, best.fun)
     unit = np.array([1.0, np.exp(solution[_LAG]), 1.0, record.period_s, 1.0])

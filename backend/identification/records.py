@@ -7,11 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plant import (
-    ErrorCode,
-    Quantity,
-    SinewError,
-)
+from backend.identification import messages
+from plant import ErrorCode, SinewError
 
 # Errors --------------------------------------------------------------------------------------------
 # Errors of an identification. Each message names the problem and the remedy.
@@ -24,29 +21,7 @@ class IdentificationError(SinewError, ValueError):
 
 
 class RecordError(IdentificationError):
-    """An unsuitable record: quantity, value, bound, unit, and remedy.
-
-    ``minimum`` or ``maximum`` is None for no bound.
-    """
-
-    def __init__(
-        self,
-        quantity: str,
-        value: float,
-        minimum: float | None,
-        maximum: float | None,
-        unit: str,
-        remedy: str,
-    ) -> None:
-        bounds = [f"at least {Quantity(minimum, unit)}"] if minimum is not None else []
-        bounds += [f"at most {Quantity(maximum, unit)}"] if maximum is not None else []
-        super().__init__(f"{quantity} is {Quantity(value, unit)}, must be {' and '.join(bounds)}: {remedy}")
-        self.quantity = quantity
-        self.value = value
-        self.minimum = minimum
-        self.maximum = maximum
-        self.unit = unit
-        self.remedy = remedy
+    """An unsuitable record; the message has quantity, value, bound, unit and remedy."""
 
 
 class FileFault(StrEnum):
@@ -128,6 +103,7 @@ class UnstableModelError(IdentificationError):
 Signal = NDArray[np.float64]
 
 MIN_SAMPLES = 200
+MIN_PERIOD_S, MAX_PERIOD_S = 1e-7, 1e3
 MAX_SATURATED_PERCENT = 2.0
 MOVES = 0.1
 """Fraction of its peak-to-peak by which an input must change to count as moving."""
@@ -183,14 +159,10 @@ class Record:
             values = getattr(self, name)
             if values is not None and values.size != self.u.size:
                 raise RecordError(
-                    quantity=f"length of {name}",
-                    value=values.size,
-                    minimum=self.u.size,
-                    maximum=self.u.size,
-                    unit="samples",
-                    remedy="give columns of equal length",
+                    messages.columns_of_unequal_length(name=name, length=values.size, expected=self.u.size)
                 )
-        _require("length of the record", self.u.size, MIN_SAMPLES, "samples", "record for longer")
+        if self.u.size < MIN_SAMPLES:
+            raise RecordError(messages.record_too_short(length=self.u.size, minimum=MIN_SAMPLES))
         for name in ("u", "y"):
             _check_moves(name, getattr(self, name))
         _check_saturation(self.u, self.y)
@@ -335,58 +307,28 @@ def find_wrap(values: Signal, least: int = 2) -> tuple[int, float] | None:
 def _signal(name: str, values: ArrayLike) -> Signal:
     array = np.ascontiguousarray(values, dtype=np.float64)
     if array.ndim != 1:
-        raise RecordError(
-            quantity=f"number of dimensions of {name}",
-            value=array.ndim,
-            minimum=1,
-            maximum=1,
-            unit="1",
-            remedy="give one column per signal",
-        )
+        raise RecordError(messages.signal_is_not_one_column(name=name, dimensions=array.ndim))
     bad = int(array.size - np.count_nonzero(np.isfinite(array)))
     if bad:
         first = int(np.argmin(np.isfinite(array)))
-        raise RecordError(
-            quantity=f"number of samples of {name} that are not finite (first at index {first})",
-            value=bad,
-            minimum=None,
-            maximum=0,
-            unit="1",
-            remedy="cut the record before or after them",
-        )
+        raise RecordError(messages.samples_not_finite(name=name, count=bad, first=first))
     array.setflags(write=False)
     return array
 
 
-def _require(quantity: str, value: float, minimum: float, unit: str, remedy: str) -> None:
-    if not value >= minimum:
-        raise RecordError(quantity=quantity, value=value, minimum=minimum, maximum=None, unit=unit, remedy=remedy)
-
-
 def check_period(period_s: float) -> None:
     """Raise RecordError for an invalid sample time [s]."""
-    if not (np.isfinite(period_s) and 1e-7 <= period_s <= 1e3):
+    if not (np.isfinite(period_s) and MIN_PERIOD_S <= period_s <= MAX_PERIOD_S):
         raise RecordError(
-            quantity="sample time",
-            value=period_s,
-            minimum=1e-7,
-            maximum=1e3,
-            unit="s",
-            remedy="give the sample time in seconds",
+            messages.sample_time_out_of_bounds(period_s=period_s, minimum_s=MIN_PERIOD_S, maximum_s=MAX_PERIOD_S)
         )
 
 
 def mean_period(t: Signal) -> float:
     """Return the mean sample time [s] of a time column (n,). Raises RecordError."""
     if t.size < 2 or not t[-1] > t[0]:
-        raise RecordError(
-            quantity="length of the time column",
-            value=float(t[-1] - t[0]) if t.size > 1 else 0.0,
-            minimum=1e-7,
-            maximum=None,
-            unit="s",
-            remedy="the time column does not increase: give the sample time with --period and set --time none",
-        )
+        duration_s = float(t[-1] - t[0]) if t.size > 1 else 0.0
+        raise RecordError(messages.time_does_not_increase(duration_s=duration_s, minimum_s=MIN_PERIOD_S))
     return float((t[-1] - t[0]) / (t.size - 1))
 
 
@@ -401,50 +343,39 @@ def check_time(t: Signal, period_s: float) -> None:
     if not float(np.min(steps)) > 0.0:
         at = int(np.argmin(steps))
         raise RecordError(
-            quantity=f"time step after sample {at}",
-            value=float(steps[at]),
-            minimum=MIN_STEP * period_s,
-            maximum=MAX_STEP * period_s,
-            unit="s",
-            remedy="the time column must increase from row to row; if its resolution is too coarse, use "
-            "--time none with --period",
+            messages.time_step_not_positive(
+                sample=at, step_s=float(steps[at]), minimum_s=MIN_STEP * period_s, maximum_s=MAX_STEP * period_s
+            )
         )
     largest = float(np.max(steps))
     typical = float(np.median(steps))
     if largest > MAX_STEP * max(period_s, typical):
         at = int(np.argmax(steps))
         raise RecordError(
-            quantity=f"gap after sample {at}",
-            value=largest,
-            minimum=None,
-            maximum=MAX_STEP * period_s,
-            unit="s",
-            remedy=f"samples are missing: use the part before the gap (--range {t[0]:.6g}:{t[at]:.6g}) or after it"
-            f" (--range {t[at + 1]:.6g}:), or use --resample if the gap is short",
+            messages.samples_missing(
+                sample=at,
+                gap_s=largest,
+                maximum_s=MAX_STEP * period_s,
+                start_s=float(t[0]),
+                before_s=float(t[at]),
+                after_s=float(t[at + 1]),
+            )
         )
     mean = mean_period(t)
     if abs(mean / period_s - 1.0) > MAX_PERIOD_ERROR:
         raise RecordError(
-            quantity="sample time of the time column",
-            value=mean,
-            minimum=(1.0 - MAX_PERIOD_ERROR) * period_s,
-            maximum=(1.0 + MAX_PERIOD_ERROR) * period_s,
-            unit="s",
-            remedy="give the sample time of the record, or use --resample",
+            messages.sample_time_differs(
+                sample_time_s=mean,
+                minimum_s=(1.0 - MAX_PERIOD_ERROR) * period_s,
+                maximum_s=(1.0 + MAX_PERIOD_ERROR) * period_s,
+            )
         )
 
 
 def _check_moves(name: str, values: Signal) -> None:
     spread = float(np.ptp(values))
     if spread <= 1e-12 * max(1.0, float(np.max(np.abs(values)))):
-        raise RecordError(
-            quantity=f"peak-to-peak of {name}",
-            value=spread,
-            minimum=1e-12,
-            maximum=None,
-            unit=f"(unit of {name})",
-            remedy="a constant signal allows no identification: excite the input and record again",
-        )
+        raise RecordError(messages.signal_is_constant(name=name, peak_to_peak=spread, minimum=1e-12))
 
 
 def _check_saturation(u: Signal, y: Signal) -> None:
@@ -454,10 +385,7 @@ def _check_saturation(u: Signal, y: Signal) -> None:
     moves = rest is not None and rest.moving_percent > MAX_SATURATED_PERCENT
     if rest is not None and moves and rest.abrupt and rest.limit != 0.0:
         raise RecordError(
-            quantity=f"time with y at its limit of {rest.limit:.6g} while u moves",
-            value=rest.moving_percent,
-            minimum=None,
-            maximum=MAX_SATURATED_PERCENT,
-            unit="%",
-            remedy="the output is saturated: excite with a smaller amplitude",
+            messages.output_is_saturated(
+                limit=rest.limit, moving_percent=rest.moving_percent, maximum_percent=MAX_SATURATED_PERCENT
+            )
         )

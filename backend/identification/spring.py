@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from backend.identification import messages
 from backend.identification.records import DataFileError, FileFault, RecordError, Signal
 from backend.identification.tables import Columns, DecimalMark, read_csv
-from plant import Quantity
+from plant import Message
 
 ORDERS = (2, 3, 5)
 MIN_POINTS_PER_ORDER = 2
@@ -47,7 +48,7 @@ class SpringIdentification:
 
     fits: tuple[SpringFit, ...]
     recommended: int
-    reason: str
+    reason: Message
 
     @property
     def best(self) -> SpringFit:
@@ -80,8 +81,7 @@ def read_load_sweep(
     for name, units in (("x", ("m", "mm")), ("F", ("N",))):
         if columns.units[name] not in units:
             raise DataFileError(
-                f"the unit of '{name}' is '{columns.units[name]}': the table needs the columns 'x [m]' or 'x [mm]', and"
-                " 'F [N]', with units in the heading",
+                messages.unit_of_load_sweep(name=name, unit=columns.units[name]),
                 FileFault.NO_COLUMN,
                 column=name,
             )
@@ -90,44 +90,16 @@ def read_load_sweep(
 
 def _check_points(x: Signal, F: Signal, order: int) -> None:
     if x.shape != F.shape or x.ndim != 1:
-        raise RecordError(
-            quantity="number of forces",
-            value=F.size,
-            minimum=x.size,
-            maximum=x.size,
-            unit="1",
-            remedy="give one force per elongation",
-        )
+        raise RecordError(messages.forces_unlike_elongations(forces=F.size, elongations=x.size))
     bad = int(np.count_nonzero(~(np.isfinite(x) & np.isfinite(F))))
     if bad:
-        raise RecordError(
-            quantity="number of non-finite points",
-            value=bad,
-            minimum=None,
-            maximum=0,
-            unit="1",
-            remedy="remove these points",
-        )
+        raise RecordError(messages.points_not_finite(count=bad))
     needed = MIN_POINTS_PER_ORDER * (order + 1)
     if np.unique(x).size < needed:
-        raise RecordError(
-            quantity="number of different elongations",
-            value=np.unique(x).size,
-            minimum=needed,
-            maximum=None,
-            unit="1",
-            remedy="measure more points",
-        )
+        raise RecordError(messages.too_few_elongations(count=np.unique(x).size, minimum=needed))
     lowest = -NOISE_SHARE * float(np.max(F))
     if float(np.min(F)) < lowest:
-        raise RecordError(
-            quantity="smallest force",
-            value=float(np.min(F)),
-            minimum=lowest,
-            maximum=None,
-            unit="N",
-            remedy="a tendon cannot push: check the force sensor",
-        )
+        raise RecordError(messages.tendon_pushes(force_N=float(np.min(F)), minimum_N=lowest))
 
 
 def _fit(x: Signal, F: Signal, order: int) -> SpringFit:
@@ -164,7 +136,7 @@ def _powers(offset: float, scale: float, power: int, order: int) -> Signal:
     return np.pad(coefficients, (0, order + 1 - coefficients.size))
 
 
-def _recommend(fits: tuple[SpringFit, ...]) -> tuple[int, str]:
+def _recommend(fits: tuple[SpringFit, ...]) -> tuple[int, Message]:
     """Return the lowest order, unless a higher one predicts much better and rises.
 
     By cross-validation.
@@ -173,11 +145,9 @@ def _recommend(fits: tuple[SpringFit, ...]) -> tuple[int, str]:
     for fit in fits[1:]:
         if fit.rising and fit.cross_validation_N < (1.0 - MIN_IMPROVEMENT) * chosen.cross_validation_N:
             chosen = fit
-    errors = ", ".join(f"{Quantity(fit.cross_validation_N, 'N'):.3g} (order {fit.order})" for fit in fits)
+    errors_N = {fit.order: fit.cross_validation_N for fit in fits}
     if chosen is fits[0]:
-        return chosen.order, (
-            f"order {chosen.order}: higher orders do not reduce the cross-validation error by "
-            f"{100 * MIN_IMPROVEMENT:.0f} %"
-            f" ({errors}), and order 2 keeps the decoupler analytic"
+        return chosen.order, messages.lowest_order_suffices(
+            order=chosen.order, improvement_percent=100 * MIN_IMPROVEMENT, errors_N=errors_N
         )
-    return chosen.order, f"order {chosen.order}: its cross-validation error is clearly smaller, {errors}"
+    return chosen.order, messages.higher_order_is_better(order=chosen.order, errors_N=errors_N)

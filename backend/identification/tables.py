@@ -3,7 +3,7 @@
 import csv
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.identification import messages
 from backend.identification.records import DataFileError, FileFault, Signal
 
 # Dates ---------------------------------------------------------------------------------------------
@@ -76,9 +77,7 @@ def read_dates(name: str, texts: Sequence[str], order: str | None = None) -> Dat
     if len(zones) == 2:
         row = next(at for at, match in enumerate(matches) if match["zone"] is None)
         raise DataFileError(
-            f"some dates of the time column '{name}' have an offset from UTC and some have none, for "
-            f"example '{cells[row]}':"
-            " write all dates in one time zone",
+            messages.dates_with_and_without_zone(name=name, date=cells[row]),
             FileFault.DATES,
             column=name,
         )
@@ -96,12 +95,7 @@ def read_dates(name: str, texts: Sequence[str], order: str | None = None) -> Dat
 
 
 def _no_date(name: str, cell: str, row: int) -> DataFileError:
-    return DataFileError(
-        f"the time column '{name}' holds '{cell}' in row {row + 1}: write numbers, or dates in one format such as"
-        " 2026-03-04T10:20:30.125",
-        FileFault.DATES,
-        column=name,
-    )
+    return DataFileError(messages.not_a_date(name=name, cell=cell, row=row + 1), FileFault.DATES, column=name)
 
 
 def _make_day_reader(
@@ -119,8 +113,7 @@ def _make_day_reader(
     is_month_first = any(int(other) > 12 for _, other, _ in days)
     if order is None and not (is_day_first or is_month_first) and len(days) > 1:
         raise DataFileError(
-            f"in '{matches[0].string}' of the time column '{name}' day and month cannot be "
-            f"distinguished: choose which comes first with --time-unit {DAY_FIRST} or {MONTH_FIRST}",
+            messages.ambiguous_date(name=name, date=matches[0].string),
             FileFault.DATES,
             column=name,
             option="--time-unit",
@@ -294,9 +287,14 @@ def detect_decimal_mark(
         places = [(marks[mark], scanned[marks[mark] or 0].only[mark]) for mark in DecimalMark]
         (one, row), (other, other_row) = ((column or 0, row) for column, row in places)
         raise DataFileError(
-            f"column '{names[one]}' has a decimal point, as '{columns[one][row]}' in line {lines[row]}, and column"
-            f" '{names[other]}' a decimal comma, as '{columns[other][other_row]}' in line {lines[other_row]}:"
-            " use one decimal mark throughout, or select the columns to read with --decimal point or --decimal comma",
+            messages.two_decimal_marks(
+                point=names[one],
+                point_cell=columns[one][row],
+                point_line=lines[row],
+                comma=names[other],
+                comma_cell=columns[other][other_row],
+                comma_line=lines[other_row],
+            ),
             FileFault.MIXED_DECIMALS,
             column=names[other],
             line=lines[other_row],
@@ -347,10 +345,9 @@ def _make_ambiguity_error(
 ) -> None:
     row = scanned[at].doubtful or 0
     cell = columns[at][row]
-    values = " or ".join(f"{number(cell, mark):.10g} with a decimal {mark}" for mark in DecimalMark)
+    values = {mark.value: number(cell, mark) for mark in DecimalMark}
     raise DataFileError(
-        f"column '{names[at]}' holds '{cell}' in line {lines[row]}, which is {values}: choose with "
-        "--decimal point or --decimal comma",
+        messages.ambiguous_decimal_mark(name=names[at], cell=cell, line=lines[row], values=values),
         FileFault.AMBIGUOUS_DECIMALS,
         column=names[at],
         line=lines[row],
@@ -416,9 +413,7 @@ class Columns(dict[str, Signal]):
         if name not in self:
             heading = self.layout.get("heading_line")
             raise DataFileError(
-                f"there is no column '{name}'; the file has {', '.join(self) or 'no column of numbers'}"
-                + (f" (names in line {heading}; --header LINE takes the names from another line)" if heading else "")
-                + "".join(f"; {note}" for note in self.notes),
+                messages.column_missing(name=name, known=list(self), heading_line=heading, notes=list(self.notes)),
                 FileFault.NO_COLUMN,
                 column=name,
                 option="--header" if heading else None,
@@ -444,10 +439,6 @@ def read_csv(text: str, *, header: int | None = None, decimal: DecimalMark | Non
     table = _Table(text)
     heading, first = table.read_heading(header) if header is not None else table.find_heading()
     return table.columns(heading, first, decimal)
-
-
-def _no_heading() -> DataFileError:
-    return DataFileError("the file holds no heading line with rows of numbers below it", FileFault.NO_HEADING)
 
 
 @dataclass(frozen=True)
@@ -546,7 +537,7 @@ class _Table:
     def find_heading(self) -> tuple[_Heading, int]:
         """Find the heading and the index of the first row. Raises DataFileError."""
         if not self.lines:
-            raise _no_heading()
+            raise DataFileError(messages.no_heading(), FileFault.NO_HEADING)
         first = next((at for at, (_, line) in enumerate(self.lines) if self.numeric and self._has_numbers(line)), 1)
         start = first
         while start > 0 and self._has_words(self.lines[start - 1][1]):
@@ -559,9 +550,8 @@ class _Table:
             line, words = above[-1]
             return _Heading(line, self._names(words), units), first
         if above:
-            options = " or ".join(f"--header {line}" for line, _ in above)
             raise DataFileError(
-                f"lines {above[0][0]} to {above[-1][0]} may each be the header row: choose one with {options}",
+                messages.ambiguous_heading(lines=[line for line, _ in above]),
                 FileFault.AMBIGUOUS_HEADING,
                 line=above[-1][0],
                 option="--header",
@@ -573,15 +563,12 @@ class _Table:
         if first > 0:
             line, words = self.lines[first - 1]
             raise DataFileError(
-                f"line {line}, above the first row of numbers, does not name {self.width} columns: "
-                f"'{words[:60]}'. Give the header row with --header LINE",
+                messages.no_names_above_numbers(line=line, columns=self.width, text=words[:60]),
                 FileFault.AMBIGUOUS_HEADING,
                 line=line,
                 option="--header",
             )
-        raise DataFileError(
-            "the first line holds numbers: insert a line with the column names above it", FileFault.NO_HEADING
-        )
+        raise DataFileError(messages.first_line_holds_numbers(), FileFault.NO_HEADING)
 
     def read_heading(self, line: int) -> tuple[_Heading, int]:
         """Return the heading of a line, comment or not, and the index of the first row.
@@ -591,7 +578,7 @@ class _Table:
         words = dict((*self.comments, *self.lines)).get(line)
         if words is None:
             raise DataFileError(
-                f"line {line} is empty or beyond the end of the file: --header takes the line that names the columns",
+                messages.heading_is_empty(line=line),
                 FileFault.NO_HEADING,
                 line=line,
                 option="--header",
@@ -612,11 +599,9 @@ class _Table:
         while rows and not any(self.cells(rows[-1][1])):
             rows, empty = rows[:-1], empty + 1
         if not rows:
-            raise _no_heading()
+            raise DataFileError(messages.no_heading(), FileFault.NO_HEADING)
         if len(rows) > MAX_SAMPLES:
-            raise DataFileError(
-                f"the file holds {len(rows)} rows, at most {MAX_SAMPLES} are read: cut it", FileFault.TOO_LONG
-            )
+            raise DataFileError(messages.too_many_rows(rows=len(rows), maximum=MAX_SAMPLES), FileFault.TOO_LONG)
         fast = self._plain(rows, decimal)
         if fast is not None and fast[0].shape[1] == len(heading.names):
             values, mark = fast
@@ -637,8 +622,9 @@ class _Table:
         for line, cells in table:
             if len(cells) != width:
                 raise DataFileError(
-                    f"line {line} has {len(cells)} columns, the heading (line {heading.line}) has {width};"
-                    " --header LINE takes another line as the heading",
+                    messages.row_of_other_width(
+                        line=line, columns=len(cells), heading_line=heading.line, expected=width
+                    ),
                     FileFault.ROW_WIDTH,
                     line=line,
                     option="--header",
@@ -647,8 +633,12 @@ class _Table:
         found = detect_decimal_mark(cells_of, heading.names, lines, decimal, is_point_usual=self.separator != ";")
         values = [_values(cells, found.mark) for cells in cells_of]
         misfits = {
-            at: f"column '{_split_cell(heading.names[at])[0]}' holds '{cells_of[at][row]}' in line {lines[row]}, whose"
-            f" decimal mark differs from that of the table, a {found.mark}"
+            at: messages.other_decimal_mark(
+                name=_split_cell(heading.names[at])[0],
+                cell=cells_of[at][row],
+                line=lines[row],
+                mark=found.mark.value,
+            )
             for at, row in (found.misfits or {}).items()
         }
         columns = _make_columns(heading, values, lines, misfits)
@@ -765,7 +755,7 @@ def _store_integers(columns: Columns, name: str, cells: list[str]) -> None:
 
 
 def _make_columns(
-    heading: _Heading, values: Sequence[Signal | list[str]], lines: list[int], misfits: dict[int, str]
+    heading: _Heading, values: Sequence[Signal | list[str]], lines: list[int], misfits: Mapping[int, str]
 ) -> Columns:
     columns = Columns()
     for index, (cell, column) in enumerate(zip(heading.names, values, strict=True)):
@@ -775,20 +765,18 @@ def _make_columns(
                 columns.notes.append(f"column {index + 1} has no name and is not read")
             continue
         if name in columns or name in columns.reasons:
-            reason = f"two columns are called '{name}': give one of them another name"
-            columns.leave_out(name, reason, FileFault.AMBIGUOUS_COLUMN)
+            columns.leave_out(name, messages.two_columns_of_table(name=name), FileFault.AMBIGUOUS_COLUMN)
             columns.texts.pop(name, None)
         elif index in misfits:
             columns.leave_out(name, misfits[index], FileFault.MIXED_DECIMALS)
         elif isinstance(column, list):
             wrong = next((at for at, one in enumerate(column) if not (is_number(one) or is_missing(one))), 0)
             columns.texts[name] = column
-            repeated = column[wrong] in heading.names
-            columns.leave_out(
-                name,
-                f"column '{name}' holds '{column[wrong]}' in line {lines[wrong]}, which is not a number"
-                + (": the heading is repeated there; split the file" if repeated else ""),
-            )
+            text, line = column[wrong], lines[wrong]
+            if text in heading.names:
+                columns.leave_out(name, messages.heading_repeated(name=name, cell=text, line=line))
+            else:
+                columns.leave_out(name, messages.not_a_number(name=name, cell=text, line=line))
         else:
             columns[name] = column
             columns.units[name] = unit or (heading.units[index] if index < len(heading.units) else "")

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.identification import messages
 from backend.identification.excitation import correlation
 from backend.identification.initialization import least_squares
 from backend.identification.models import (
@@ -20,7 +21,7 @@ from backend.identification.models import (
     worst_grade,
 )
 from backend.identification.records import MAX_SATURATED_PERCENT, RestAtLimit, Signal, UnstableModelError
-from backend.units import format_percent
+from plant import Message
 
 # Noise ---------------------------------------------------------------------------------------------
 # Autoregressive noise model: the polynomial D that whitens residuals, y = G u + e / D.
@@ -347,7 +348,7 @@ def _compute_relative_errors(found: FirstOrder | DryFriction) -> list[float]:
     return [100.0 * K_std / abs(found.K), 100.0 * T_std / abs(found.T)]
 
 
-Finding = tuple[Grade, str]
+Finding = tuple[Grade, Message]
 
 
 def judge(evidence: ValidationData) -> Verdict:
@@ -367,15 +368,17 @@ def judge(evidence: ValidationData) -> Verdict:
         if any(found is grade for found, _ in findings):
             ordered = sorted(findings, key=lambda finding: finding[0] is not Grade.UNUSABLE)
             return Verdict(grade, tuple(reason for _, reason in ordered))
-    known = f"standard errors of K and T within ±{evidence.spread:.2g} %"
+    praise = [messages.fit_on_validation_data(fit_percent=evidence.fit)]
     if evidence.spread_with_friction > evidence.spread:
-        known += (
-            f", ±{evidence.spread_with_friction:.2g} % if there is Coulomb friction below the "
-            "detection limit of this record"
+        praise.append(
+            messages.std_errors_within_with_friction(
+                spread_percent=evidence.spread, friction_percent=evidence.spread_with_friction
+            )
         )
-    praise = [f"fit of {format_percent(evidence.fit)} % on validation data", known]
+    else:
+        praise.append(messages.std_errors_within(spread_percent=evidence.spread))
     if evidence.gain_error_percent is not None:
-        praise.append(f"gain {evidence.gain_error_percent:+.1f} % from the geometric gain")
+        praise.append(messages.gain_unlike_geometry(error_percent=evidence.gain_error_percent))
     return Verdict(Grade.USABLE, tuple(praise))
 
 
@@ -389,55 +392,33 @@ def grade_value(value: float, caution: float, most: float) -> Grade:
 def _unsuitable(evidence: ValidationData) -> Iterator[Finding]:
     """Yield the defects of signals that no model can describe."""
     if evidence.wrap is not None:
-        yield (
-            Grade.UNUSABLE,
-            f"the output jumps by {evidence.wrap:.4g} and back, as a wrapped angle does: unwrap it (numpy.unwrap)",
-        )
+        yield Grade.UNUSABLE, messages.output_wraps(jump=evidence.wrap)
     if evidence.lead is not None:
-        yield (
-            Grade.UNUSABLE,
-            f"the output follows the input within the same sample (y = {evidence.lead:.4g} u + offset), "
-            "without a time constant that"
-            f" the sample time of {evidence.period_s:.3g} s could resolve: check that the columns are "
-            "two different signals, or sample faster",
-        )
+        yield Grade.UNUSABLE, messages.output_follows_at_once(gain=evidence.lead, period_s=evidence.period_s)
 
 
 def _signals(evidence: ValidationData) -> Iterator[Finding]:
     """Grade doubtful properties of the signals, independent of the model."""
     if evidence.one_step:
-        yield (
-            Grade.CAUTION,
-            "the input contains only one step, so the record does not show whether the model holds in "
-            "both directions and at other amplitudes",
-        )
+        yield Grade.CAUTION, messages.input_of_one_step()
     if evidence.input_at_limit_percent > MAX_SATURATED_PERCENT:
-        yield (
-            Grade.CAUTION,
-            f"the input is at its limit for {evidence.input_at_limit_percent:.1f} % of the time, where "
-            "the controller does not determine it: give --setpoint instead of --controller",
-        )
+        yield Grade.CAUTION, messages.input_at_limit(time_percent=evidence.input_at_limit_percent)
     if evidence.biased_by_loop:
         yield (
             grade_value(evidence.misfit, 0.0, MAX_STD_PERCENT),
-            "the record comes from a closed loop: the input reacts to the noise of the output, which is "
-            "not white, so K and"
-            f" T may be biased by as much as the share of this noise in the motion, {evidence.misfit:.2g} %, "
-            "regardless of their standard errors: give --setpoint or --controller",
+            messages.noise_fed_back(misfit_percent=evidence.misfit),
         )
     rest = evidence.at_limit
     if rest is not None and evidence.unexplained and not evidence.negligible:
         yield (
             (
                 Grade.UNUSABLE,
-                f"the output stops abruptly at its extreme value {rest.limit:.6g}, where it stays for"
-                f" {rest.share_percent:.1f} % of the time: it is saturated (excite with a smaller amplitude)",
+                messages.output_stops_at_limit(limit=rest.limit, time_percent=rest.share_percent),
             )
             if rest.abrupt
             else (
                 Grade.CAUTION,
-                f"the output rests at its extreme value {rest.limit:.6g} for {rest.moving_percent:.1f} % of the time"
-                " while the input moves: it is saturated or stuck, or there is a dead time",
+                messages.output_rests_at_limit(limit=rest.limit, moving_percent=rest.moving_percent),
             )
         )
 
@@ -445,11 +426,7 @@ def _signals(evidence: ValidationData) -> Iterator[Finding]:
 def _motion(evidence: ValidationData) -> Iterator[Finding]:
     counts = evidence.motion_counts
     if counts is not None and not counts >= MIN_COUNTS:
-        yield (
-            Grade.UNUSABLE,
-            f"too little motion: the output moved by {counts:.1f} counts; {MIN_COUNTS:.0f} are needed"
-            " (use longer chips or a larger amplitude)",
-        )
+        yield Grade.UNUSABLE, messages.too_little_motion(counts=counts, minimum=MIN_COUNTS)
 
 
 def _friction(evidence: ValidationData) -> Iterator[Finding]:
@@ -460,11 +437,16 @@ def _friction(evidence: ValidationData) -> Iterator[Finding]:
     grade = grade_value(max(abs(K_off), abs(T_off)), 0.0, MAX_FRICTION_ERROR_PERCENT)
     yield (
         grade,
-        f"Coulomb friction accounts for {friction.u_c:.3g} of the input: with friction in the model, the "
-        "record gives K = "
-        f"{friction.K:.4g} ± {friction.K_std:.2g} and T = {friction.T:.4g} ± {friction.T_std:.2g} s"
-        f"{f' with a dead time of {friction.t_d:.3g} s' if friction.t_d else ''}, from which"
-        f" this linear model is {K_off:+.1f} % and {T_off:+.1f} % off",
+        messages.friction_in_record(
+            u_c=friction.u_c,
+            K=friction.K,
+            K_std=friction.K_std,
+            T=friction.T,
+            T_std=friction.T_std,
+            t_d=friction.t_d,
+            K_error_percent=K_off,
+            T_error_percent=T_off,
+        ),
     )
 
 
@@ -472,21 +454,16 @@ def _fit(evidence: ValidationData) -> Iterator[Finding]:
     if evidence.unseen_rests:
         yield (
             worst_grade(Grade.CAUTION, grade_value(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)),
-            "fit on validation data not measured, because the output is at rest in the first two thirds "
-            f"or the last third of the record; the fit on the whole record is {format_percent(evidence.fit_all)} %",
+            messages.output_at_rest(fit_all_percent=evidence.fit_all),
         )
         return
     if not np.isfinite(evidence.fit):
-        yield (
-            Grade.UNUSABLE,
-            "fit on validation data not measured, because the first two thirds or the last third of the "
-            "record contain too little motion for a separate model",
-        )
+        yield Grade.UNUSABLE, messages.too_little_motion_for_validation()
         return
     grade = grade_value(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)
     if grade is not Grade.USABLE:
         bound = MIN_FIT_PERCENT if grade is Grade.UNUSABLE else GOOD_FIT_PERCENT
-        yield grade, f"fit of {format_percent(evidence.fit)} % on validation data, where {bound:.0f} % are needed"
+        yield grade, messages.fit_too_low(fit_percent=evidence.fit, minimum_percent=bound)
 
 
 def _gain(evidence: ValidationData) -> Iterator[Finding]:
@@ -495,7 +472,7 @@ def _gain(evidence: ValidationData) -> Iterator[Finding]:
         return
     grade = grade_value(abs(error), CAUTION_GAIN_ERROR_PERCENT, MAX_GAIN_ERROR_PERCENT)
     if grade is not Grade.USABLE:
-        yield grade, f"gain {error:+.1f} % from the geometric gain"
+        yield grade, messages.gain_unlike_geometry(error_percent=error)
 
 
 def _errors(evidence: ValidationData) -> Iterator[Finding]:
@@ -506,18 +483,18 @@ def _errors(evidence: ValidationData) -> Iterator[Finding]:
         spread = 100.0 * std / abs(value)
         grade = grade_value(spread, CAUTION_STD_PERCENT, MAX_STD_PERCENT)
         if grade is not Grade.USABLE:
-            yield grade, _describe_uncertainty(name, spread)
+            if np.isfinite(spread):
+                yield grade, messages.parameter_uncertain(parameter=name, std_percent=spread)
+            else:
+                yield grade, messages.parameter_undetermined(parameter=name)
     for name, value in list(evidence.model.parameters.items())[1:]:
         spread = 100.0 * evidence.std_errors[name] / abs(value)
         grade = grade_value(spread, MAX_STD_PERCENT, MAX_OTHER_STD_PERCENT)
         if grade is not Grade.USABLE and name != "T":
-            yield grade, f"{_describe_uncertainty(name, spread)} (choose a simpler structure)"
-
-
-def _describe_uncertainty(name: str, spread: float) -> str:
-    if not np.isfinite(spread):
-        return f"standard error of {name} not measured: the record does not determine it"
-    return f"{name} has a standard error of ±{spread:.3g} %"
+            if np.isfinite(spread):
+                yield grade, messages.structure_parameter_uncertain(parameter=name, std_percent=spread)
+            else:
+                yield grade, messages.structure_parameter_undetermined(parameter=name)
 
 
 def _residuals(evidence: ValidationData) -> Iterator[Finding]:
@@ -530,20 +507,13 @@ def _residuals(evidence: ValidationData) -> Iterator[Finding]:
         # With known resolution the sensor is known too: larger, coloured residuals are friction, not noise.
         grade = grade_value(misfit, CAUTION_MISFIT_PERCENT, MAX_MISFIT_PERCENT)
         if grade is not Grade.USABLE:
-            yield (
-                grade,
-                f"{misfit:.1f} % of the motion is explained by neither the model nor the sensor "
-                "(friction or missing dynamics), so the model is local: it holds only near this "
-                "amplitude and operating point",
-            )
+            yield grade, messages.motion_unexplained(misfit_percent=misfit)
             return
     if not known_sensor:
-        label = "correlate with the input" if follows else "are not white"
-        yield (
-            Grade.CAUTION,
-            f"the residuals ({misfit:.2g} % of the motion) {label}: the model omits an effect that the "
-            "standard errors do not cover",
-        )
+        if follows:
+            yield Grade.CAUTION, messages.residuals_follow_input(misfit_percent=misfit)
+        else:
+            yield Grade.CAUTION, messages.residuals_not_white(misfit_percent=misfit)
 
 
 # Feedback ------------------------------------------------------------------------------------------

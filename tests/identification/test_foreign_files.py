@@ -10,11 +10,13 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from backend.identification import messages
 from backend.identification.estimation import estimate_model
 from backend.identification.importer import (
     Imported,
     Selection,
     TimeChoice,
+    _save,
     decode_text,
     find_time_column,
     import_record,
@@ -40,6 +42,7 @@ from tests.identification.foreign_files import (
     stamp,
     structure_with_time,
 )
+from tests.refusals import refused
 
 LVM = (
     "LabVIEW Measurement\t",
@@ -273,10 +276,8 @@ def test_rows_that_are_commented_out_are_said() -> None:
 
 def test_rows_in_reverse_order_are_named() -> None:
     text = lines("t,u,y", lambda k: plain(COUNT - 1 - k))
-    with pytest.raises(RecordError) as refused:
+    with refused(RecordError, "rows_in_reverse_order", largest_step_s=pytest.approx(-PERIOD_S)):
         imported(text, {})
-    assert refused.value.quantity == "largest time step"
-    assert refused.value.value == pytest.approx(-PERIOD_S)
 
 
 def test_columns_that_are_not_read_have_a_reason() -> None:
@@ -313,23 +314,28 @@ BACK = {
 def test_rows_that_run_back_are_refused_and_each_part_can_be_taken(kind: str) -> None:
     text, step_s = BACK[kind]
     for resample in (False, True):
-        with pytest.raises(RecordError) as refused:
+        with refused(
+            RecordError,
+            "time_decreases_after_row",
+            row=250,
+            step_s=pytest.approx(step_s, abs=1e-6),
+            skipped=0,
+            rows=250,
+        ):
             imported(text, {"selection": Selection(resample=resample)})
-        assert refused.value.value == pytest.approx(step_s, abs=1e-6)
-        assert refused.value.minimum == 0.0
-    assert "--skip 0 --take 250" in refused.value.remedy
     before = imported(text, {"selection": Selection(take=250)})
     np.testing.assert_array_equal(before.record.y, Y[:250])
     assert (before.reading.rows_used, before.reading.rows_in_file) == (250, COUNT)
-    with pytest.raises(RecordError, match="length of the record is 150"):  # 200 are the least
+    with refused(RecordError, "record_too_short", length=150, minimum=200):
         imported(text, {"selection": Selection(skip=250)})
 
 
 def test_a_range_of_times_that_come_twice_is_refused() -> None:
     text = lines("t,u,y", lambda k: f"{(k % 300) * PERIOD_S:.3f},{U[k]},{Y[k]}")
-    with pytest.raises(DataFileError) as refused:
+    with pytest.raises(DataFileError) as refusal:
         imported(text, {"selection": Selection(start_s=0.0, end_s=0.05)})
-    assert (refused.value.fault, refused.value.option) == (FileFault.ROWS, "--take")
+    assert (refusal.value.fault, refusal.value.option) == (FileFault.ROWS, "--take")
+    assert refusal.value.message.code == "rows_not_contiguous"
 
 
 def twice_in_parquet() -> bytes:
@@ -494,21 +500,23 @@ REFUSED: dict[str, tuple[str | bytes, dict[str, Any], FileFault, str | None]] = 
 @pytest.mark.parametrize("kind", REFUSED)
 def test_what_is_not_clear_is_refused_with_the_option_that_resolves_it(kind: str) -> None:
     content, options, fault, option = REFUSED[kind]
-    with pytest.raises(DataFileError) as refused:
+    with pytest.raises(DataFileError) as refusal:
         imported(content, options)
-    assert (refused.value.fault, refused.value.option) == (fault, option)
-    assert option is None or option in str(refused.value)
+    assert (refusal.value.fault, refusal.value.option) == (fault, option)
+    assert option is None or option in refusal.value.message
 
 
 @pytest.mark.parametrize(("kind", "command"), [("table", "y = T.y"), ("timetable", "T.Properties.RowTimes")])
 def test_objects_of_matlab_are_named_with_the_command_that_saves_them(kind: str, command: str) -> None:
-    with pytest.raises(DataFileError) as refused:
+    assert command in _save("T", kind)
+    with pytest.raises(DataFileError) as refusal:
         imported(objects(T=kind, s="string"), {})
-    assert refused.value.column == "T"
-    assert f"T ({kind})" in str(refused.value)
-    assert command in str(refused.value)
+    assert refusal.value.column == "T"
+    assert refusal.value.message.code == "only_matlab_objects"
+    assert refusal.value.message.values == {"objects": {"T": kind, "s": "string"}, "command": _save("T", kind)}
     beside = mat({"t": T, "u": U})
-    with pytest.raises(DataFileError, match=rf"no column 'y'.*'T' is a MATLAB object \({kind}\)"):
+    note = messages.matlab_object_with_columns(name="T", kind=kind, command=_save("T", kind))
+    with refused(DataFileError, "column_missing", name="y", notes=[note]):
         imported(beside + objects(T=kind)[128:], {})
 
 
@@ -524,23 +532,23 @@ def test_days_and_months_are_told_by_an_option(unit: str, days: int) -> None:
 def test_columns_of_different_length_are_refused(short: str) -> None:
     values = {"t": T, "u": U, "y": Y}
     values[short] = values[short][:300]
-    with pytest.raises(RecordError) as refused:
+    with refused(RecordError, "columns_of_file_of_unequal_length", name=short, length=300, other="u", expected=400):
         imported(mat(values), {})
-    assert {refused.value.value, refused.value.minimum} == {300, 400}
 
 
 def test_a_time_that_is_missing_is_refused() -> None:
     text = lines("t,u,y", lambda k: f"{T[k] if k < 390 else ''},{U[k]},{Y[k]}")
-    with pytest.raises(RecordError) as refused:
+    with refused(RecordError, "rows_without_time", name="t", count=10, first_row=391):
         imported(text, {})
-    assert (refused.value.value, refused.value.maximum) == (10, 0)
 
 
 def test_samples_that_are_missing_are_not_passed_over_by_resampling() -> None:
     text = lines("t,u,y", lambda k: f"{T[k]},{U[k]},{Y[k] if k != 200 else 'nan'}")
-    with pytest.raises(DataFileError) as refused:
+    with pytest.raises(DataFileError) as refusal:
         imported(text, {"selection": Selection(resample=True)})
-    assert refused.value.column == "y"
+    assert refusal.value.column == "y"
+    assert refusal.value.message.code == "resampled_not_finite"
+    assert refusal.value.message.values == {"name": "y", "count": 1, "first": 200}
 
 
 def test_stamps_in_nanoseconds_keep_their_digits() -> None:

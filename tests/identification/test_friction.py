@@ -88,7 +88,9 @@ def test_one_tension_or_two_that_are_near_measure_nothing() -> None:
     for runs in ([], [computed(1, 20.0)], [computed(1, 20.0), computed(2, 24.0)]):
         found = estimate_load_friction(runs, R_M)
         assert found.estimate is None
-        assert "at least 5 N apart" in found.problem
+        assert found.problem.code == "too_few_tensions"
+        assert found.problem.values["tensions_N"] == pytest.approx([run.tension_N for run in runs])
+        assert found.problem.values["minimum_distance_N"] == 5.0
 
 
 def test_a_run_that_cannot_be_used_is_left_out_with_the_reason() -> None:

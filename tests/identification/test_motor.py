@@ -15,6 +15,8 @@ from backend.identification.models import Grade
 from backend.identification.motor import MotorRecord, VoltageStepRecord, identify_motor_record
 from backend.identification.records import Record, RecordError
 from tests.identification.own_motor import K_M, PERIOD_S, T_M, motor, noisy, voltages
+from tests.identification.verdicts import find_reason, list_codes
+from tests.refusals import refused
 
 # Equation 17 from any record of voltage and angle: right within its errors, or it says what is wrong.
 
@@ -58,8 +60,10 @@ def test_gain_lag_friction_and_dead_time_come_back_from_voltage_and_angle(
     assert (found.u_c > 0.0) is (u_c > 0.0)
     assert (found.t_d > 0.0) is (delay_s > 0.0)
     assert found.verdict.grade is Grade.USABLE
-    assert ("Coulomb friction accounts for" in found.verdict.sentence) is (u_c > 0.0)
-    assert (f"dead time of {1e3 * found.t_d:.3g} ms" in found.verdict.sentence) is (delay_s > 0.0)
+    assert ("friction_found" in list_codes(found.verdict)) is (u_c > 0.0)
+    assert ("dead_time_found" in list_codes(found.verdict)) is (delay_s > 0.0)
+    if delay_s > 0.0:
+        assert find_reason(found.verdict, "dead_time_found") == {"t_d": found.t_d}
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -116,10 +120,7 @@ def test_one_voltage_does_not_tell_gain_from_friction(seed: int, u_c: float) -> 
     y = COUNT_RAD * np.round(motor(u, u_c)[1] / COUNT_RAD + noise)
     found = identify_motor_record(Record(PERIOD_S, u, y), COUNT_RAD)
     assert found.verdict.grade is Grade.UNUSABLE
-    assert (
-        "friction cannot be separated from gain and time constant in this record: drive the motor with several voltages"
-        in found.verdict.sentence
-    )
+    assert find_reason(found.verdict, "not_separable") == {"quantity": "friction"}
     assert np.isnan(found.spread_percent)
 
 
@@ -128,7 +129,7 @@ def test_a_weak_voltage_is_right_within_its_errors_and_the_weaker_the_less_is_kn
     u = scale * voltages("binary", 6000)
     found = identify_motor_record(Record(PERIOD_S, u, angles(u, 0.0, 0.05)), COUNT_RAD)
     assert worst_error(found, 0.0, 0.05) < 4.0
-    assert f"fit of {found.fit_percent:.1f} % on validation data" in found.verdict.sentence
+    assert find_reason(found.verdict, "fit_on_validation_data") == {"fit_percent": found.fit_percent}
     assert (found.verdict.grade is Grade.USABLE) is (found.fit_percent >= 80.0 and found.spread_percent <= 3.0)
 
 
@@ -137,12 +138,12 @@ def test_friction_that_is_not_the_same_both_ways_is_told() -> None:
     y = np.cumsum(motor(u, 0.3)[0] * (1.0 + 0.1 * (motor(u, 0.3)[0] > 0.0))) * PERIOD_S
     found = identify_motor_record(Record(PERIOD_S, u, COUNT_RAD * np.round(y / COUNT_RAD)), COUNT_RAD)
     assert found.verdict.grade is not Grade.USABLE
-    assert "the residuals are not white" in found.verdict.sentence
+    assert "motor_residuals_not_white" in list_codes(found.verdict)
 
 
 def test_an_angle_that_hardly_moves_is_refused() -> None:
     u = 0.0002 * voltages("binary")
-    with pytest.raises(RecordError, match=r"motion is .* counts"):
+    with refused(RecordError, "motor_hardly_moves", minimum=20.0):
         identify_motor_record(Record(PERIOD_S, u, angles(u, 0.0)), COUNT_RAD)
 
 
@@ -184,23 +185,28 @@ def test_a_run_says_when_it_steps_and_how_high() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "code", "values"),
     [
-        ({"theta": THETA[:-1]}, "give u and theta of equal length"),
-        ({"u": U[:-1]}, "give u and theta of equal length"),
-        ({"u": U.reshape(2, -1), "theta": THETA.reshape(2, -1)}, "give u and theta of equal length"),
-        ({"u": U[30:79], "theta": THETA[30:79]}, "length of the run is 49 samples, must be at least 50 samples"),
-        ({"u": with_nan(U)}, "number of samples of u that are not finite is 1, must be at most 0"),
-        ({"theta": with_nan(THETA)}, "number of samples of theta that are not finite is 1, must be at most 0"),
-        ({"u_max": 3.0}, "voltage is 3 V, must be at most 3 V: the voltage saturates"),
-        ({"u": 0.0 * U}, "change of voltage after the step is 0 V"),
-        ({"u": U + 0.01 * (np.arange(N) > 300)}, "after the step is 0.01 V, must be at most 0.00301 V"),
-        ({"tension_N": np.full(N, 0.6)}, "tendon force is 0.6 N, must be at most 0.5 N: the tendon loads the motor"),
-        ({"tension_N": np.full(N, -0.6)}, "tendon force is 0.6 N, must be at most 0.5 N: the tendon loads the motor"),
-        ({"theta": 0.05 * THETA}, "must be at least 200 counts: use a larger voltage or record for longer"),
+        ({"theta": THETA[:-1]}, "step_too_short", {"length": 400}),
+        ({"u": U[:-1]}, "step_too_short", {"length": 399}),
+        ({"u": U.reshape(2, -1), "theta": THETA.reshape(2, -1)}, "step_too_short", {"length": 400}),
+        ({"u": U[30:79], "theta": THETA[30:79]}, "step_too_short", {"length": 49, "minimum": 50}),
+        ({"u": with_nan(U)}, "step_not_finite", {"name": "u", "count": 1}),
+        ({"theta": with_nan(THETA)}, "step_not_finite", {"name": "theta", "count": 1}),
+        ({"u_max": 3.0}, "step_saturates", {"voltage_V": 3.0, "maximum_V": 3.0}),
+        ({"u": 0.0 * U}, "voltage_changes_after_step", {"change_V": 0.0}),
+        (
+            {"u": U + 0.01 * (np.arange(N) > 300)},
+            "voltage_changes_after_step",
+            {"change_V": pytest.approx(0.01), "maximum_V": pytest.approx(0.00301)},
+        ),
+        ({"tension_N": np.full(N, 0.6)}, "motor_is_loaded", {"force_N": 0.6, "maximum_N": 0.5}),
+        ({"tension_N": np.full(N, -0.6)}, "motor_is_loaded", {"force_N": 0.6, "maximum_N": 0.5}),
+        ({"theta": 0.05 * THETA}, "motor_hardly_moves", {"minimum": 200.0}),
     ],
 )
-def test_what_is_no_free_step_is_refused(change: dict[str, NDArray[np.float64]], message: str) -> None:
-    with pytest.raises(RecordError) as refusal:
+def test_what_is_no_free_step_is_refused(
+    change: dict[str, NDArray[np.float64]], code: str, values: dict[str, object]
+) -> None:
+    with refused(RecordError, code, **values):
         replace(GOOD, **change)  # type: ignore[arg-type]  # which of the fields it is, the case says
-    assert message in str(refusal.value)
