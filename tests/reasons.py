@@ -1,4 +1,4 @@
-"""Reasons that a refusal contains: by code and values, or by a part of the text of another package."""
+"""Reasons in tests, of refusals, answers and results: by code and values, or by a part of a text without a code."""
 
 import re
 
@@ -31,3 +31,10 @@ class TextWith:
 
     def __repr__(self) -> str:
         return f"TextWith({self.pattern!r})"
+
+
+def assert_reason(reason: str, code: str, /, **values: object) -> None:
+    """Assert that a text is a message with this code, and with these of its values."""
+    assert isinstance(reason, Message), reason
+    assert reason.code == code, reason
+    assert {name: reason.values.get(name) for name in values} == values, reason

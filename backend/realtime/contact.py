@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from backend.control import Bounds, CascadeTuning, MotorLoopState, Setpoint, decoupler
 from backend.errors import check_range
+from backend.realtime import messages
 from backend.realtime.commands import ApplyPush, Event, PushReleased, WallChanged
 from backend.realtime.gains import ActiveGains
 from backend.realtime.modes import CommandRejectedError, Mode
@@ -21,7 +22,6 @@ from backend.realtime.program import (
     MAX_CONTACT_DETECTIONS,
     MAX_WALLS,
     NEIGHBOUR,
-    NO_WALL,
     SIGMAS,
     BiasLost,
     ConfigureContactDetection,
@@ -98,11 +98,9 @@ class Contact:
         check_range("points", len(command.bias), 0, MAX_POINTS, "1", label="number of points of the bias")
         bias = np.array(command.bias, dtype=np.float64).reshape(-1, 2)
         if not np.all(np.isfinite(bias)) or np.any(np.diff(bias[:, 0]) <= 0.0):
-            raise ValueError("the points of the external-force bias must have increasing S: the bias is unchanged")
+            raise ValueError(messages.bias_not_increasing())
         if len(bias) == 0 and self._tunings.gains.disturbance_feedforward.k_ext > 0.0:
-            raise CommandRejectedError(
-                "disturbance rejection uses the bias of the external force: set k_ext to 0 before you clear the bias"
-            )
+            raise CommandRejectedError(messages.bias_in_use())
         if command.contact_N != 0.0:
             check_range(
                 "contact_N",
@@ -131,8 +129,7 @@ class Contact:
         for segment in program.segments:
             if not 0 <= segment.contact_detection <= len(detections):
                 raise CommandRejectedError(
-                    f"a segment refers to contact detection {segment.contact_detection} of the program's "
-                    f"{len(detections)}"
+                    messages.unknown_contact_detection(number=segment.contact_detection, count=len(detections))
                 )
         for detection in detections:
             if detection.contact_N != 0.0:
@@ -145,12 +142,9 @@ class Contact:
                     remedy="0 N disables the contact reaction",
                 )
         if detections and program.law is not Law.CASCADE:
-            raise CommandRejectedError(f"a {program.law} program has no contact reaction: run it with the cascade")
+            raise CommandRejectedError(messages.law_without_contact_reaction(law=program.law))
         if self._threshold_N != math.inf and any(detection.contact_N for detection in detections):
-            raise CommandRejectedError(
-                f"contact reaction is armed at {self._threshold_N:g} N and would end this program at its "
-                "first contact. Disable it first; the program enables its own contact reaction"
-            )
+            raise CommandRejectedError(messages.contact_reaction_armed(threshold_N=self._threshold_N))
 
     def begin(self, program: Program) -> None:
         """Store the contact detections of a program, numbered from 1."""
@@ -203,9 +197,7 @@ class Contact:
     def require_none(self, legal: tuple[Mode, ...]) -> None:
         """Raise CommandRejectedError while the loop reacts to a contact."""
         if self.is_active:
-            raise CommandRejectedError(
-                "the joint is compliant after a contact: choose a mode first, then move the joint", legal
-            )
+            raise CommandRejectedError(messages.compliant_after_contact(), legal)
 
     def begin_reaction(self, tick: int) -> bool:
         """Begin the reaction to a contact and report it; return whether it is new."""
@@ -326,10 +318,7 @@ class ManualDisturbance:
         Raises CommandRejectedError in other modes, OutOfRangeError, and PlantError for a plant that cannot be pushed.
         """
         if command.F_push != 0.0 and mode not in PUSH_MODES:
-            modes = " and ".join(PUSH_MODES)
-            raise CommandRejectedError(
-                f"a push is accepted only while the operator controls the joint, in {modes}; the mode is {mode}"
-            )
+            raise CommandRejectedError(messages.push_not_in_mode(mode=mode, push_modes=PUSH_MODES))
         check_range("F_push", command.F_push, None, None, "N")
         check_range(
             "duration_s",
@@ -380,7 +369,7 @@ class ProgramDisturbances:
         Raises CommandRejectedError during a program with obstacles and on a plant without, PlantError.
         """
         if len(self._obstacles) > 1:
-            raise CommandRejectedError("the program sets its own obstacles: wait for its end or abort it")
+            raise CommandRejectedError(messages.program_sets_obstacles())
         self._set_obstacle(obstacle, 0, tick)
         self._obstacles = (obstacle,)
 
@@ -393,14 +382,12 @@ class ProgramDisturbances:
         obstacles = program.walls
         check_range("walls", len(obstacles), None, MAX_WALLS, "1", label="number of changes of the obstacle")
         if obstacles and program.law in IDENTIFYING:
-            raise CommandRejectedError(f"a {program.law} program does not support an obstacle: remove the obstacle")
+            raise CommandRejectedError(messages.law_without_obstacle(law=program.law))
         if obstacles:
             self._require_obstructed()
         for segment in program.segments:
             if not 0 <= segment.wall <= len(obstacles):
-                raise CommandRejectedError(
-                    f"a segment refers to obstacle {segment.wall} of the program's {len(obstacles)}"
-                )
+                raise CommandRejectedError(messages.unknown_obstacle(number=segment.wall, count=len(obstacles)))
 
     def begin(self, program: Program) -> None:
         """Store a program's obstacles and contact detections, numbered from 1."""
@@ -460,5 +447,5 @@ class ProgramDisturbances:
 
     def _require_obstructed(self) -> Obstructed:
         if not isinstance(self._plant, Obstructed):
-            raise CommandRejectedError(NO_WALL)
+            raise CommandRejectedError(messages.plant_without_obstacles())
         return self._plant

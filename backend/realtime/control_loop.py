@@ -27,6 +27,7 @@ from backend.control import (
 )
 from backend.errors import check_range
 from backend.faults import FAULT_CODE, Fault, Limit
+from backend.realtime import messages
 from backend.realtime.commands import (
     Accepted,
     ApplyPush,
@@ -71,6 +72,7 @@ from plant import (
     HasLimitSwitch,
     InvariantError,
     Measurement,
+    Message,
     MotorCommand,
     Plant,
     PlantError,
@@ -124,7 +126,7 @@ def execute_commissioning(
             _switch_drives(mode_manager, plant, context, on=on)
         case SimulateManualInput(manual_input):
             if not isinstance(plant, SupportsManualInput):
-                raise PlantError("this plant does not support simulated manual input: move the rig by hand")
+                raise PlantError(messages.plant_without_manual_input())
             plant.apply_manual_input(manual_input)
         case _:
             assert_never(command)
@@ -136,7 +138,7 @@ def _switch_drives(mode_manager: ModeManager, plant: Plant, context: TickContext
     If the card does not obey, the loop stays locked.
     """
     if not isinstance(plant, SupportsDriveEnable):
-        raise PlantError("this plant has no drives to switch off")
+        raise PlantError(messages.plant_without_drive_switch())
     if on:
         _require_off(mode_manager, "the drives can be switched on")
     elif mode_manager.mode not in (Mode.OFF, Mode.TRIPPED):
@@ -167,7 +169,7 @@ def set_homed_zero(motion: Motion, mode_manager: ModeManager, plant: Plant, step
 def _start_homing(position: float, mode_manager: ModeManager, plant: Plant, context: TickContext) -> None:
     _require_off_with_drives(mode_manager, "homing can be started")
     if not isinstance(plant, HasLimitSwitch):
-        raise PlantError("this plant has no end switch: homing is not possible")
+        raise PlantError(messages.plant_without_end_switch())
     if plant.unproven:
         raise CommandRejectedError(plant.unproven)
     bounds, m = mode_manager.bounds, context.m
@@ -175,10 +177,7 @@ def _start_homing(position: float, mode_manager: ModeManager, plant: Plant, cont
         "position", abs(position), MIN_SWITCH_TRAVEL_RAD, bounds.q_trip, "rad", label="travel to the end switch"
     )
     if not (m.F_A <= TENSION_MAX_N and m.F_B <= TENSION_MAX_N):
-        raise CommandRejectedError(
-            f"the tendons hold {m.F_A:.1f} N and {m.F_B:.1f} N, at most {TENSION_MAX_N:g} N is safe: "
-            "slacken the tendons"
-        )
+        raise CommandRejectedError(messages.tendons_too_taut(F_A=m.F_A, F_B=m.F_B, maximum_N=TENSION_MAX_N))
     ratio, at_end = mode_manager.turns_per_joint, lambda: plant.at_end
     if not plant.zeroed:
         mode_manager.zeros.set_joint_centre(m.q)  # the operator confirmed this before the start
@@ -191,15 +190,14 @@ def _start_homing(position: float, mode_manager: ModeManager, plant: Plant, cont
     )
 
 
-def _require_off(mode_manager: ModeManager, what: str) -> None:
-    if mode_manager.mode is not Mode.OFF:
-        raise CommandRejectedError(
-            f"{what} only in mode off; the mode is {mode_manager.mode}", LEGAL[mode_manager.mode]
-        )
+def _require_off(mode_manager: ModeManager, action: str) -> None:
+    mode = mode_manager.mode
+    if mode is not Mode.OFF:
+        raise CommandRejectedError(messages.only_in_off(action=action, mode=mode), LEGAL[mode])
 
 
-def _require_off_with_drives(mode_manager: ModeManager, what: str) -> None:
-    _require_off(mode_manager, what)
+def _require_off_with_drives(mode_manager: ModeManager, action: str) -> None:
+    _require_off(mode_manager, action)
     if mode_manager.drives_off:
         raise CommandRejectedError(DRIVES_OFF)
 
@@ -479,14 +477,15 @@ class Loop:
         try:
             self._execute(command)
         except CommandRejectedError as refused:
-            events.append(Refused(sequence, tick, str(refused), refused.legal))
+            events.append(Refused(sequence, tick, refused.message, refused.legal))
         except (ValueError, PlantError) as error:
-            events.append(Refused(sequence, tick, str(error)))
+            events.append(Refused(sequence, tick, _get_reason(error)))
         except AssertionError:  # from assert_never: a service of another version
-            events.append(Refused(sequence, tick, f"unknown command {type(command).__name__}"))
+            events.append(Refused(sequence, tick, messages.unknown_command(command=type(command).__name__)))
         except Exception as error:  # a programming error; the state it left must not produce voltages
             self._trip_on_internal_error(error)
-            events.append(Refused(sequence, tick, f"{type(command).__name__} ended in {_describe_error(error)}"))
+            reason = messages.command_failed(command=type(command).__name__, reason=_describe_error(error))
+            events.append(Refused(sequence, tick, reason))
         else:
             events.append(Accepted(sequence, tick))
 
@@ -530,26 +529,22 @@ class Loop:
             case Heartbeat():
                 pass
             case PlayRecording():
-                raise CommandRejectedError("no recording is replayed: play, pause and position do not apply")
+                raise CommandRejectedError(messages.no_recording_replayed())
             case _:
                 assert_never(command)
 
     def _reset(self) -> None:
         mode_manager = self._mode_manager
         if mode_manager.mode is not Mode.TRIPPED:
-            raise CommandRejectedError(
-                f"there is no fault to reset; the mode is {mode_manager.mode}", LEGAL[mode_manager.mode]
-            )
+            raise CommandRejectedError(messages.no_fault_to_reset(mode=mode_manager.mode), LEGAL[mode_manager.mode])
         if self._has_internal_error:
-            raise CommandRejectedError(
-                "this control loop failed because of an error in its own code: start a new control loop"
-            )
+            raise CommandRejectedError(messages.loop_failed_in_own_code())
         fault, detail = self._fault_describer.find_static_fault(
             mode_manager.zeros.subtract_joint_centre(self._step.m), self._plant.raw
         )
         detail = self._plant_watch.failure or detail
         if fault is not Fault.NONE or self._plant_watch.failure:
-            raise CommandRejectedError(f"the cause of the fault persists: {detail}")
+            raise CommandRejectedError(messages.cause_of_fault_persists(reason=detail))
         mode_manager.reset(TickContext(self._newest_tick, self._step.m))
 
     def tick(self, lateness_s: float = 0.0, overruns: int = 0) -> None:
@@ -725,6 +720,12 @@ class Loop:
             pass
         finally:
             self._plant.close()
+
+
+def _get_reason(error: ValueError | PlantError) -> str:
+    """Return the text of an error, with its code if it is of a catalogue."""
+    (text, *_) = error.args or ("",)
+    return text if isinstance(text, Message) else str(error)
 
 
 def _describe_error(error: Exception) -> str:

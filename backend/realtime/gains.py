@@ -8,6 +8,7 @@ import numpy as np
 
 from backend.control import CascadeTuning, cascade, pid
 from backend.errors import check_range
+from backend.realtime import messages
 from backend.realtime.commands import Event, TuningChanged
 from backend.realtime.modes import CommandRejectedError
 from backend.realtime.motions import BASELINES
@@ -60,14 +61,14 @@ def build_cascade_tuning(command: SetTuning, plant_model: PlantModel) -> cascade
     Raises ValueError for a bank without entries, a gain that is not finite, or an invalid limit.
     """
     if not command.entries:
-        raise ValueError("a bank requires at least one entry: no gain was changed")
+        raise ValueError(messages.no_bank_entries())
     rows = [astuple(entry) for entry in sorted(command.entries, key=lambda entry: entry.S_nominal)]
     table = np.array(rows, dtype=np.float64)
     inner = pid.MotorPairGains(
         *(pid.IPDGains(*map(float, astuple(motor))) for motor in (command.motor_A, command.motor_B))
     )
     if not (np.all(np.isfinite(table)) and np.all(np.isfinite(np.array(inner)))):
-        raise ValueError("a gain is not a finite number: no gain was changed")
+        raise ValueError(messages.gain_not_finite())
     check_range("u_plan", command.u_plan, 0.0, plant_model.bounds.u_max, "V")
     require_share(command.k_ext)
     return combine_tuning(
@@ -84,10 +85,7 @@ def build_cascade_tuning(command: SetTuning, plant_model: PlantModel) -> cascade
 # The active tuning of the loop: the operator's, or one of a program until its end.
 
 
-BIAS_NOT_CALIBRATED = (
-    "disturbance rejection requires a calibrated external-force bias: hold the joint at rest and "
-    "calibrate it first, or set k_ext to 0"
-)
+BIAS_NOT_CALIBRATED = messages.bias_not_calibrated()
 
 
 class GainsInUse(NamedTuple):
@@ -114,7 +112,7 @@ class ActiveGains:
     def replace(self, gains: CascadeTuning, lambdas: TuningParameters) -> None:
         """Apply an operator's tuning. Raises CommandRejectedError if a program sets it."""
         if self._program_gains:
-            raise CommandRejectedError("the program changes the tuning: wait for its end or abort it")
+            raise CommandRejectedError(messages.program_sets_tuning())
         self._require_bias(gains)
         self._apply(GainsInUse(gains, lambdas))
 
@@ -172,14 +170,10 @@ def build_program_tunings(program: Program, plant_model: PlantModel) -> tuple[Ga
     """
     check_range("tunings", len(program.tunings), None, MAX_TUNINGS, "1", label="number of changes of the tuning")
     if program.tunings and (program.law in BASELINES or program.law in IDENTIFYING):
-        raise CommandRejectedError(
-            f"gains are fixed while a {program.law} program runs: remove the tuning changes from the program"
-        )
+        raise CommandRejectedError(messages.law_with_fixed_gains(law=program.law))
     for segment in program.segments:
         if not 0 <= segment.tuning <= len(program.tunings):
-            raise CommandRejectedError(
-                f"a segment refers to tuning {segment.tuning} of the program's {len(program.tunings)}"
-            )
+            raise CommandRejectedError(messages.unknown_tuning(number=segment.tuning, count=len(program.tunings)))
     return tuple(
         GainsInUse(build_cascade_tuning(command, plant_model), TuningParameters(command.lam_q, command.lam_S))
         for command in program.tunings

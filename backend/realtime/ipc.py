@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal, Union, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, create_model
 
+from backend.realtime import messages
 from backend.realtime.channel import MAX_BYTES
 from backend.realtime.commands import Command, Event, RunProgram
 from backend.realtime.modes import CommandRejectedError
@@ -134,7 +135,9 @@ def encode(message: ToLoop | FromLoop, sequence: int = 0) -> bytes:
     packet = _ENVELOPES[type(message)].model_construct(sequence=sequence, body=message).model_dump_json().encode()
     if len(packet) > MAX_BYTES:
         raise ChannelError(
-            f"{type(message).__name__} takes {len(packet)} bytes, at most {MAX_BYTES} can be sent: shorten it",
+            messages.packet_too_long(
+                message_type=type(message).__name__, size_bytes=len(packet), maximum_bytes=MAX_BYTES
+            ),
             sequence,
         )
     return packet
@@ -172,8 +175,10 @@ def _decode(adapter: TypeAdapter[Any], packet: bytes) -> tuple[int, Any]:
     except ValidationError as error:
         # Without the sequence number the sender would wait for a reply in vain.
         number = re.search(rb'"sequence":\s*(\d{1,15})\b', packet)
-        problems = (f"{'.'.join(map(str, detail['loc']))}: {detail['msg']}" for detail in error.errors())
-        raise ChannelError("; ".join(problems), int(number.group(1)) if number else 0) from None
+        problems = "; ".join(f"{'.'.join(map(str, detail['loc']))}: {detail['msg']}" for detail in error.errors())
+        raise ChannelError(
+            messages.packet_not_valid(problems=problems), int(number.group(1)) if number else 0
+        ) from None
     return envelope.sequence, envelope.body
 
 
@@ -206,12 +211,12 @@ class ProgramParts:
         self.add(sequence, ProgramPart())
         segments, tunings = tuple(self._segments), tuple(self._tunings)
         self._segments, self._tunings = [], []
-        for arrived, expected, what in (
+        for arrived, expected, parts in (
             (len(segments), rest.segments, "segments"),
             (len(tunings), rest.tunings, "tunings"),
         ):
             if arrived != expected:
                 raise CommandRejectedError(
-                    f"{arrived} of the program's {expected} {what} arrived: send the program again"
+                    messages.program_parts_missing(parts=parts, arrived=arrived, expected=expected)
                 )
         return replace(rest.command, program=replace(rest.command.program, segments=segments, tunings=tunings))

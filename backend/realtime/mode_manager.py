@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from backend.control import NO_REFERENCE, PRETENSION_N, CascadeTuning, MotorLoopState, Setpoint, pid
 from backend.faults import Fault
+from backend.realtime import messages
 from backend.realtime.commands import (
     Event,
     ModeChanged,
@@ -199,9 +200,7 @@ class ModeManager:
         mode = command.mode
         self._require_legal(mode)
         if isinstance(self.motion, CommissioningMotion) and mode is not Mode.STOPPING:
-            raise CommandRejectedError(
-                "a commissioning motion is in progress: wait for its end or stop it", LEGAL[self.mode]
-            )
+            raise CommandRejectedError(messages.commissioning_motion_in_progress(), LEGAL[self.mode])
         if mode is Mode.PRETENSION:
             if self.unready:
                 raise CommandRejectedError(self.unready)
@@ -217,7 +216,7 @@ class ModeManager:
             )
             self._enter(context, mode, motion, Cause.ASKED_FOR, command.run)
         else:
-            raise CommandRejectedError(f"{mode} requires a program", LEGAL[self.mode])
+            raise CommandRejectedError(messages.mode_requires_program(mode=mode), LEGAL[self.mode])
 
     def run_program(self, command: RunProgram, context: TickContext) -> None:
         """Start a program.
@@ -228,8 +227,7 @@ class ModeManager:
         self._require_legal(mode)
         self._require_taut(mode)
         if not may_start_from(program.law, self.mode):
-            reason = f"a {program.law} program starts only from mode pretension, where the joint is moved to 0 first"
-            raise CommandRejectedError(reason, LEGAL[self.mode])
+            raise CommandRejectedError(messages.law_requires_pretension(law=program.law), LEGAL[self.mode])
         tunings, program_gains = self.tunings, self.tunings.build_for_program(program, self._plant_model)
         motion = self._programs.make_motion(
             program, self._get_motor_loops(context.m), context.m, tunings.gains, tunings.lambdas
@@ -249,7 +247,7 @@ class ModeManager:
     def start_module_trial(self, context: TickContext) -> None:
         """Provoke the safety module's trip at pretension. Raises CommandRejectedError."""
         if not self.is_pretension_done or self.motion is None:
-            raise CommandRejectedError("the safety module can be tested only while both tendons hold the pretension")
+            raise CommandRejectedError(messages.safety_module_requires_pretension())
         self.motion = ModuleTrial(self.motion.get_motor_loops(), NO_REFERENCE, context.m)
 
     def set_tuning(self, tuning: CascadeTuning, lambdas: TuningParameters) -> None:
@@ -258,9 +256,7 @@ class ModeManager:
         Raises CommandRejectedError during a baseline law.
         """
         if isinstance(self.motion, Baseline):
-            raise CommandRejectedError(
-                "the gains of a baseline law are fixed while its program runs: wait for its end or stop it"
-            )
+            raise CommandRejectedError(messages.baseline_gains_fixed())
         self.tunings.replace(tuning, lambdas)
 
     def set_references(self, command: SetReferences) -> None:
@@ -270,9 +266,7 @@ class ModeManager:
         """
         self.contact.require_none(LEGAL[self.mode])
         if self.mode not in (Mode.RUN, Mode.COMPLIANCE) or not isinstance(self.motion, Tracking):
-            raise CommandRejectedError(
-                f"the operator can set references only in modes run and compliance; the mode is {self.mode}"
-            )
+            raise CommandRejectedError(messages.references_not_in_mode(mode=self.mode))
         self._programs.require_references(command.q_ref, command.S_ref)
         self.motion.set_setpoint(Setpoint(float(command.q_ref), float(command.S_ref), 0.0))
 
@@ -373,13 +367,14 @@ class ModeManager:
     def _require_legal(self, mode: Mode) -> None:
         legal = LEGAL[self.mode]
         if mode not in legal:
-            names = ", ".join(legal) or "none: wait for the end of the stop, then reset the fault if there is one"
-            raise CommandRejectedError(f"{self.mode} cannot change to {mode}; legal now: {names}", legal)
+            raise CommandRejectedError(
+                messages.mode_change_not_legal(current=self.mode, wanted=mode, legal=legal), legal
+            )
 
     def _require_taut(self, mode: Mode) -> None:
         if self.mode is Mode.PRETENSION and not self.is_pretension_done:
             raise CommandRejectedError(
-                f"{mode} is possible only after both tendons hold {PRETENSION_N:g} N", LEGAL[self.mode]
+                messages.mode_requires_taut_tendons(mode=mode, tension_N=PRETENSION_N), LEGAL[self.mode]
             )
 
     def _get_motor_loops(self, m: Measurement) -> MotorLoopState:

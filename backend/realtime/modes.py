@@ -3,6 +3,7 @@
 from enum import StrEnum
 
 from backend.faults import Fault
+from backend.realtime import messages
 from plant import ErrorCode, SinewError
 
 # Mode change causes --------------------------------------------------------------------------------
@@ -78,10 +79,7 @@ mode. STOPPING ends in OFF. The transitions from PRETENSION to motion are permit
 pretension (before that the command is answered by ``Refused``)."""
 
 
-DRIVES_OFF = (
-    "the drives are switched off, because people may be working at the rig: keep clear of the rig, then "
-    "switch the drives on in the bring-up"
-)
+DRIVES_OFF = messages.drives_switched_off()
 """Reason why no motion starts while people may be working at the rig."""
 
 

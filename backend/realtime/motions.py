@@ -27,6 +27,7 @@ from backend.control import (
     tracking,
 )
 from backend.errors import check_range
+from backend.realtime import messages
 from backend.realtime.modes import Cause, CommandRejectedError, ModeCause
 from backend.realtime.program import Excitation, Law, Program, Segment, Shape, require_few, require_plant_ability
 from backend.tuning import TuningParameters, make_feedback_linearization_tuning, make_single_loop_tuning
@@ -356,7 +357,7 @@ class ProgramMotions:
         """Return the motion of a program. Raises CommandRejectedError or OutOfRangeError."""
         if program.law is Law.FORCE_HOLD:
             if program.excitation is None:
-                raise ValueError("a force-hold program requires an excitation")
+                raise ValueError(messages.no_excitation())
             # Motor B stays at zero: the rotation of motor A stretches both springs.
             theta_A = sum(self.compute_motor_angles(program.tension_N))
             return ForceHold(motor_loops, make_tension_hold_state(program, program.excitation, motor_loops, theta_A))
@@ -419,7 +420,7 @@ class ProgramMotions:
 
     def _make_motor_steps(self, program: Program, motor_loops: MotorLoopState) -> MotorSteps:
         if not program.steps:
-            raise CommandRejectedError("a program of voltage steps requires at least one step")
+            raise CommandRejectedError(messages.no_voltage_steps())
         # winding over the whole range of the joint
         theta_max = self._geometry.r_j / self._geometry.r_m * self._bounds.q_trip
         for step in program.steps:
@@ -437,7 +438,7 @@ class ProgramMotions:
 
     def _make_tension_sweep(self, program: Program, motor_loops: MotorLoopState) -> TensionSweep:
         if not program.legs:
-            raise CommandRejectedError("a tension sweep requires at least one leg")
+            raise CommandRejectedError(messages.no_tension_legs())
         tensions = (program.tension_N, *(leg.tension_N for leg in program.legs))
         for tension_N in tensions:
             check_range("tension_N", tension_N, self._bounds.F_slack, self._bounds.F_max, "N")

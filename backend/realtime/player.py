@@ -10,6 +10,7 @@ import time
 import numpy as np
 
 from backend.faults import Fault
+from backend.realtime import messages
 from backend.realtime.commands import (
     SPEED_MAX,
     SPEED_MIN,
@@ -29,11 +30,7 @@ from backend.realtime.ring_buffer import SampleRing
 from backend.sample import FIELDS, INDEX
 from plant import RecordedSamples, T_s
 
-UNREADY = "the service replays a recording: no actuator moves, and no mode can start"
-REFUSED = (
-    "the service replays a recording: no actuator moves, and only the commands play, pause, speed "
-    "and position are accepted"
-)
+UNREADY = messages.replay_without_modes()
 
 PRESENT = frozenset({"tick", "t", "mode", "run", "fault", "bank_entry", "lateness_s", "overruns"})
 """Columns of the replaying loop, not of the recording."""
@@ -80,7 +77,7 @@ class PlayerLoop:
             case Shutdown():
                 self.finished, refused = True, ""
             case _:
-                refused = REFUSED
+                refused = messages.not_a_replay_command()
         tick = self._tick
         self._events.append(Refused(sequence, tick, refused) if refused else Accepted(sequence, tick))
 
@@ -113,9 +110,9 @@ class PlayerLoop:
         """Execute a command; return the reason of a rejection, "" if it is accepted."""
         last = self._samples - 1
         if order.sample is not None and not 0 <= order.sample <= last:
-            return f"sample {order.sample} is outside the recording: choose a sample from 0 to {last}"
+            return messages.sample_outside_recording(sample=order.sample, last=last)
         if order.speed is not None and not SPEED_MIN <= order.speed <= SPEED_MAX:
-            return f"a speed of {order.speed:g} is outside {SPEED_MIN:g} to {SPEED_MAX:g}"
+            return messages.speed_out_of_range(speed=order.speed, minimum=SPEED_MIN, maximum=SPEED_MAX)
         sample = self._sample if order.sample is None else float(order.sample)
         if order.playing and order.sample is None and sample >= last:
             sample = 0.0  # from the start, as it was at its end

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from backend.control import NO_REFERENCE
 from backend.faults import Fault
+from backend.realtime import messages
 from backend.realtime.channel import Channel, ChannelClosedError
 from backend.realtime.commands import (
     Command,
@@ -133,7 +134,7 @@ def _send_command(loop: Loop, command: Command) -> None:
     loop.handle(0, command)
     for event in loop.drain_events():
         if isinstance(event, Refused):
-            raise WarmUpError(f"{type(command).__name__} rejected in the rehearsal on the simulator: {event.reason}")
+            raise WarmUpError(messages.rehearsed_command_rejected(command=type(command).__name__, reason=event.reason))
 
 
 def _run_pretension(loop: Loop) -> None:
@@ -141,7 +142,7 @@ def _run_pretension(loop: Loop) -> None:
         if loop.is_pretension_done:
             return
         loop.tick()
-    raise WarmUpError(f"pretension was not reached within {_PRETENSION_TICKS} ticks; the mode is {loop.mode}")
+    raise WarmUpError(messages.rehearsal_without_pretension(ticks=_PRETENSION_TICKS, mode=loop.mode))
 
 
 def _run_while(loop: Loop, mode: Mode) -> None:
@@ -245,20 +246,20 @@ class Worker:
         try:
             sequence, message = decode_to_loop(packet)
         except ChannelError as error:
-            self.queue_message(Refused(error.sequence, self._tick, str(error)))
+            self.queue_message(Refused(error.sequence, self._tick, error.message))
             return
         match message:
             case Heartbeat():
                 pass
             case Setup():
-                self.queue_message(Refused(sequence, self._tick, "the control loop is set up only once, at its start"))
+                self.queue_message(Refused(sequence, self._tick, messages.set_up_already()))
             case ProgramPart():
                 self._parts.add(sequence, message)
             case LongProgram():
                 try:
                     self._loop.handle(sequence, self._parts.whole(sequence, message))
                 except CommandRejectedError as refused:
-                    self.queue_message(Refused(sequence, self._tick, str(refused)))
+                    self.queue_message(Refused(sequence, self._tick, refused.message))
             case command:
                 self._loop.handle(sequence, command)
                 # The proof test of the watchdog may have run, at zero volts, which takes time.
@@ -277,10 +278,10 @@ def _receive_setup(channel: Channel) -> Setup:
     select.select([channel], [], [])
     packet = channel.receive()
     if packet is None:
-        raise ChannelError("woken without a message")
+        raise ChannelError(messages.woken_without_message())
     _, message = decode_to_loop(packet)
     if not isinstance(message, Setup):
-        raise ChannelError(f"the first message must be Setup, not {type(message).__name__}")
+        raise ChannelError(messages.first_message_not_setup(message_type=type(message).__name__))
     return message
 
 

@@ -7,6 +7,7 @@ from enum import StrEnum
 
 from backend.control import STEP_BRAKING_S, ZERO_VOLTS_S
 from backend.errors import check_range
+from backend.realtime import messages
 from backend.realtime.modes import LEGAL, CommandRejectedError, Mode
 from plant import Obstacle
 
@@ -229,7 +230,7 @@ def require_few(segments: Collection[Segment]) -> None:
     )
 
 
-NO_WALL = "this plant does not support obstacles: simulate the program as a dry run"
+NO_WALL = messages.plant_without_obstacles()
 
 
 def require_plant_ability(segment: Segment, *, pushes: bool, loads_shafts: bool) -> None:
@@ -239,12 +240,10 @@ def require_plant_ability(segment: Segment, *, pushes: bool, loads_shafts: bool)
     """
     check_range("F_push", segment.F_push, None, None, "N")
     if segment.F_push and not pushes:
-        raise CommandRejectedError(
-            "this plant cannot push the joint: push by hand, or simulate the program as a dry run"
-        )
+        raise CommandRejectedError(messages.plant_without_push())
     for load in filter(None, (segment.load_A, segment.load_B)):
         if not loads_shafts:
-            raise CommandRejectedError("this plant cannot load its motors' shafts: simulate the program as a dry run")
+            raise CommandRejectedError(messages.plant_without_shaft_load())
         check_range(
             "load", load, minimum=0.0, maximum=None, unit="N·m", remedy="a load pulls in the direction of the tendon"
         )

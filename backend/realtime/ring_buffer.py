@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.realtime import messages
 from backend.sample import FIELDS
 from plant import InvariantError, SinewError
 
@@ -72,12 +73,9 @@ class Ring:
         """
         header = np.frombuffer(os.pread(fd, _HEADER_WORDS * _WORD, 0), np.int64)
         if header.size < _HEADER_WORDS or header[_MAGIC] != _MAGIC_VALUE:
-            raise RingError(f"file descriptor {fd} holds no ring buffer")
+            raise RingError(messages.not_a_ring_buffer(fd=fd))
         if header[_WIDTH] != WIDTH or os.fstat(fd).st_size != _size(int(header[_CAPACITY])):
-            raise RingError(
-                f"the ring buffer has rows of {header[_WIDTH]} values, this version's samples have {WIDTH}: "
-                "both processes must run the same version"
-            )
+            raise RingError(messages.ring_buffer_of_other_version(width=int(header[_WIDTH]), expected=WIDTH))
         return cls(fd)
 
     @property

@@ -12,7 +12,7 @@ from functools import partial
 from typing import Protocol, TypeVar
 
 from backend.faults import Fault
-from backend.realtime import heartbeat
+from backend.realtime import heartbeat, messages
 from backend.realtime.channel import Channel, ChannelClosedError
 from backend.realtime.commands import (
     Accepted,
@@ -254,7 +254,7 @@ class Supervisor:
         self._answers = PendingReplies()
         self._liveness = LivenessMonitor()
         self._listeners: list[EventListener] = []
-        self._reason = "it has not been started"
+        self._reason: str = messages.loop_never_started()
         self._ending = False
         self._lock = asyncio.Lock()
 
@@ -309,13 +309,13 @@ class Supervisor:
 
     async def _start(self) -> RealTimeStatus:
         if self._process is not None:
-            raise LoopExitedError("the control loop has already been started: stop it first")
+            raise LoopExitedError(messages.loop_already_started())
         self.card.expire()  # the previous loop on the same card may have been killed a moment ago
         if self._prepared is None or (launched := self._prepared.take()) is None:
             launched = await launch_loop(self.setup.parameters)
         self.ring, self.card = launched.ring, launched.card
         self.watchdog_monitor = WatchdogMonitor(self.card)
-        self._ending, self._reason = False, "it is still starting"
+        self._ending, self._reason = False, messages.loop_still_starting()
         self._ready = asyncio.get_running_loop().create_future()
         self._ready.add_done_callback(lambda ready: ready.cancelled() or ready.exception())  # a start may be abandoned
         self._process, self._channel = launched.process, (channel := launched.channel)
@@ -340,7 +340,7 @@ class Supervisor:
         try:
             return await wait_for_result(self._ready, START_TIMEOUT_S)
         except TimeoutError:
-            self._kill(f"it was not ready within {START_TIMEOUT_S:g} s")
+            self._kill(messages.loop_not_ready_in_time(timeout_s=START_TIMEOUT_S))
             return await self._ready
 
     async def _stop(self, cause: str) -> None:
@@ -357,7 +357,7 @@ class Supervisor:
                 process.terminate()
             await wait_for_result(asyncio.ensure_future(process.wait()), STOP_TIMEOUT_S)
         except (LoopExitedError, TimeoutError, ProcessLookupError):
-            self._kill("it did not end on request")
+            self._kill(messages.loop_did_not_end())
         for task in self._tasks:
             await task.wait()
 
@@ -374,13 +374,13 @@ class Supervisor:
                     if part and part % PACKETS_AT_ONCE == 0:
                         await asyncio.sleep(PACKETS_AT_ONCE * T_s)
                     if not channel.send(packet):
-                        self._kill("it no longer accepts commands")
+                        self._kill(messages.loop_accepts_no_commands())
                         break
             try:
                 return await wait_for_result(answer, ANSWER_TIMEOUT_S)
             except TimeoutError:
-                self._kill(f"it did not answer within {ANSWER_TIMEOUT_S:g} s")
-                raise LoopExitedError(f"the control loop is not running: {self._reason}") from None
+                self._kill(messages.loop_did_not_answer(timeout_s=ANSWER_TIMEOUT_S))
+                raise LoopExitedError(messages.loop_not_running(reason=self._reason)) from None
 
     async def advance(self, seconds: float) -> None:
         """Wait for a duration of the loop's time [s]. Raises LoopExitedError."""
@@ -403,7 +403,7 @@ class Supervisor:
 
     def _require_alive(self) -> Channel:
         if self._channel is None or not self.is_alive:
-            raise LoopExitedError(f"the control loop is not running: {self._reason}")
+            raise LoopExitedError(messages.loop_not_running(reason=self._reason))
         return self._channel
 
     def _is_voltageless(self) -> bool:
@@ -474,7 +474,7 @@ class Supervisor:
         while self._channel is channel:
             heartbeat_sender.refresh()
             if self.is_alive and liveness.is_hung(self.ring.count):
-                self._kill(f"it has executed no control step for {MAX_MISSED_BEATS * HEARTBEAT_S:.1f} s")
+                self._kill(messages.loop_hangs(duration_s=MAX_MISSED_BEATS * HEARTBEAT_S))
             await asyncio.sleep(HEARTBEAT_S)
 
     async def _watch(self, process: Process) -> None:
@@ -491,7 +491,7 @@ class Supervisor:
         was_alive, self.granted, self._process = self.is_alive, None, None
         self._reason = _reason_of_end(status, self._reason)
         _LOG.info("Loop process %d: %s", process.pid, self._reason)
-        died = LoopExitedError(f"the control loop is not running: {self._reason}")
+        died = LoopExitedError(messages.loop_not_running(reason=self._reason))
         if self._ready is not None and not self._ready.done():
             self._ready.set_exception(died)
         self._answers.fail(died)
@@ -500,5 +500,8 @@ class Supervisor:
 
 
 def _reason_of_end(status: int, known: str) -> str:
-    how = f"killed by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
-    return f"{known} ({how})" if known else how
+    if status < 0:
+        ending = messages.loop_killed(signal_name=signal.Signals(-status).name)
+    else:
+        ending = messages.loop_ended(status=status)
+    return messages.loop_ended_for_reason(reason=known, ending=ending) if known else ending

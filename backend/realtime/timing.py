@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from backend.realtime import messages
 from backend.realtime.ring_buffer import Ring
 from backend.response_docs import describe_field
 from backend.sample import INDEX
@@ -52,21 +53,20 @@ def request_real_time() -> RealTimeStatus:
 
     Returns what was granted.
     """
-    refusals = []
+    refusals: list[str] = []
     _LIBC.prctl(_PR_SET_TIMERSLACK, ctypes.c_ulong(_TIMER_SLACK_NS), 0, 0, 0)
     priority = 0
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
         priority = _PRIORITY
     except OSError as error:
-        refusals.append(f"FIFO priority {_PRIORITY}: {error.strerror}; allow rtprio in limits.conf or CAP_SYS_NICE")
+        refusals.append(messages.priority_not_granted(priority=_PRIORITY, reason=error.strerror))
     # Under a finite limit a later allocation would fail instead of being unlocked.
     unlimited = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] == resource.RLIM_INFINITY
     future = _MCL_FUTURE if unlimited else 0
     memory_locked = _LIBC.mlockall(_MCL_CURRENT | _MCL_ONFAULT | future) == 0
     if not memory_locked:
-        reason = os.strerror(ctypes.get_errno())
-        refusals.append(f"locked memory: {reason}; raise memlock in limits.conf or grant CAP_IPC_LOCK")
+        refusals.append(messages.memory_not_locked(reason=os.strerror(ctypes.get_errno())))
     slack_ns = _LIBC.prctl(_PR_GET_TIMERSLACK, 0, 0, 0, 0)
     return RealTimeStatus(priority, memory_locked, slack_ns, tuple(refusals))
 

@@ -43,6 +43,7 @@ from backend.realtime.program import (
 )
 from plant.dynamics import Obstacle
 from plant.manual_input import ManualInput
+from tests.refusals import refused
 
 # As they are sent: a tuning is a packet of its own.
 st.register_type_strategy(Program, st.builds(Program, tunings=st.just(())))
@@ -115,7 +116,7 @@ def packet(**changes: Any) -> bytes:
 def test_malformed_commands_are_refused_by_number(bad: bytes, reason: str) -> None:
     with pytest.raises(ChannelError, match=reason) as refusal:
         decode_to_loop(bad)
-    assert refusal.value.sequence == 7
+    assert (refusal.value.sequence, refusal.value.message.code) == (7, "packet_not_valid")
 
 
 def test_noise_is_refused_without_a_number() -> None:
@@ -210,7 +211,7 @@ def test_a_program_of_which_a_part_never_came_is_refused() -> None:
     assert isinstance(first, ProgramPart)
     assert isinstance(rest, LongProgram)
     parts.add(2, first)
-    with pytest.raises(CommandRejectedError, match="24 of the program's 30 segments arrived: send the program again"):
+    with refused(CommandRejectedError, "program_parts_missing", parts="segments", arrived=24, expected=30):
         parts.whole(2, rest)
 
 
@@ -219,5 +220,5 @@ def test_too_many_segments_and_too_long_a_packet_are_refused_with_their_number()
     with pytest.raises(OutOfRangeError, match="number of segments: 1001 is more than 1000"):
         packets(RunProgram(Program(Law.CASCADE, (segment,) * (MAX_SEGMENTS + 1))), 2)
     excitation = Excitation(amplitude_rad=0.1, chip_s=0.01, levels="+" * MAX_BYTES, periods=1)
-    with pytest.raises(ChannelError, match=rf"at most {MAX_BYTES} can be sent"):
+    with refused(ChannelError, "packet_too_long", message_type="RunProgram", maximum_bytes=MAX_BYTES):
         packets(RunProgram(Program(Law.FORCE_HOLD, excitation=excitation)), 2)

@@ -47,6 +47,7 @@ from plant.parameters import load_parameters
 from plant.simulator import Simulator
 from plant.virtual_daq import VirtualRig
 from tests.commissioning.rigs import WIRING, with_entries
+from tests.reasons import assert_reason
 
 # The joint is driven to the virtual card's end switch: the zero it takes, and whatever may keep it from there.
 
@@ -210,11 +211,11 @@ def test_it_is_not_begun_before_it_is_safe(tuning: SetTuning) -> None:
     bench.rig.prove_directions(proven=True)
     assert "travel to the end switch" in refused(0.01)
     asyncio.run(bench.loop.send(SwitchDrives(on=False)))
-    assert "drives are switched off" in refused()
+    assert_reason(refused(), "drives_switched_off")
     asyncio.run(bench.loop.send(SwitchDrives(on=True)))
     asyncio.run(bench.loop.send(SimulateManualInput(ManualInput(pull_B=12.0))))
     asyncio.run(bench.loop.advance(0.1))
-    assert "at most 10 N is safe" in refused()
+    assert_reason(refused(), "tendons_too_taut", maximum_N=10.0)
     bench.loop.close()
 
 
@@ -291,7 +292,7 @@ def test_nothing_but_a_stop_is_granted_while_a_motor_is_tried(tuning: SetTuning)
     loop = tried(tuning)
     refused = asyncio.run(loop.send(SetMode(Mode.PRETENSION)))
     assert isinstance(refused, Refused)
-    assert "a commissioning motion is in progress" in refused.reason
+    assert_reason(refused.reason, "commissioning_motion_in_progress")
     loop.close()
 
 

@@ -32,6 +32,7 @@ from plant.simulator import Simulator
 from plant.virtual_daq import VirtualRig
 from plant.wiring import load_wiring
 from tests.realtime.bench_top import BenchTop, Samples
+from tests.reasons import assert_reason
 
 # The loop on the simulator: pretension, moves between modes, bumpless tuning, programs.
 
@@ -71,7 +72,7 @@ def test_moves_that_are_not_legal_are_refused_with_the_legal_ones(ideal: PlantPa
         answer = bench.send(SetMode(mode))
         assert isinstance(answer, Refused)
         assert answer.legal == LEGAL[Mode.OFF]
-        assert "pretension" in answer.reason
+        assert_reason(answer.reason, "mode_change_not_legal", current=Mode.OFF, wanted=mode, legal=(Mode.PRETENSION,))
     assert bench.loop.mode is Mode.OFF
 
 
@@ -81,7 +82,7 @@ def test_run_waits_for_pretension(ideal: PlantParameters) -> None:
     bench.advance(0.5)
     answer = bench.send(SetMode(Mode.RUN))
     assert isinstance(answer, Refused)
-    assert "10 N" in answer.reason
+    assert_reason(answer.reason, "mode_requires_taut_tendons", mode=Mode.RUN, tension_N=10.0)
 
 
 def test_entering_run_does_not_move_the_voltages(lab: PlantParameters) -> None:
@@ -267,8 +268,9 @@ def test_a_rig_whose_first_reading_fails_is_left_with_its_drives_off(ideal: Plan
 
 def test_a_tuning_that_says_nothing_leaves_the_drives_off(ideal: PlantParameters, tuning: SetTuning) -> None:
     rig = rig_and_card(ideal)
-    with pytest.raises(ValueError, match="at least one entry"):
+    with pytest.raises(ValueError) as caught:  # noqa: PT011  # its message has a code
         Loop(rig, ideal, Samples(), replace(tuning, entries=()))
+    assert_reason(caught.value.args[0], "no_bank_entries")
     assert not rig.card_state().drive_enabled
 
 

@@ -39,6 +39,7 @@ from plant.safety_card import Card
 from plant.simulator import Simulator
 from tests.docs.faults_page import documented_ms
 from tests.realtime.bench_top import BenchTop
+from tests.reasons import assert_reason
 
 # Every fault that the loop or its plant finds, injected into the simulator, reacts as in docs/reference/faults.md.
 #
@@ -508,7 +509,7 @@ def test_a_command_that_fails_is_refused_and_trips(
     monkeypatch.setattr(moving_invariants.loop._mode_manager, "set_references", fail)
     refused = moving_invariants.send(SetReferences(0.2, 11.0))
     assert isinstance(refused, Refused)
-    assert "KeyError" in refused.reason
+    assert_reason(refused.reason, "command_failed", command="SetReferences", reason="KeyError: 'S_ref'")
     moving_invariants.advance(0.001)
     assert (moving_invariants.loop.fault, last(moving_invariants)) == (Fault.INTERNAL_ERROR, MotorCommand(0.0, 0.0))
 

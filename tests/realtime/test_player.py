@@ -32,6 +32,7 @@ from backend.realtime.timing import Pacer
 from backend.sample import INDEX, NAMES
 from plant.replay import Replay, load_replay
 from tests.exports.written import to_csv
+from tests.reasons import assert_reason
 
 SAMPLES = 200
 
@@ -122,13 +123,18 @@ def test_after_its_end_it_is_played_from_the_beginning(played: Played) -> None:
     assert played.shown == [SAMPLES - 1] * 3 + [0, 1, 2]
 
 
-@pytest.mark.parametrize("order", [
-    PlayRecording(sample=SAMPLES), PlayRecording(sample=-1), PlayRecording(speed=0.2), PlayRecording(speed=4.5),
-    PlayRecording(playing=False, sample=5, speed=float("inf")),
+@pytest.mark.parametrize(("order", "code"), [
+    (PlayRecording(sample=SAMPLES), "sample_outside_recording"),
+    (PlayRecording(sample=-1), "sample_outside_recording"),
+    (PlayRecording(speed=0.2), "speed_out_of_range"),
+    (PlayRecording(speed=4.5), "speed_out_of_range"),
+    (PlayRecording(playing=False, sample=5, speed=float("inf")), "speed_out_of_range"),
 ])  # fmt: skip
-def test_an_order_that_cannot_be_is_refused_whole(played: Played, order: PlayRecording) -> None:
+def test_an_order_that_cannot_be_is_refused_whole(played: Played, order: PlayRecording, code: str) -> None:
     played.advance(3)
-    assert isinstance(played.say(order), Refused)
+    answer = played.say(order)
+    assert isinstance(answer, Refused)
+    assert_reason(answer.reason, code)
     played.advance(3)
     assert played.shown == list(range(6))
 
@@ -140,7 +146,7 @@ def test_what_makes_no_sense_is_refused_with_the_reason_and_changes_nothing(play
     played.advance(5)
     answer = played.say(command)
     assert isinstance(answer, Refused)
-    assert "the service replays a recording" in answer.reason
+    assert_reason(answer.reason, "not_a_replay_command")
     played.advance(5)
     assert played.shown == list(range(10))
     assert set(played.column("mode")) == {0.0}

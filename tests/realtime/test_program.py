@@ -46,6 +46,7 @@ from plant.quantity import Angle
 from plant.simulator import Simulator
 from tests.closed_loop.baseline_loops import run_feedback_linearization, run_single_loop
 from tests.realtime.bench_top import BenchTop
+from tests.reasons import assert_reason
 
 # What a program begins with, as arrays and numbers for the compiled tick: held against a count by hand.
 
@@ -178,8 +179,6 @@ def test_programs_out_of_bounds_start_nothing(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.wind_up()
     for program, said in (
-        (Program(Law.MOTOR_STEPS), "at least one step"),
-        (Program(Law.TENSION_SWEEP), "at least one leg"),
         (replace(STEPS, steps=(VoltageStep(-20.0, 1.0, 1.0, 1.0),)), f": {Angle(-20.0)} is outside"),
         (replace(STEPS, steps=(VoltageStep(2.0, 1.0, 1.0, 1.0),)), f": {Angle(2.0)} is outside"),
         (replace(STEPS, steps=(VoltageStep(-2.0, 12.0, 1.0, 1.0),)), ": 12 V is outside"),
@@ -189,6 +188,20 @@ def test_programs_out_of_bounds_start_nothing(ideal: PlantParameters) -> None:
         answer = bench.send(RunProgram(program))
         assert isinstance(answer, Refused)
         assert said in answer.reason
+        assert bench.loop.mode is Mode.PRETENSION
+
+
+def test_programs_without_parts_start_nothing(ideal: PlantParameters) -> None:
+    bench = BenchTop(ideal)
+    bench.wind_up()
+    for law, code in (
+        (Law.MOTOR_STEPS, "no_voltage_steps"),
+        (Law.TENSION_SWEEP, "no_tension_legs"),
+        (Law.FORCE_HOLD, "no_excitation"),
+    ):
+        answer = bench.send(RunProgram(Program(law)))
+        assert isinstance(answer, Refused)
+        assert_reason(answer.reason, code)
         assert bench.loop.mode is Mode.PRETENSION
 
 
@@ -296,7 +309,7 @@ def test_an_operator_cannot_change_what_the_program_changes() -> None:
     bench.tick(100)
     answer = bench.send(SLOWER)
     assert isinstance(answer, Refused)
-    assert "the program changes the tuning" in answer.reason
+    assert_reason(answer.reason, "program_sets_tuning")
     bench.tick(1000)
     assert isinstance(bench.send(SLOWER), Accepted)
 
@@ -305,7 +318,7 @@ def test_a_law_without_these_gains_refuses_them() -> None:
     bench = OnTheBench()
     answer = bench.play(Law.SINGLE_LOOP)
     assert isinstance(answer, Refused)
-    assert "gains are fixed" in answer.reason
+    assert_reason(answer.reason, "law_with_fixed_gains", law=Law.SINGLE_LOOP)
     assert bench.loop.mode is Mode.PRETENSION
 
 
@@ -313,7 +326,7 @@ def test_a_segment_that_wants_a_tuning_that_is_not_there_is_refused_before_anyth
     bench = OnTheBench()
     answer = bench.send(RunProgram(Program(Law.CASCADE, SEGMENTS)))
     assert isinstance(answer, Refused)
-    assert "refers to tuning 1 of the program's 0" in answer.reason
+    assert_reason(answer.reason, "unknown_tuning", number=1, count=0)
 
 
 # The baselines in the live loop: they play a program, keep the joint held at both ends, and say what they refuse.
@@ -363,7 +376,7 @@ def test_gains_are_fixed_while_a_baseline_plays() -> None:
     bench.advance(0.1)
     answer = bench.send(make_tuning_command(IDEAL, TuningParameters(lam_q=0.8)))
     assert isinstance(answer, Refused)
-    assert "fixed while its program runs" in answer.reason
+    assert_reason(answer.reason, "baseline_gains_fixed")
     assert bench.column("lam_q", last=1)[0] == TuningParameters().lam_q
 
 

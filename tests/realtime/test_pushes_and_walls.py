@@ -25,6 +25,7 @@ from plant.parameters import PlantParameters, load_parameters
 from plant.quantity import Angle
 from plant.simulator import Simulator
 from tests.realtime.bench_top import BenchTop
+from tests.reasons import assert_reason
 
 # A push by an operator's hand: what the joint does under it, and that it is let go of for sure.
 
@@ -125,8 +126,8 @@ def test_a_push_is_refused_where_no_hand_may_push(ideal: PlantParameters) -> Non
     bench.wind_up()
     refused = bench.send(ApplyPush(5.0, 1.0))
     assert isinstance(refused, Refused)
-    assert "run" in refused.reason
-    assert "compliance" in refused.reason
+    pushed_in = (Mode.RUN, Mode.COMPLIANCE)
+    assert_reason(refused.reason, "push_not_in_mode", mode=Mode.PRETENSION, push_modes=pushed_in)
     program = Program(Law.CASCADE, (Segment(2.0, 0.0, S_REF, F_push=3.0),))
     assert isinstance(bench.send(RunProgram(program)), Accepted)
     bench.advance(0.5)
@@ -144,7 +145,7 @@ def test_a_compliance_program_starts_from_pretension_only(ideal: PlantParameters
     program = Program(Law.COMPLIANCE, (Segment(1.0, 0.0, S_REF),))
     refused = bench.send(RunProgram(program))
     assert isinstance(refused, Refused)
-    assert "pretension" in refused.reason
+    assert_reason(refused.reason, "law_requires_pretension", law=Law.COMPLIANCE)
     assert bench.loop.mode is Mode.RUN
 
 
@@ -247,7 +248,7 @@ def test_a_plant_that_takes_no_wall_says_so_to_operator_and_program(ideal: Plant
     for command in (Obstruct(ABOVE), Obstruct(None), RunProgram(program)):
         refused = bench.send(command)
         assert isinstance(refused, Refused)
-        assert "does not support obstacles" in refused.reason
+        assert_reason(refused.reason, "plant_without_obstacles")
     assert bench.loop.mode is Mode.PRETENSION
 
 
@@ -268,7 +269,7 @@ def test_a_program_puts_up_its_own_and_the_operators_is_back_after_it(ideal: Pla
         if stopped and len(seen) == 1500:
             refused = bench.send(Obstruct(None))
             assert isinstance(refused, Refused)
-            assert "the program sets its own obstacles" in refused.reason
+            assert_reason(refused.reason, "program_sets_obstacles")
             bench.send(SetMode(Mode.STOPPING))
         if bench.loop.mode is not Mode.EXPERIMENT:
             break
@@ -295,28 +296,43 @@ def test_a_program_whose_wall_meets_the_joint_trips_and_says_what_to_do(ideal: P
 
 
 @pytest.mark.parametrize(
-    ("program", "told"),
+    ("program", "code", "values"),
     [
         (
             Program(Law.CASCADE, (Segment(0.1, 0.0, 10.0, wall=2),), walls=(ABOVE,)),
-            "refers to obstacle 2 of the program's 1",
+            "unknown_obstacle",
+            {"number": 2, "count": 1},
         ),
-        (Program(Law.CASCADE, (Segment(0.1, 0.0, 10.0, wall=-1),)), "obstacle -1 of the program's 0"),
-        (Program(Law.CASCADE, (Segment(0.1, 0.0, 10.0),), walls=(None,) * (MAX_WALLS + 1)), "number of changes of the"),
+        (
+            Program(Law.CASCADE, (Segment(0.1, 0.0, 10.0, wall=-1),)),
+            "unknown_obstacle",
+            {"number": -1, "count": 0},
+        ),
         (
             Program(Law.TENSION_SWEEP, tension_N=8.0, legs=(TensionLeg(20.0, 0.5),), walls=(ABOVE,)),
-            "a tension_sweep program does not support an obstacle",
+            "law_without_obstacle",
+            {"law": Law.TENSION_SWEEP},
         ),
     ],
 )
 def test_walls_that_make_no_sense_are_refused_before_anything_moves(
-    ideal: PlantParameters, program: Program, told: str
+    ideal: PlantParameters, program: Program, code: str, values: dict[str, object]
 ) -> None:
     bench = BenchTop(ideal)
     bench.wind_up()
     refused = bench.send(RunProgram(program))
     assert isinstance(refused, Refused)
-    assert told in refused.reason
+    assert_reason(refused.reason, code, **values)
+    assert bench.loop.mode is Mode.PRETENSION
+
+
+def test_too_many_walls_are_refused_before_anything_moves(ideal: PlantParameters) -> None:
+    bench = BenchTop(ideal)
+    bench.wind_up()
+    program = Program(Law.CASCADE, (Segment(0.1, 0.0, 10.0),), walls=(None,) * (MAX_WALLS + 1))
+    refused = bench.send(RunProgram(program))
+    assert isinstance(refused, Refused)
+    assert "number of changes of the" in refused.reason
     assert bench.loop.mode is Mode.PRETENSION
 
 

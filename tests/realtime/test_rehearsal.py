@@ -9,10 +9,12 @@ from pathlib import Path
 import pytest
 
 from backend.realtime.gains import make_tuning_command
+from backend.realtime.modes import Mode
 from backend.realtime.process import WarmUpError, warm_up
 from backend.realtime.program import SetTuning
 from backend.tuning.gains import LAM_MAX, TuningError, TuningParameters, make_single_loop_tuning
 from plant.parameters import PlantParameters
+from tests.refusals import refused
 
 SESSION = Path(__file__).with_name("rehearsed_session.py")
 
@@ -33,7 +35,7 @@ def test_without_rehearsal_something_would_be() -> None:
 
 def test_a_tuning_that_cannot_even_start_is_told(ideal: PlantParameters, tuning: SetTuning) -> None:
     dead = dataclasses.replace(tuning.motor_A, k_p=0.0, k_i=0.0, k_d=0.0)
-    with pytest.raises(WarmUpError, match="pretension was not reached"):
+    with refused(WarmUpError, "rehearsal_without_pretension", mode=Mode.PRETENSION):
         warm_up(ideal, dataclasses.replace(tuning, motor_A=dead))
 
 

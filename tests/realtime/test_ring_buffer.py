@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from backend.realtime.ring_buffer import WIDTH, Ring, RingError
 from plant.errors import InvariantError
+from tests.refusals import refused
 
 
 def row(k: int) -> list[float]:
@@ -106,7 +107,7 @@ def test_a_process_without_a_standard_input_closes_its_ring_too() -> None:
 def test_foreign_memory_is_refused() -> None:
     fd = os.memfd_create("other")
     os.ftruncate(fd, 4096)
-    with pytest.raises(RingError, match="no ring"):
+    with refused(RingError, "not_a_ring_buffer", fd=fd):
         Ring.attach(fd)
     os.close(fd)
 
@@ -114,7 +115,7 @@ def test_foreign_memory_is_refused() -> None:
 def test_ring_of_another_version_is_refused() -> None:
     ring = Ring.create(4)
     ring._header[2] = WIDTH + 1
-    with pytest.raises(RingError, match="same version"):
+    with refused(RingError, "ring_buffer_of_other_version", width=WIDTH + 1, expected=WIDTH):
         Ring.attach(ring.fd)
     ring.close()
 

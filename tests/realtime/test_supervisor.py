@@ -15,22 +15,28 @@ import numpy as np
 import pytest
 
 from backend.faults import FAULT_CODE, Fault
+from backend.realtime import messages
 from backend.realtime import supervisor as supervisor_module
 from backend.realtime.commands import Accepted, Refused, SetMode, Stop, Stopped
+from backend.realtime.heartbeat import HEARTBEAT_S
 from backend.realtime.ipc import Setup
 from backend.realtime.modes import MODE_CODE, Mode
 from backend.realtime.program import SetTuning
 from backend.realtime.ring_buffer import Ring
-from backend.realtime.supervisor import LoopExited, LoopExitedError, Supervisor
+from backend.realtime.supervisor import MAX_MISSED_BEATS, LoopExited, LoopExitedError, Supervisor
 from backend.realtime.timing import compute_timing
 from backend.sample import INDEX
 from plant.interface import SIMULATOR, PlantChoice, PlantKind
 from plant.safety_card import WATCHDOG_S
+from tests.reasons import assert_reason
+from tests.refusals import refused
 
 pytestmark = pytest.mark.live
 
 SERVICE = Path(__file__).with_name("service_stand_in.py")
 TIMEOUT_S = 120.0
+KILLED = messages.loop_killed(signal_name="SIGKILL")
+HANGS = messages.loop_hangs(duration_s=MAX_MISSED_BEATS * HEARTBEAT_S)
 
 
 @pytest.fixture
@@ -52,7 +58,7 @@ def loop_processes() -> set[int]:
 def test_start_command_kill_restart_hang_stop(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
     async def session() -> None:
         supervisor = Supervisor(setup)
-        with pytest.raises(LoopExitedError, match="not been started"):
+        with refused(LoopExitedError, "loop_not_running", reason=messages.loop_never_started()):
             await supervisor.send(Stop())
         deaths: asyncio.Queue[LoopExited] = asyncio.Queue()
         events: list[object] = []
@@ -61,11 +67,11 @@ def test_start_command_kill_restart_hang_stop(setup: Setup, monkeypatch: pytest.
 
         granted = await supervisor.start()
         assert supervisor.granted == granted
-        with pytest.raises(LoopExitedError, match="stop it first"):
+        with refused(LoopExitedError, "loop_already_started"):
             await supervisor.start()
-        refused = await supervisor.send(SetMode(Mode.RUN))
-        assert isinstance(refused, Refused)
-        assert refused.legal == (Mode.PRETENSION,)
+        answer = await supervisor.send(SetMode(Mode.RUN))
+        assert isinstance(answer, Refused)
+        assert answer.legal == (Mode.PRETENSION,)
         assert isinstance(await supervisor.send(SetMode(Mode.PRETENSION)), Accepted)
         await supervisor.advance(0.05)
         kept = compute_timing(supervisor.ring)
@@ -89,11 +95,11 @@ def test_start_command_kill_restart_hang_stop(setup: Setup, monkeypatch: pytest.
         waiting = asyncio.create_task(supervisor.advance(3600.0))
         await asyncio.sleep(0)
         os.kill(first, signal.SIGKILL)
-        assert "SIGKILL" in (await asyncio.wait_for(deaths.get(), TIMEOUT_S)).reason
+        assert_reason((await asyncio.wait_for(deaths.get(), TIMEOUT_S)).reason, "loop_killed", signal_name="SIGKILL")
         assert not supervisor.is_alive
-        with pytest.raises(LoopExitedError, match="SIGKILL"):
+        with refused(LoopExitedError, "loop_not_running", reason=KILLED):
             await asyncio.wait_for(waiting, TIMEOUT_S)
-        with pytest.raises(LoopExitedError, match="SIGKILL"):
+        with refused(LoopExitedError, "loop_not_running", reason=KILLED):
             await supervisor.send(Stop())
         # Nobody who could write zero volts is left but the card's watchdog.
         while not card.state().expired:
@@ -107,7 +113,7 @@ def test_start_command_kill_restart_hang_stop(setup: Setup, monkeypatch: pytest.
         assert newest is not None
         assert newest[INDEX["mode"]] == MODE_CODE[Mode.OFF]
         os.kill(second, signal.SIGSTOP)
-        assert "has executed no control step" in (await asyncio.wait_for(deaths.get(), TIMEOUT_S)).reason
+        assert_reason((await asyncio.wait_for(deaths.get(), TIMEOUT_S)).reason, "loop_ended_for_reason", reason=HANGS)
 
         await supervisor.restart("for a test")
         await supervisor.send(SetMode(Mode.PRETENSION))

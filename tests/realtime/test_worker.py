@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from backend.faults import FAULT_CODE, Fault
-from backend.realtime import process
+from backend.realtime import messages, process
 from backend.realtime.channel import MAX_BYTES
 from backend.realtime.commands import (
     Accepted,
@@ -30,7 +30,7 @@ from backend.realtime.commands import (
     SwitchDrives,
 )
 from backend.realtime.ipc import PART_SEGMENTS, Ready, Setup, ToLoop, decode_to_loop, encode, packets
-from backend.realtime.modes import Mode
+from backend.realtime.modes import LEGAL, Mode
 from backend.realtime.process import BYTES_PER_TICK
 from backend.realtime.program import MAX_SEGMENTS, Law, Program, Segment, SetTuning
 from backend.realtime.supervisor import Supervisor, wait_for_result
@@ -227,9 +227,10 @@ def test_a_program_with_a_part_missing_is_refused_and_the_next_one_is_whole(benc
 
     bench_worker.run(service)
     reasons = {event.sequence: event.reason for event in bench_worker.hear() if isinstance(event, Refused)}
-    assert f"{200 - PART_SEGMENTS} of the program's 200 segments arrived" in reasons[7]
+    assert reasons[7] == messages.program_parts_missing(parts="segments", arrived=200 - PART_SEGMENTS, expected=200)
     assert 8 not in reasons
-    assert "off cannot change to experiment" in reasons[9], "the whole program came to the loop, which is off"
+    off = messages.mode_change_not_legal(current=Mode.OFF, wanted=Mode.EXPERIMENT, legal=LEGAL[Mode.OFF])
+    assert reasons[9] == off, "the whole program came to the loop, which is off"
 
 
 def test_a_command_that_the_loop_does_not_know_is_refused(bench_worker: Bench) -> None:
