@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from backend.analysis import messages
 from backend.analysis.step_metrics import iterate_segments
 from backend.banks import TUNING_NAMES, BankError, HasEntries, TuningSettings, list_point_models
 from backend.control import cascade
@@ -67,12 +68,12 @@ class EvaluationContext:
     def compute_gains_at(self, sample: int) -> cascade.CascadeTuning:
         """Return the gains of the cascade at a sample. Raises PredictionUnavailableError."""
         if self.plan.law not in (Law.CASCADE, Law.COMPLIANCE):
-            raise PredictionUnavailableError(f"of the law {self.plan.law} no prediction is made")
+            raise PredictionUnavailableError(messages.law_without_prediction(law=self.plan.law))
         choice = self.get_tuning_at(sample)
         if choice.bank != self.tuning.bank:
-            raise PredictionUnavailableError("the bank was changed during the run")
+            raise PredictionUnavailableError(messages.bank_changed_during_run())
         if choice.bank and not self.points:
-            raise PredictionUnavailableError("the active bank is not stored with the run or cannot be read")
+            raise PredictionUnavailableError(messages.bank_not_readable())
         try:
             return make_cascade_tuning(
                 parameters=self.parameters,
@@ -84,4 +85,4 @@ class EvaluationContext:
                 k_ext=choice.k_ext,
             )
         except TuningError as error:
-            raise PredictionUnavailableError(str(error)) from None
+            raise PredictionUnavailableError(error.message) from None

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.analysis import messages
 from backend.analysis.context import EvaluationContext, PredictionUnavailableError
 from backend.analysis.step_metrics import (
-    NO_NUMBER,
     REST_TOLERANCES,
     Columns,
     LoadStep,
@@ -30,7 +30,6 @@ from plant import (
     SIDES,
     Angle,
     PlantParameters,
-    Quantity,
     Side,
     T_s,
 )
@@ -93,14 +92,10 @@ def compute_compliance_metrics(columns: ComplianceColumns, r_j: float, first_pus
     """
     pushed = round(first_push_s / T_s)
     if pushed < round(COMPLIANCE_REST_S / T_s):
-        raise NoSamplesError(
-            f"the first push begins at {first_push_s:g} s: the offset of the forces needs "
-            f"{COMPLIANCE_REST_S:g} s of rest"
-            " before it"
-        )
+        raise NoSamplesError(messages.no_rest_before_push(start_s=first_push_s, rest_s=COMPLIANCE_REST_S))
     longest = round(MAX_DELAY_S / T_s)
     if columns["q"].size < pushed + 10 * longest:
-        raise NoSamplesError(f"the run ended before or too soon after the first push at {first_push_s:g} s")
+        raise NoSamplesError(messages.ended_before_push(start_s=first_push_s))
     measured = columns["F_A"] - columns["F_B"]
     expected = -columns["S_ref"] * columns["q"] / r_j
     rest = slice(pushed - round(COMPLIANCE_REST_S / T_s), pushed)
@@ -114,7 +109,7 @@ def compute_compliance_metrics(columns: ComplianceColumns, r_j: float, first_pus
     reasons = _find_reasons(largest_push_N, delay == longest)
     estimated = _select_estimated_force(columns, rest, slice(pushed, F.size - delay))
     if estimated is None:
-        reasons["rmse_estimated_N"] = "this recording has no complete estimate of the external force"
+        reasons["rmse_estimated_N"] = messages.no_estimated_force()
     return ComplianceMetrics(
         rmse_raw_N=rms(measured[pushed:] - expected[pushed:]),
         rmse_aligned_N=None if "rmse_aligned_N" in reasons else errors[delay],
@@ -141,13 +136,12 @@ def _select_estimated_force(columns: ComplianceColumns, rest: slice, pushed: sli
 
 def _find_reasons(largest_push_N: float, delay_at_end: bool) -> dict[str, str]:
     if largest_push_N < PUSH_MIN_N:
-        reason = (
-            f"the strongest push was {largest_push_N:.1f} N: below {PUSH_MIN_N:g} N, any stiffness meets the bound of "
-            f"{ALIGNED_RMSE_MAX_N:g} N"
+        reason = messages.push_too_weak(
+            largest_N=largest_push_N, minimum_N=PUSH_MIN_N, error_bound_N=ALIGNED_RMSE_MAX_N
         )
         return dict.fromkeys(("rmse_aligned_N", "rmse_estimated_N", "delay_s", "stiffness_felt"), reason)
     if delay_at_end:
-        return {"delay_s": f"the RMSE is smallest at {1000 * MAX_DELAY_S:.0f} ms, the upper limit of the search"}
+        return {"delay_s": messages.delay_at_search_limit(limit_s=MAX_DELAY_S)}
     return {}
 
 
@@ -187,22 +181,19 @@ def compute_disturbance_metrics(columns: Columns, program: Program) -> Disturban
     """
     pushed = find_pushes(program)
     if not pushed or columns["q"].size < pushed[-1].stop:
-        raise NoSamplesError(
-            "the run ended before the pushes were completed" if pushed else "the experiment contains no push"
-        )
+        raise NoSamplesError(messages.pushes_not_completed() if pushed else messages.no_push())
     off_q, off_S = (np.abs(columns[name] - columns[f"{name}_ref"]) for name in ("q", "S"))
     times: list[float] = []
     reasons: dict[str, str] = {}
     for push in pushed:
         after = off_q[push.stop : min(find_undisturbed_end(program, push.stop), off_q.size)]
         if after.size == 0:
-            reasons["push_back_s"] = f"no hold followed the push that ended at {push.stop * T_s:g} s"
+            reasons["push_back_s"] = messages.no_hold_after_push(end_s=push.stop * T_s)
             continue
         away = np.flatnonzero(~(after <= REST_TOLERANCES["q"]))
         if away.size and away[-1] == after.size - 1:
-            reasons["push_back_s"] = (
-                f"after the push that ended at {push.stop * T_s:g} s the joint was still "
-                f"{Angle(after[-1]):.3g} from its reference when the hold ended after {after.size * T_s:g} s"
+            reasons["push_back_s"] = messages.not_back_after_push(
+                end_s=push.stop * T_s, deviation_rad=float(after[-1]), hold_s=after.size * T_s
             )
             continue
         times.append(0.0 if away.size == 0 else float(away[-1] + 1) * T_s)
@@ -284,7 +275,7 @@ def compute_hold_metrics(columns: Columns, program: Program, parameters: PlantPa
     """
     found = measure_holds(columns, program, parameters)
     if not found:
-        raise NoSamplesError("no hold was completed")
+        raise NoSamplesError(messages.no_hold_completed())
     worst = {
         "held_q_swing_counts": max(item.q_swing_counts for item in found),
         "held_q_swing": max(item.q_swing for item in found),
@@ -293,7 +284,9 @@ def compute_hold_metrics(columns: Columns, program: Program, parameters: PlantPa
         "held_S_swing": max(item.S_swing for item in found),
         "held_moving_percent": max(item.moving_percent for item in found),
     }
-    lost = dict.fromkeys((name for name, value in worst.items() if not math.isfinite(value)), NO_NUMBER)
+    lost = dict.fromkeys(
+        (name for name, value in worst.items() if not math.isfinite(value)), messages.sample_without_value()
+    )
     values: dict[str, Any] = {name: None if name in lost else value for name, value in worst.items()}
     return HoldMetrics(**compute_whole_metrics(columns), **values, reasons=lost)
 
@@ -500,14 +493,14 @@ def compute_impact_metrics(columns: Columns, program: Program | None = None) -> 
     """
     hits = find_hits(columns, program)
     if not hits:
-        raise NoSamplesError("the joint did not hit an obstacle")
+        raise NoSamplesError(messages.no_hit())
     plain, reacting = [hit for hit in hits if not hit.reacts], [hit for hit in hits if hit.reacts]
     pairs, reason = _pair_by_stiffness(plain or hits)
     paired, why = pair_hits(hits)
-    no_reaction = "" if reacting else _NO_REACTION
+    no_reaction = "" if reacting else messages.contact_reaction_not_enabled()
     missed = sum(not math.isfinite(hit.reaction_s) for hit in reacting)
     if missed:
-        no_reaction = f"{missed} of {len(reacting)} hits were not detected or caused no contact reaction"
+        no_reaction = messages.hits_without_reaction(missed=missed, hits=len(reacting))
     reasons = dict.fromkeys(("soft_to_stiff_peak", "soft_to_stiff_impulse"), reason)
     reasons |= dict.fromkeys(("reaction_peak", "reaction_impulse"), no_reaction or why)
     reasons |= dict.fromkeys(("felt_after_s", "gave_way_after_s", "fell_after_s"), no_reaction)
@@ -528,9 +521,6 @@ def compute_impact_metrics(columns: Columns, program: Program | None = None) -> 
     )
 
 
-_NO_REACTION = "the contact reaction was not enabled for any hit"
-
-
 def pair_hits(hits: Sequence[Hit]) -> tuple[tuple[tuple[Hit, Hit], ...], str]:
     """Return pairs of hits without and with reaction, of equal stiffness and speed, or the reason for none."""
     left, pairs = [hit for hit in hits if not hit.reacts], []
@@ -539,15 +529,11 @@ def pair_hits(hits: Sequence[Hit]) -> tuple[tuple[tuple[Hit, Hit], ...], str]:
             other for other in left if abs(other.S_ref - hit.S_ref) < _S_TOLERANCE and _is_equally_fast(other, hit)
         ]
         if not alike:
-            return (
-                (),
-                f"the hit at {hit.S_ref:.4g} N·m/rad and {Quantity(hit.speed, 'rad/s'):.3g} has no "
-                "counterpart without contact reaction",
-            )
+            return (), messages.hit_without_counterpart(S_ref=hit.S_ref, speed=hit.speed)
         other = min(alike, key=lambda other: abs(other.speed - hit.speed))
         left.remove(other)
         pairs.append((other, hit))
-    return tuple(pairs), "" if pairs else _NO_REACTION
+    return tuple(pairs), "" if pairs else messages.contact_reaction_not_enabled()
 
 
 def _is_equally_fast(item: Hit, other: Hit) -> bool:
@@ -558,22 +544,14 @@ def _pair_by_stiffness(hits: Sequence[Hit]) -> tuple[list[tuple[Hit, Hit]], str]
     """Return pairs of hits at lowest and highest stiffness with equal speed, or the reason for none."""
     low, high = min(hit.S_ref for hit in hits), max(hit.S_ref for hit in hits)
     if high - low < _S_TOLERANCE:
-        return [], f"all hits have the same S_ref, {low:.4g} N·m/rad"
+        return [], messages.hits_of_equal_stiffness(S_ref=low)
     soft = [hit for hit in hits if hit.S_ref - low < _S_TOLERANCE]
     stiff = [hit for hit in hits if high - hit.S_ref < _S_TOLERANCE]
     if len(soft) != len(stiff):
-        return (
-            [],
-            f"{len(soft)} hits were at the lowest stiffness and {len(stiff)} at the highest: the "
-            "comparison needs equal numbers",
-        )
+        return [], messages.unequal_numbers_of_hits(soft=len(soft), stiff=len(stiff))
     for item, other in zip(soft, stiff, strict=True):
         if not _is_equally_fast(item, other):
-            return (
-                [],
-                f"hits at {Quantity(item.speed, 'rad/s'):.3g} and {Quantity(other.speed, 'rad/s'):.3g} "
-                "cannot be compared: their speeds differ too much",
-            )
+            return [], messages.unequal_speeds_of_hits(soft=item.speed, stiff=other.speed)
     return list(zip(soft, stiff, strict=True)), ""
 
 
@@ -667,18 +645,14 @@ def compute_push_metrics(columns: Columns, program: Program, context: Evaluation
     """
     found = measure_pushes(columns, program, context)
     if not found:
-        raise NoSamplesError(
-            "the run ended before the pushes were completed"
-            if find_push_windows(program)
-            else "the experiment contains no push"
-        )
+        raise NoSamplesError(messages.pushes_not_completed() if find_push_windows(program) else messages.no_push())
     back = [item.back_s for item in found]
     off = [item.off_percent for item in found]
     ratios = [item.peak_q / item.static for item in found if item.window.shape != "impulse"]
     reasons = {
         "pushed_back_s": next((item.reason for item in found if item.reason), ""),
         "pushed_off_percent": next((item.unpredicted for item in found if item.unpredicted), ""),
-        "pushed_static_ratio": "" if ratios else "all pushes were impulses",
+        "pushed_static_ratio": "" if ratios else messages.all_pushes_impulses(),
     }
     return PushMetrics(
         **compute_whole_metrics(columns),
@@ -741,7 +715,7 @@ def _measure_push(
     try:
         expected, why = _predict_deviation(context, start, S, r_j * force, responses), ""
     except PredictionUnavailableError as error:
-        expected, why = None, str(error)
+        expected, why = None, error.message
     static = r_j * abs(F) / S
     return MeasuredPush(
         window=window,
@@ -761,13 +735,10 @@ def _measure_push(
 def _find_return_time(off: Array, stop: int) -> tuple[float | None, str]:
     """Return the time [s] until the joint stays near its reference, or the reason why it is unknown."""
     if off.size == 0:
-        return None, f"no hold followed the push that ended at {stop * T_s:g} s"
+        return None, messages.no_hold_after_push(end_s=stop * T_s)
     away = np.flatnonzero(~(off <= REST_TOLERANCES["q"]))
     if away.size and away[-1] == off.size - 1:
-        return None, (
-            f"after the push that ended at {stop * T_s:g} s the joint was still {Angle(off[-1]):.3g} "
-            f"from its reference when the hold ended after {off.size * T_s:g} s"
-        )
+        return None, messages.not_back_after_push(end_s=stop * T_s, deviation_rad=float(off[-1]), hold_s=off.size * T_s)
     return (0.0 if away.size == 0 else float(away[-1] + 1) * T_s), ""
 
 
@@ -856,7 +827,7 @@ def compute_robustness_metrics(
     the resolution of the motor encoders, 0 if exact. Raises NoSamplesError if the run ended before the last load step.
     """
     if not steps or columns["q"].size < max(step.window.stop for step in steps):
-        raise NoSamplesError("the run ended before both motors were loaded and released")
+        raise NoSamplesError(messages.loads_not_completed())
     errors: dict[str, Array] = {side: columns[f"theta_{side}_ref"] - columns[f"theta_{side}"] for side in SIDES}
     deviations, times, reasons, away_still = {"A": 0.0, "B": 0.0}, [0.0], {}, []
     for side, window, _ in steps:
@@ -864,10 +835,10 @@ def compute_robustness_metrics(
         size = np.abs(error)
         deviations[side] = float(np.maximum(deviations[side], size.max()))
         if math.isnan(deviations[side]):
-            reasons["back_s"] = reasons[f"deviation_{side}_rad"] = f"no angle of motor {side} was measured"
+            reasons["back_s"] = reasons[f"deviation_{side}_rad"] = messages.no_motor_angle(side=side)
             continue
         if not size.max() > _COUNTS_MIN * motor_step_rad:  # negated, so that it includes nan
-            reasons["back_s"] = f"motor {side} moved by less than {_COUNTS_MIN:g} encoder counts: increase its load"
+            reasons["back_s"] = messages.motor_moved_too_little(side=side, minimum_counts=_COUNTS_MIN)
             continue
         away = np.flatnonzero(size > RETURN_SHARE * size.max())
         if away[-1] == size.size - 1:
@@ -899,13 +870,7 @@ def _integrate_error(error: Array, side: Side, steps: Sequence[LoadStep]) -> flo
 
 
 def _format_not_returned(off: float, side: str, to_both_sides: bool, ticks: int) -> str:
-    why = (
-        ", in both directions: a limit cycle, caused by Coulomb friction and integral action"
-        if to_both_sides
-        else ", in one direction: hold the load longer, or check whether something blocks the motor"
-    )
-    return (
-        f"motor {side} had not returned to its reference when the load changed again after "
-        f"{ticks * T_s:g} s: in the second half of that time the error was up to {100.0 * off:.0f} % of "
-        f"its largest deviation{why}"
-    )
+    duration_s, error_percent = ticks * T_s, 100.0 * off
+    if to_both_sides:
+        return messages.motor_in_limit_cycle(side=side, duration_s=duration_s, error_percent=error_percent)
+    return messages.motor_not_back(side=side, duration_s=duration_s, error_percent=error_percent)

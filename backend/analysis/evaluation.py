@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 from backend import __version__
+from backend.analysis import messages
 from backend.analysis.context import EvaluationContext, load_bank_points, load_initial_tuning
 from backend.analysis.disturbance_metrics import (
     ComplianceColumns,
@@ -193,17 +194,14 @@ def require_measurable(experiment: Experiment, values: Mapping[str, Value], line
         path: Path = ("criteria", index)
         if bound.figure not in legal:
             given = ", ".join(experiment.measures)
-            why = (
-                f"{bound.figure!r} is not a metric that this experiment measures ({given}); choose one "
-                f"of {', '.join(legal)}"
-            )
+            why = messages.metric_not_measured(metric=bound.figure, measures=given, known=", ".join(legal))
             raise ExperimentError(why, (*path, "figure"), find_line((*path, "figure"), lines))
         if (bound.below is None) is (bound.above is None):
-            raise ExperimentError("a criterion needs exactly one bound: below or above", path, find_line(path, lines))
+            raise ExperimentError(messages.not_exactly_one_bound(), path, find_line(path, lines))
         try:
             require_known(get_limit(bound), known)
         except ExpressionError as error:
-            raise ExperimentError(str(error), path, find_line(path, lines)) from None
+            raise ExperimentError(error.message, path, find_line(path, lines)) from None
 
 
 def get_limit(bound: Bound) -> float | str:
@@ -232,7 +230,7 @@ def evaluate_experiment(
             measured = _compute_measure(measure, columns, context, metrics)
         except NoSamplesError as error:
             problems.append(error)
-            measured = replace(metrics, figures=_build_missing_metrics(measure, str(error)))
+            measured = replace(metrics, figures=_build_missing_metrics(measure, error.message))
         metrics = replace(measured, figures=_merge_metrics(metrics.figures, measured.figures))
     if problems and len(problems) == len(plan.experiment.measures):
         raise problems[0]
@@ -255,7 +253,7 @@ def _compute_measure(
         case Measure.COMPLIANCE:
             pushes = find_pushes(program)
             if not pushes:
-                raise NoSamplesError("the experiment contains no push")
+                raise NoSamplesError(messages.no_push())
             figures = compute_compliance_metrics(columns, parameters.geometry.r_j, pushes[0].start * T_s)
         case Measure.LOADS:
             figures = compute_robustness_metrics(columns, list_load_steps(program), parameters.sensors.motor_step)
@@ -308,7 +306,7 @@ def evaluate_criteria(
         try:
             limit = evaluate_number(get_limit(bound), known)
         except ExpressionError as error:  # nothing passes a bound without a value
-            limit, value, why = 0.0, None, f"the bound cannot be evaluated: {error}"
+            limit, value, why = 0.0, None, messages.bound_not_evaluated(reason=error.message)
         title = bound.title or found.label
         criteria.append(
             evaluate_criterion(
@@ -352,7 +350,7 @@ def evaluate_finished_run(database: Database, parameters: PlantParameters, plan:
     except NoSamplesError as error:
         with database.session() as session:
             runs.set_evaluation_problem(session, run.id, str(error))
-        return Evaluation(None, None, str(error))
+        return Evaluation(None, None, error.message)
     with database.session() as session:
         result = results.add(session, new)
         stored = None if estimate is None else identifications.add(session, estimate)
@@ -382,7 +380,7 @@ def compute_result(
         case ExperimentPlan():
             outline = _build_outline(columns, plan, run)
             if columns["t"].size == 0:
-                raise NoSamplesError("the run contains no samples of its program")
+                raise NoSamplesError(messages.no_samples_of_program())
             context = EvaluationContext(parameters, plan, load_initial_tuning(run.set_to.loop), points)
             metrics, criteria = evaluate_experiment(columns, context, outline, missed)
     metrics = replace(metrics, missing_samples=missed, problem=problem)
@@ -402,11 +400,11 @@ def _estimate_model(
     """Estimate a model from a complete run; an incomplete record would yield a misleading one."""
     outline = _build_outline(columns, plan, run)
     if not outline.complete:
-        return outline, None, f"no model was estimated: the run ended early ({run.end_state})"
+        return outline, None, messages.incomplete_run_without_model(end_state=run.end_state)
     try:
         figures, estimate = _identify(columns, parameters, plan, run)
     except ValueError as error:
-        return outline, None, f"no model was estimated: {error}"
+        return outline, None, messages.no_model_estimated(reason=str(error))
     return replace(outline, figures=build_metric_documents(figures)), estimate, ""
 
 
@@ -491,9 +489,9 @@ def _is_pending(run: Run) -> bool:
 def require_evaluable(run: Run) -> None:
     """Raise NotEvaluableError for a run without a result."""
     if run.kind == RunKind.SESSION:
-        raise NotEvaluableError(f"run {run.id} is a session: it has samples but no result")
+        raise NotEvaluableError(messages.session_without_result(run=run.id))
     if run.end_state == EndState.RUNNING:
-        raise NotEvaluableError(f"run {run.id} has not ended: the service evaluates it at its end")
+        raise NotEvaluableError(messages.run_not_ended(run=run.id))
 
 
 # Used settings -------------------------------------------------------------------------------------

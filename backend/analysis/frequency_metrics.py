@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.analysis import messages
 from backend.analysis.context import EvaluationContext, PredictionUnavailableError
 from backend.analysis.step_metrics import (
-    NO_NUMBER,
     Columns,
     NoSamplesError,
     ReferenceExcitation,
@@ -23,7 +23,6 @@ from backend.faults import Limit
 from backend.realtime import Program
 from backend.tuning import INPUTS, OUTPUTS, decoupling_matrix, make_sampled_loop, planned_response
 from plant import (
-    Quantity,
     T_s,
 )
 
@@ -101,7 +100,7 @@ def compute_response_metrics(columns: Columns, program: Program) -> ResponseMetr
     """
     found = compute_responses(columns, program)
     if not found:
-        raise NoSamplesError("no excitation of a single reference was completed")
+        raise NoSamplesError(messages.no_excitation_completed())
     values: dict[str, Any] = {}
     reasons: dict[str, str] = {}
     for signal in ("q", "S"):
@@ -109,7 +108,7 @@ def compute_response_metrics(columns: Columns, program: Program) -> ResponseMetr
         names = (f"bandwidth_{signal}_Hz", f"resonance_{signal}_dB", f"lag_{signal}_deg")
         if response is None:
             values |= dict.fromkeys(names)
-            reasons |= dict.fromkeys(names, f"the reference of {signal} has no completed excitation of its own")
+            reasons |= dict.fromkeys(names, messages.reference_not_excited(signal=signal))
             continue
         if unmeasurable := find_problem(response):
             values |= dict.fromkeys(names)
@@ -127,12 +126,9 @@ def compute_response_metrics(columns: Columns, program: Program) -> ResponseMetr
 def find_problem(response: Response) -> str:
     """Return why a response has no metrics; empty if it has."""
     if not np.isfinite(response.H).all():
-        return NO_NUMBER
+        return messages.sample_without_value()
     if abs(response.H[0]) < GAIN_MIN:
-        return (
-            f"{response.signal} did not follow its reference at the lowest frequency line: the gain "
-            f"was below {GAIN_MIN}"
-        )
+        return messages.reference_not_followed(signal=response.signal, minimum_gain=GAIN_MIN)
     return ""
 
 
@@ -153,10 +149,10 @@ def compute_bandwidth(response: Response) -> tuple[float | None, str]:
     f, gain = response.f, response.gain
     below = np.flatnonzero(gain < MINUS_3_DB)
     if below.size == 0:
-        return None, f"the gain is still above −3 dB at {f[-1]:.3g} Hz, the highest line: excite higher frequencies"
+        return None, messages.bandwidth_above_lines(highest_Hz=float(f[-1]))
     k = int(below[0])
     if k == 0 and gain[0] < LOW_GAIN_MIN:
-        return None, f"the gain is {gain[0]:.2g} at {f[0]:.3g} Hz, already the lowest line: choose a longer period"
+        return None, messages.bandwidth_below_lines(gain=float(gain[0]), lowest_Hz=float(f[0]))
     used = slice(0, k + 2 if k + 1 < f.size and gain[k + 1] > 0.0 else k + 1)
     x, inverse = np.append(0.0, f[used] ** 2), np.append(1.0, gain[used] ** -2)
     crossings = PchipInterpolator(x, inverse).solve(MINUS_3_DB**-2, extrapolate=False)
@@ -260,10 +256,7 @@ def predict_response(
     if budget > 0.0:
         asked = compute_required_voltage(tuning, S, references)
         if asked > budget:
-            raise PredictionUnavailableError(
-                f"the excitation needs a feed-forward voltage of {asked:.1f} V, the limit is {budget:g} V: "
-                "choose a smaller amplitude"
-            )
+            raise PredictionUnavailableError(messages.excitation_above_voltage_limit(needed_V=asked, limit_V=budget))
     return PredictedResponse(excitation.signal, S, tuning, context)
 
 
@@ -408,13 +401,13 @@ def compute_bode_metrics(columns: Columns, program: Program, context: Evaluation
     """
     found = build_bode_lines(columns, program, context)
     if not found:
-        raise NoSamplesError("no excitation of a single reference was completed")
+        raise NoSamplesError(messages.no_excitation_completed())
     values: dict[str, Any] = {}
     reasons: dict[str, str] = {}
     for signal in ("q", "S"):
         lines = next((item for item in found if item.signal == signal), None)
         named, missing = (
-            ({}, dict.fromkeys(_NAMES, f"the reference of {signal} has no completed excitation of its own"))
+            ({}, dict.fromkeys(_NAMES, messages.reference_not_excited(signal=signal)))
             if lines is None
             else _compute_metrics(lines)
         )
@@ -446,7 +439,7 @@ def _compute_metrics(lines: Lines) -> tuple[dict[str, float | None], dict[str, s
     else:
         values[_EXPECTED] = lines.predicted.compute_bandwidth()
         if values[_EXPECTED] is None:
-            missing[_EXPECTED] = "the predicted gain stays above −3 dB over the whole frequency range of the prediction"
+            missing[_EXPECTED] = messages.predicted_bandwidth_out_of_range()
     selected = lines.measured
     problem = lines.reasons[0] or find_problem(lines.response)
     if problem:  # all metrics need the lowest line
@@ -468,17 +461,17 @@ def _compute_metrics(lines: Lines) -> tuple[dict[str, float | None], dict[str, s
             values[_GAIN_OFF] = float(np.abs(20.0 * np.log10(np.abs(off))).max())
             values[_PHASE_OFF] = float(np.degrees(np.abs(np.angle(off))).max())
         else:
-            reason = f"no line lies below the predicted bandwidth: the lowest is {response.f[0]:.3g} Hz"
-            missing |= {_GAIN_OFF: f"{reason}; choose a longer period", _PHASE_OFF: f"{reason}; choose a longer period"}
+            reason = messages.no_line_below_predicted_bandwidth(lowest_Hz=float(response.f[0]))
+            missing |= {_GAIN_OFF: reason, _PHASE_OFF: reason}
     known = lines.variation[selected & np.isfinite(lines.variation)]
     if known.size:
         values[_UNLIKE] = 100.0 * float(known.max())
     else:
-        missing[_UNLIKE] = "the excitation needs three periods: the first one contains the initial transient"
+        missing[_UNLIKE] = messages.fewer_than_three_periods()
     if np.isfinite(lines.residual):
         values[_RESIDUAL] = 100.0 * lines.residual
     else:
-        missing[_RESIDUAL] = "a sweep has no lines"
+        missing[_RESIDUAL] = messages.sweep_without_lines()
     return values, missing
 
 
@@ -507,7 +500,7 @@ def _build_lines(columns: Columns, excitation: ReferenceExcitation, context: Eva
     active_limit = _find_active_limit(columns, last, context.get_tuning_at(window.start).budget > 0.0)
     reasons = tuple(
         active_limit
-        or (f"the line differs by {100.0 * part:.0f} % from one period to the next" if part > VARIATION_MAX else "")
+        or (messages.line_not_periodic(variation_percent=100.0 * float(part)) if part > VARIATION_MAX else "")
         for part in variation
     )
     try:
@@ -523,7 +516,7 @@ def _build_lines(columns: Columns, excitation: ReferenceExcitation, context: Eva
             reasons=reasons,
             expected=None,
             predicted=None,
-            unpredicted=str(error),
+            unpredicted=error.message,
         )
     return Lines(
         signal=excitation.signal,
@@ -556,5 +549,5 @@ def _find_active_limit(columns: Columns, window: slice, planned: bool) -> str:
             continue
         ticks = int(np.count_nonzero(flags & int(limit)))
         if ticks:
-            return f"{words} for {Quantity(ticks * T_s, 's'):.3g}: choose a smaller amplitude"
+            return messages.limit_was_active(limit=words, duration_s=ticks * T_s)
     return ""

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.analysis import messages
 from backend.analysis.step_metrics import NoSamplesError, declare_metric
 from backend.control import build_decoupler, stiffness_slope
 from backend.experiments import (
@@ -117,7 +118,7 @@ def find_excitation_start(columns: ActuatorColumns, excitation: Excitation) -> i
     ticks = excitation.periods * len(excitation.levels) * chip_ticks
     start = columns["t"].size - ticks
     if start < 0:
-        raise NoSamplesError(f"the run contains {columns['t'].size} samples, fewer than the {ticks} of its excitation")
+        raise NoSamplesError(messages.fewer_samples_than_excitation(samples=columns["t"].size, needed=ticks))
     return start
 
 
@@ -315,9 +316,9 @@ def extract_side_steps(columns: MotorColumns, side: Side, parameters: PlantParam
                 )
             )
         except RecordError as error:
-            refused.append((voltage, str(error)))
+            refused.append((voltage, error.message))
     if not steps and not refused:
-        raise NoSamplesError("the run contains no voltage step")
+        raise NoSamplesError(messages.no_voltage_step())
     return SideSteps(tuple(steps), tuple(refused))
 
 
@@ -331,7 +332,10 @@ def identify_motors(
         try:
             found[side] = cut, identify_motor(cut.steps)
         except IdentificationError as error:
-            raise ValueError("; ".join([f"motor {side}: {error}", *(reason for _, reason in cut.refused)])) from None
+            unusable = tuple(reason for _, reason in cut.refused)
+            raise ValueError(
+                messages.motor_not_identified(side=side, reason=error.message, unusable_steps=unusable)
+            ) from None
     return found
 
 
@@ -557,13 +561,13 @@ def fit_spring_table(
     ``header`` is the line with the names of the columns, ``decimal`` is "point" or "comma"; both are detected if not
     given. Raises IdentificationError.
     """
-    for what, words, require in (("name of the table", name, check_single_line), ("the table", text, check_plain_text)):
+    for part, words, require in (("name of the table", name, check_single_line), ("the table", text, check_plain_text)):
         try:
             require(words.removeprefix("\ufeff"))
         except PlainTextError as error:
-            raise IdentificationError(f"{what}: {error}") from None
+            raise IdentificationError(messages.invalid_text(part=part, reason=error.message)) from None
     if "\ufffd" in text:
-        raise DataFileError(f"{name} is not UTF-8 text: save it as CSV in UTF-8", FileFault.ENCODING)
+        raise DataFileError(messages.table_is_not_utf8(name=name), FileFault.ENCODING)
     mark = None if decimal is None else DecimalMark(decimal)
     x, F, columns = read_load_sweep(text, header=header, decimal=mark)
     reading = TableReading(
@@ -671,7 +675,7 @@ def _find_sweep(columns: SpringColumns, plan: SpringIdentificationPlan) -> slice
     ticks = 2 * plan.cycles * round(plan.sweep_s / T_s)
     start = columns["t"].size - ticks
     if start < 0:
-        raise NoSamplesError(f"the run contains {columns['t'].size} samples, fewer than the {ticks} of its sweep")
+        raise NoSamplesError(messages.fewer_samples_than_sweep(samples=columns["t"].size, needed=ticks))
     return slice(start, None)
 
 
@@ -752,10 +756,10 @@ def _get_rig_identity(run: Run) -> tuple[str, str, Document]:
 def _build_tension_run(run: Run, columns: Columns) -> TensionRun:
     plan = parse_stored_plan(run.kind, run.set_to.plan or {})
     if not isinstance(plan, ActuatorIdentificationPlan):
-        raise NoSamplesError("the run has no excitation")
+        raise NoSamplesError(messages.run_without_excitation())
     if run.end_state != EndState.COMPLETED:
-        raise NoSamplesError(f"the run ended as {run.end_state}")
+        raise NoSamplesError(messages.run_not_completed(end_state=run.end_state))
     start = find_excitation_start(columns, plan.excitation())
     if count_missing_ticks({"t": columns["t"][start:]}):
-        raise NoSamplesError("samples of the excitation are missing")
+        raise NoSamplesError(messages.excitation_samples_missing())
     return TensionRun(run.id, T_s, {name: columns[name][start:] for name in COLUMNS if name in columns})

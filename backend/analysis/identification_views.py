@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.analysis import messages
 from backend.analysis.identification import (
     build_friction_document,
     estimate_newest_load_friction,
@@ -183,8 +184,7 @@ def validate_on_run(database: Database, run_id: int, of: int) -> Document:
     kind = source.kind.removesuffix("_identification")
     if estimate.kind != kind or kind not in ("actuator", "motor"):
         raise NotComparableError(
-            f"identification {run_id} is of kind {estimate.kind}, run {of} of kind {source.kind}: a "
-            "model can only be compared with an actuator or motor identification of the same kind"
+            messages.different_kinds(estimate_run=run_id, estimate_kind=estimate.kind, run=of, run_kind=source.kind)
         )
     columns, _ = read_recorded_columns(database, of)
     parameters = parse_parameters(source.parameters_name, source.parameters)
@@ -197,7 +197,7 @@ def validate_on_run(database: Database, run_id: int, of: int) -> Document:
 def _compare_channels(estimate: Identification, source: Run, columns: Columns, *, own: bool) -> Iterator[Document]:
     plan = parse_stored_plan(source.kind, source.set_to.plan or {})
     if not isinstance(plan, ActuatorIdentificationPlan):
-        raise NotComparableError(f"run {source.id} has no excitation")
+        raise NotComparableError(messages.compared_run_without_excitation(run=source.id))
     for name in CHANNELS:
         signal, unit = OUTPUTS[name]
         try:
@@ -244,7 +244,7 @@ def _compare_step(
     else:
         fitted = estimate.motors.side(side).model.parameters
         if fitted.K_m is None or fitted.T_m is None or fitted.u_c is None:
-            raise IdentificationError(f"K_m, T_m or u_c of motor {side} was not estimated: evaluate that run again")
+            raise IdentificationError(messages.motor_not_estimated(side=side))
         known = fitted.K_m, fitted.T_m, fitted.u_c
     comparison = validate_motor_step(step, *known)
     return _ComparedInterval(f"{step.voltage:.3g} V", np.asarray(np.arange(comparison.measured.size) * T_s), comparison)
@@ -252,7 +252,7 @@ def _compare_step(
 
 def _build_output(name: str, signal: str, unit: str, intervals: list[_ComparedInterval]) -> Document:
     if not intervals:
-        return _build_failed_output(name, signal, unit, "the recording contains no data to compare with")
+        return _build_failed_output(name, signal, unit, messages.nothing_to_compare_with())
     each = [interval.comparison for interval in intervals]
     error = np.concatenate([item.measured - item.predicted for item in each])
     motion = np.concatenate([item.measured - np.mean(item.measured) for item in each])
@@ -303,7 +303,7 @@ def compute_trend(database: Database, parameters: PlantParameters, lam_motor: fl
         try:
             rows.append(_build_row(found, run))
         except (UnreadableDocumentError, ParameterError, TuningError, ValueError) as error:
-            left_out.append(f"run {run.id}: {error}")
+            left_out.append(messages.run_left_out(run=run.id, reason=str(error)))
     bounds = compute_bounds(parameters)
     S = np.linspace(bounds.S_min, bounds.S_max, _STIFFNESS_CURVE_POINTS)
     return {
@@ -322,9 +322,7 @@ def predict_point(parameters: PlantParameters, lam_motor: float, S: float) -> Po
 def _build_row(found: Identification, run: Run) -> Document:
     lam_motor = run.set_to.loop.lam_motor
     if lam_motor is None:
-        raise ValueError(
-            "λ of the motor loops is not stored with the identification, so no time constant can be predicted"
-        )
+        raise ValueError(messages.motor_lambda_not_stored())
     S = found.actuator.model.S_nominal
     point = predict_point(parse_parameters(run.parameters_name, run.parameters), lam_motor, S)
     return {

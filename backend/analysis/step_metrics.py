@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.analysis import messages
 from backend.models import Phase, RunCriterion
 from backend.realtime import Program, Segment, Shape, final_references
 from plant import (
     SIDES,
     ErrorCode,
-    Quantity,
     Side,
     SinewError,
     T_s,
@@ -25,12 +25,12 @@ from plant import (
 
 def format_early_end(played_s: float, planned_s: float) -> str:
     """Return the reason why a run that ended early passes no criterion."""
-    return f"the run ended after {played_s:.1f} s of {planned_s:.1f} s"
+    return messages.run_ended_early(played_s=played_s, planned_s=planned_s)
 
 
 def format_incomplete(missed: int, early: str) -> str:
     """Return why a recording is incomplete: missing samples or an early end; empty if it is complete."""
-    return f"the recording lacks {missed} samples" if missed else early
+    return messages.samples_missing(missed=missed) if missed else early
 
 
 def evaluate_criterion(
@@ -46,7 +46,7 @@ def evaluate_criterion(
             figure=None,
             unit=unit,
             passed=None,
-            reason=reason or "the signal has no valid value",
+            reason=reason or messages.signal_without_value(),
         )
     holds = figure < bound if relation == "<" else figure > bound
     if holds and reason:
@@ -78,11 +78,6 @@ REST_TOLERANCES = {"q": 0.01, "S": 0.05}
 """Largest deviation from the reference at rest: q [rad], six counts of the paper's encoder; S [N·m/rad], half of the
 smallest deviation that a criterion rejects."""
 
-NO_NUMBER = "a sample of the signal has no valid value"
-NOT_SETTLED = "the signal was not within ±2 % of its reference at the end of the step's duration"
-STILL_MOVING = "the signal still moved at the end of the step's duration"
-BOTH_STEP = "both references step at once"
-
 _UNITS = {"q": "rad", "S": "N·m/rad"}
 
 
@@ -96,19 +91,8 @@ def check_rest_before(normalized: Array) -> str:
     if abs(off) <= START_BAND:
         return ""
     if abs(normalized[-1]) > START_BAND:
-        return (
-            f"the signal began at {_format_percent(float(normalized[-1]))} of the step: the previous "
-            "motion had not ended"
-        )
-    return (
-        f"the signal moved at the start of the step, from {_format_percent(off)} of the step: the "
-        "previous motion had not ended"
-    )
-
-
-def format_largest_share(normalized: Array) -> str:
-    """Return the reason for a step that did not reach 90 %, with the largest fraction."""
-    return f"the signal reached {_format_percent(float(normalized.max()))} of the step within its duration"
+        return messages.began_away_from_start(share=float(normalized[-1]))
+    return messages.moved_at_start(share=off)
 
 
 def check_other_at_rest(signal: str, deviation: Array) -> str:
@@ -116,10 +100,7 @@ def check_other_at_rest(signal: str, deviation: Array) -> str:
     off = float(np.abs(deviation).max())
     if off <= REST_TOLERANCES[signal]:
         return ""
-    return (
-        f"{signal} was {Quantity(off, _UNITS[signal]):.2f} from its reference as this step began: "
-        "the previous motion had not ended"
-    )
+    return messages.other_signal_moved(signal=signal, deviation=off, unit=_UNITS[signal])
 
 
 @dataclass(frozen=True)
@@ -134,13 +115,8 @@ def format_missing(missing: Sequence[Missing], of: int) -> str:
     """Return how many of ``of`` steps lack a metric, and why the first one does; empty if none does."""
     if not missing:
         return ""
-    verb = "was" if len(missing) == 1 else "were"
     first = missing[0]
-    return f"{len(missing)} of {of} steps {verb} not measured; the one at {first.start_s:g} s: {first.reason}"
-
-
-def _format_percent(share: float) -> str:
-    return f"{100.0 * share:.0f} %".replace("-", "−")
+    return messages.steps_not_measured(missing=len(missing), steps=of, start_s=first.start_s, reason=first.reason)
 
 
 # Steps ---------------------------------------------------------------------------------------------
@@ -215,20 +191,20 @@ def compute_step_metrics(
     normalized = (y - step.before) / step_size
     margin = 0.5 * count / abs(step_size)
     initial = normalized[:1] if before is None else np.append((before - step.before) / step_size, normalized[0])
-    moving = check_rest_before(initial) if np.isfinite(normalized).all() else NO_NUMBER
+    moving = check_rest_before(initial) if np.isfinite(normalized).all() else messages.sample_without_value()
     t_10, t_90 = (None if moving else _find_first_crossing(t, normalized, level - margin) for level in (0.1, 0.9))
     settling_s = None if moving else _compute_settling_time(t - step.start_s, normalized, SETTLING_BAND + margin)
     beyond = max(0.0, float(normalized.max() - 1.0))
     last = y[t >= t[-1] - STEADY_WINDOW_S]
     steady = float(np.ptp(last)) <= SETTLING_BAND * abs(step_size) + count
-    too_short = "" if t_90 is not None else moving or format_largest_share(normalized)
-    unsettled = "" if settling_s is not None else moving or NOT_SETTLED
+    too_short = "" if t_90 is not None else moving or messages.step_not_reached(share=float(normalized.max()))
+    unsettled = "" if settling_s is not None else moving or messages.not_settled()
     reasons = {
         "rise_s": too_short,
         "reach_s": too_short,
         "settling_s": unsettled,
         "overshoot_percent": unsettled,
-        "steady_error": "" if steady else STILL_MOVING,
+        "steady_error": "" if steady else messages.still_moving_at_end(),
         "cross_coupling": too_short,
     }
     return StepMetrics(
@@ -279,8 +255,6 @@ SETTLED_DELAY_S = 1.0
 
 REST_MIN_S = 1.0
 """Least duration of rest [s]."""
-
-NO_SUCH_STEP = "no such step was completed"
 
 
 def declare_metric(unit: str, label: str, definition: str) -> Any:
@@ -372,7 +346,7 @@ def compute_tracking_metrics(
     """
     t = columns["t"]
     if t.size == 0:
-        raise NoSamplesError("the run holds no samples of its program")
+        raise NoSamplesError(messages.run_without_samples())
     period_s = float(np.median(np.diff(t))) if t.size > 1 else 0.0
     played_s = float(t[-1]) + period_s
     planned_s = program.duration_s
@@ -398,11 +372,11 @@ def _measure_step(columns: Columns, step: ReferenceStep, count: float) -> StepMe
     y = columns[step.signal]
     result = compute_step_metrics(t[first:end], y[first:end], step, y[early:first], count)
     if not step.alone:
-        return replace(result, reasons={**result.reasons, "cross_coupling": BOTH_STEP})
+        return replace(result, reasons={**result.reasons, "cross_coupling": messages.both_references_step()})
     other = "S" if step.signal == "q" else "q"
     deviation = np.abs(columns[other] - columns[f"{other}_ref"])
     if not np.isfinite(deviation[early:end]).all():
-        return replace(result, reasons={**result.reasons, "cross_coupling": NO_NUMBER})
+        return replace(result, reasons={**result.reasons, "cross_coupling": messages.sample_without_value()})
     if moving := check_other_at_rest(other, deviation[early : first + 1]):
         return replace(result, reasons={**result.reasons, "cross_coupling": moving})
     return replace(result, cross_coupling=float(deviation[first:end].max()))
@@ -431,7 +405,7 @@ def _compute_overall(
     if largest_turns and reach_bound is not None:
         bound = reach_bound(abs(largest_turns[0].step.after - largest_turns[0].step.before))
     if bound is None:
-        reasons["reach_bound_q_s"] = reasons["reach_q_s"] or "no lower bound is known for these motors"
+        reasons["reach_bound_q_s"] = reasons["reach_q_s"] or messages.no_lower_bound_known()
     reasons["reach_ratio_q"] = reasons["reach_q_s"] or reasons.get("reach_bound_q_s", "")
     u_rest, reasons["u_rest_rms_V"] = _compute_voltage_at_rest(columns, steps)
     tensions = np.concatenate([columns["F_A"], columns["F_B"]])
@@ -458,7 +432,7 @@ def _select_largest(steps: Sequence[StepMetrics], quantity: str) -> float | None
 
 def _format_reason(steps: Sequence[StepMetrics], quantity: str) -> str:
     if not steps:
-        return NO_SUCH_STEP
+        return messages.no_step_completed()
     missing = [Missing(item.step.start_s, item.reasons[quantity]) for item in steps if quantity in item.reasons]
     return format_missing(missing, len(steps))
 
@@ -485,12 +459,9 @@ def _compute_voltage_at_rest(columns: Columns, steps: Sequence[StepMetrics]) -> 
             u = columns[name][inside]
             found.append(u - u.mean())
     if not by_motor["u_A"]:
-        return (
-            None,
-            f"no step was followed by {REST_MIN_S:g} s of rest that began {SETTLED_DELAY_S:g} s after it settled",
-        )
+        return None, messages.no_rest_after_step(rest_s=REST_MIN_S, delay_s=SETTLED_DELAY_S)
     found_V = max(rms(np.concatenate(found)) for found in by_motor.values())
-    return (found_V, "") if np.isfinite(found_V) else (None, NO_NUMBER)
+    return (found_V, "") if np.isfinite(found_V) else (None, messages.sample_without_value())
 
 
 def rms(error: NDArray[np.float64]) -> float:

@@ -15,6 +15,7 @@ from backend.analysis import Evaluation, evaluate_finished_run, require_measurab
 from backend.banks import TuningSettings, build_tuning_command, list_point_models
 from backend.control import STIFFNESS_RANGE
 from backend.errors import InvalidValueError, Path
+from backend.execution import messages
 from backend.execution.progress import ProgressCallback, RunPhase
 from backend.experiments import (
     ExperimentError,
@@ -130,7 +131,7 @@ def _build_change_command(
     except InvalidValueError as error:
         raise ExperimentError(error, path, line) from None
     except (UnknownRecordError, TuningError) as error:
-        raise ExperimentError(str(error), path, line) from None
+        raise ExperimentError(error.message, path, line) from None
 
 
 # Execution -----------------------------------------------------------------------------------------
@@ -175,9 +176,9 @@ def require_ready(loop: LoopClient) -> None:
     """Raise NotReadyError unless a program can start from the current mode."""
     mode = current_mode(loop)
     if mode in (Mode.IDENTIFY, Mode.EXPERIMENT):
-        raise NotReadyError("another program is running: wait for its end or stop it", mode)
+        raise NotReadyError(messages.another_program_running(), mode)
     if mode in (Mode.STOPPING, Mode.TRIPPED):
-        raise NotReadyError("the loop is stopped: reset it first", mode)
+        raise NotReadyError(messages.loop_stopped(), mode)
 
 
 async def execute_program(loop: LoopClient, program: Program, run: int, notify: ProgressCallback) -> None:
@@ -214,7 +215,7 @@ async def _start(loop: LoopClient, program: Program, run: int, notify: ProgressC
         notify(RunPhase.PRETENSION, waited_s)
         await loop.advance(SLICE_S)
         waited_s += SLICE_S
-    raise ProgramRejectedError(f"pretension was not reached within {PRETENSION_TIMEOUT_S:g} s")
+    raise ProgramRejectedError(messages.pretension_not_reached(timeout_s=PRETENSION_TIMEOUT_S))
 
 
 async def _wait_until_ended(
@@ -301,7 +302,7 @@ async def _enter_run_mode(loop: SimulatedLoop) -> None:
     waited_s = 0.0
     while isinstance(answer := await loop.send(SetMode(Mode.RUN)), Refused):
         if waited_s > PRETENSION_TIMEOUT_S:
-            raise ProgramRejectedError(f"the bias of the external force was not calibrated: {answer.reason}")
+            raise ProgramRejectedError(messages.force_bias_not_calibrated(reason=answer.reason))
         await loop.advance(SLICE_S)
         waited_s += SLICE_S
 
@@ -309,7 +310,7 @@ async def _enter_run_mode(loop: SimulatedLoop) -> None:
 async def _require_accepted(loop: SimulatedLoop, command: Command) -> None:
     answer = await loop.send(command)
     if not isinstance(answer, Accepted):
-        raise ProgramRejectedError(f"the bias of the external force was not calibrated: {answer.reason}")
+        raise ProgramRejectedError(messages.force_bias_not_calibrated(reason=answer.reason))
 
 
 # Runner --------------------------------------------------------------------------------------------
@@ -483,10 +484,10 @@ async def evaluate_closed_run(rig: ExperimentRig, plan: Plan, run: Run) -> Evalu
         _LOG.exception("The evaluation of run %s failed.", run.id)
         problem = f"{type(error).__name__}: {error}"
     except BaseException:
-        _store_problem(rig, run.id, "the service ended before the run was evaluated")
+        _store_problem(rig, run.id, messages.service_ended_before_evaluation())
         raise
     _store_problem(rig, run.id, problem)
-    return Evaluation(None, None, f"the run could not be evaluated: {problem}")
+    return Evaluation(None, None, messages.run_not_evaluated(reason=problem))
 
 
 def _store_problem(rig: ExperimentRig, run_id: int, problem: str) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from backend.analysis import EvaluationContext, NoSamplesError, evaluate_experiment
 from backend.banks import build_tuning_command, list_point_models
+from backend.execution import messages
 from backend.execution.progress import RunPhase
 from backend.execution.runner import (
     ExperimentRig,
@@ -78,9 +79,7 @@ def make_headless_loop(
     previewer.require_safe(settings.lambdas, settings.budget)
     actuator = make_plant(plant, parameters, settings.seed)
     if not actuator.stepped:
-        raise PlantError(
-            f"{plant.name}: this plant runs in real time; start experiments from the dashboard of sinew serve"
-        )
+        raise PlantError(messages.plant_runs_in_real_time(plant=plant.name))
     return SimulatedLoop(actuator, parameters, build_tuning_command(parameters, settings, bank), on_batch)
 
 

@@ -36,6 +36,8 @@ from backend.storage.runs import EndState
 from backend.tuning.gains import TuningParameters
 from plant.parameters import SHIPPED, load_parameters, parse_parameters
 from tests.experiments.composing.written import plan_of, with_parts
+from tests.reasons import assert_reason
+from tests.refusals import refused
 
 # Results of experiments: merged measures and criteria.
 
@@ -114,9 +116,11 @@ def test_a_failed_measure_has_a_reason_and_does_not_affect_others() -> None:
             criteria=(Bound(figure="push_back_s", below=1.0), Bound(figure="min_tension_N", above=4.0)),
         )
     )
-    assert (figures["push_back_s"].value, figures["push_back_s"].reason) == (None, "the experiment contains no push")
+    assert figures["push_back_s"].value is None
+    assert_reason(figures["push_back_s"].reason, "no_push")
     assert figures["min_tension_N"].value == 15.0
-    assert (criteria["push_back_s"].passed, criteria["push_back_s"].reason) == (None, "the experiment contains no push")
+    assert criteria["push_back_s"].passed is None
+    assert_reason(criteria["push_back_s"].reason, "no_push")
     assert criteria["min_tension_N"].passed is True
 
 
@@ -129,12 +133,14 @@ def test_a_run_of_which_nothing_could_be_measured_has_no_result(measure: Measure
 def test_nothing_passes_that_was_not_seen_whole_and_what_fails_still_does() -> None:
     bounds = (Bound(figure="min_tension_N", above=4.0), Bound(figure="peak_voltage_V", below=1.5))
     made = plan(*STEPS, measures=(Measure.STEPS,), criteria=bounds)
-    for missed, played_s, reason in (
-        (12, 2.0, "the recording lacks 12 samples"),
-        (0, 1.5, "the run ended after 1.5 s of 2.0 s"),
+    early: dict[str, object] = {"played_s": 1.5, "planned_s": 2.0}
+    for missed, played_s, code, values in (
+        (12, 2.0, "samples_missing", {"missed": 12}),
+        (0, 1.5, "run_ended_early", early),
     ):
         _, criteria = result(made, missed, played_s)
-        assert (criteria["min_tension_N"].passed, criteria["min_tension_N"].reason) == (None, reason)
+        assert criteria["min_tension_N"].passed is None
+        assert_reason(criteria["min_tension_N"].reason, code, **values)
         assert criteria["peak_voltage_V"].passed is False
     _, whole = result(made)
     assert [item.passed for item in whole.values()] == [True, False]
@@ -190,7 +196,7 @@ def test_a_criterion_has_its_own_name_or_that_of_its_metric() -> None:
 def test_a_bound_without_a_value_passes_nothing() -> None:
     criterion = judged(Bound(figure="min_tension_N", above="1 / (depth - 0.5)"))
     assert criterion.passed is None
-    assert criterion.reason.startswith("the bound cannot be evaluated: ")
+    assert_reason(criterion.reason, "bound_not_evaluated")
 
 
 def test_a_figure_that_was_not_measured_is_judged_with_its_reason() -> None:
@@ -202,9 +208,6 @@ def test_a_figure_that_was_not_measured_is_judged_with_its_reason() -> None:
 @pytest.mark.parametrize(
     ("bound", "told", "line"),
     [
-        ({"figure": "back_s", "below": 1.0}, "'back_s' is not a metric that this experiment measures (steps)", 31),
-        ({"figure": "rmse_q"}, "a criterion needs exactly one bound: below or above", 30),
-        ({"figure": "rmse_q", "below": 1.0, "above": 0.0}, "a criterion needs exactly one bound: below or above", 30),
         ({"figure": "rmse_q", "below": "u_least"}, "'u_least' is not known here; choose one of depth, u_max", 30),
         ({"figure": "rmse_q", "below": "__import__('os')"}, "is not supported", 30),
     ],
@@ -214,6 +217,31 @@ def test_a_criterion_that_no_run_could_be_judged_by_is_refused(bound: dict[str, 
     with pytest.raises(ExperimentError) as refused:
         require_measurable(made, {"depth": 0.5}, {(): 1, ("criteria", 0): 30, ("criteria", 0, "figure"): 31})
     assert told in str(refused.value)
+    assert refused.value.line == line
+
+
+@pytest.mark.parametrize(
+    ("bound", "code", "values", "line"),
+    [
+        (
+            {"figure": "back_s", "below": 1.0},
+            "metric_not_measured",
+            {"metric": "back_s", "measures": "steps"},
+            31,
+        ),
+        ({"figure": "rmse_q"}, "not_exactly_one_bound", {}, 30),
+        ({"figure": "rmse_q", "below": 1.0, "above": 0.0}, "not_exactly_one_bound", {}, 30),
+    ],
+)
+def test_a_criterion_without_a_metric_or_a_bound_is_refused(
+    bound: dict[str, Any], code: str, values: dict[str, object], line: int
+) -> None:
+    made: Experiment = plan(*STEPS, measures=(Measure.STEPS,), criteria=(Bound(**bound),)).experiment
+    with pytest.raises(ExperimentError) as refused:
+        require_measurable(made, {"depth": 0.5}, {(): 1, ("criteria", 0): 30, ("criteria", 0, "figure"): 31})
+    assert isinstance(refused.value.why, str)
+    assert_reason(refused.value.why, code, **values)
+    assert refused.value.why in refused.value.message
     assert refused.value.line == line
 
 
@@ -270,7 +298,7 @@ def test_a_failed_evaluation_is_stored_with_the_run_until_one_succeeds(tmp_path:
     with database.reading() as session:
         assert runs.get(session, outcome.run.id).evaluation_problem == ""
         assert results.present(session, [outcome.run.id, running.id]) == {outcome.run.id}
-    with pytest.raises(NotEvaluableError, match="has not ended"):
+    with refused(NotEvaluableError, "run_not_ended", run=running.id):
         reevaluate_run(database, running.id)
     database.close()
 

@@ -52,6 +52,7 @@ from plant.parameters import load_parameters
 from tests.exports.written import to_csv
 from tests.identification.test_friction import C0, C1, computed
 from tests.models.earlier_identifications import ACTUATOR, MODEL
+from tests.refusals import refused
 from tests.reports.test_identification_report import identification
 from tests.reports.tracking_run import BEGAN, PLAN, samples, source_of
 
@@ -445,7 +446,7 @@ def test_a_bank_is_built_from_the_newest_estimate_of_a_run_and_refusals_name_the
     bank = build_bank(database, PARAMETERS, "bench", [4, 5], "Ana")
     with database.reading() as session:
         assert [entry.identification_id for entry in banks.get(session, bank.id).entries] == [2, again.id]
-    with pytest.raises(BankError, match=r"^identification 6 is not usable"):
+    with refused(BankError, "not_usable", source="identification 6"):
         build_bank(database, PARAMETERS, "bench", [4, 6], "Ana")
     with pytest.raises(UnknownRecordError, match="there is no identification 2 with a model"):
         build_bank(database, PARAMETERS, "bench", [2], "Ana")

@@ -29,6 +29,8 @@ from backend.tuning.gains import TuningParameters
 from plant.parameters import load_parameters
 from tests.experiments.composing.written import plan_of, with_parts
 from tests.experiments.judging import tracking_criteria
+from tests.reasons import assert_reason
+from tests.refusals import refused
 
 # Metrics against closed forms of step responses.
 
@@ -237,7 +239,7 @@ def test_the_voltage_at_rest_is_not_measured_where_nothing_rests() -> None:
     found = compute_tracking_metrics(tracked(plan), plan.program(), plan.phases())
     assert found.overall.settling_q_s == pytest.approx(0.5 * 5.834, abs=0.002)
     assert found.overall.u_rest_rms_V is None
-    assert "1 s of rest" in found.reasons["u_rest_rms_V"]
+    assert_reason(found.reasons["u_rest_rms_V"], "no_rest_after_step", rest_s=1.0)
 
 
 def test_a_stopped_run_is_incomplete_and_has_its_finished_steps() -> None:
@@ -351,13 +353,13 @@ def test_a_joint_that_is_not_back_or_holds_no_number_is_not_measured() -> None:
         off[2000:4000] = wrong
         figures = compute_disturbance_metrics(columns(off), PUSHED)
         assert figures.push_back_s is None
-        assert "after the push that ended at 2 s the joint was still" in figures.reasons["push_back_s"]
+        assert_reason(figures.reasons["push_back_s"], "not_back_after_push", end_s=pytest.approx(2.0))
 
 
 def test_a_run_that_ended_before_the_pushes_were_over_has_no_figures() -> None:
-    with pytest.raises(NoSamplesError, match="before the pushes were completed"):
+    with refused(NoSamplesError, "pushes_not_completed"):
         compute_disturbance_metrics(columns(np.zeros(4100)), PUSHED)
-    with pytest.raises(NoSamplesError, match="the experiment contains no push"):
+    with refused(NoSamplesError, "no_push"):
         compute_disturbance_metrics(columns(np.zeros(4100)), Program(Law.CASCADE, (HELD,)))
 
 

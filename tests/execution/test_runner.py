@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from backend.analysis.identification import extract_side_steps, fit_spring_table, identify_motors
+from backend.analysis.messages import incomplete_run_without_model
 from backend.analysis.step_metrics import compute_tracking_metrics
 from backend.banks.builder import BankError, build_bank, build_tuning_command, list_point_models
 from backend.errors import OutOfRangeError
@@ -47,6 +48,8 @@ from plant.dynamics import tendon_tension
 from plant.interface import InjectedFault, InjectedFaultKind
 from plant.parameters import PlantParameters, load_parameters
 from tests.experiments.judging import LEAD_IN_S
+from tests.reasons import assert_reason
+from tests.refusals import refused
 
 # Complete experiments on the simulator: loop, recorder, database and evaluation.
 
@@ -175,7 +178,7 @@ def test_a_run_that_ends_early_is_closed_with_its_data(
     columns, _ = read_recorded_columns(station.database, outcome.run.id)
     assert columns["t"].size == round(result.metrics.played_s * 1000)
 
-    with pytest.raises(NotReadyError, match="reset"):
+    with refused(NotReadyError, "loop_stopped"):
         create_run(station, RunRequest(HASTY, LoopSettings(), "A. Operator"))
     assert isinstance(asyncio.run(station.loop.send(Reset())), Accepted)
     asyncio.run(station.loop.advance(0.01))
@@ -194,9 +197,9 @@ def test_identification_finds_the_geometric_gains_and_feeds_a_bank(station: Expe
     assert found.model["S_nominal"] == pytest.approx(10.55, abs=0.02)
 
     bank = build_bank(station.database, station.parameters, "first", [found.run_id], "A. Operator")
-    with pytest.raises(BankError, match="apart"):
+    with refused(BankError, "entries_too_close", distance=0.0):
         build_bank(station.database, station.parameters, "twice", [found.run_id, found.run_id], "A. Operator")
-    with pytest.raises(BankError, match="needs at least one"):
+    with refused(BankError, "no_identifications"):
         build_bank(station.database, station.parameters, "none", [], "A. Operator")
     (entry,) = bank.entries
     with station.database.reading() as session:
@@ -232,7 +235,7 @@ def test_an_identification_that_ends_early_gives_no_model(station: ExperimentRig
     outcome = perform(station, ActuatorIdentificationPlan(), stop)
     assert outcome.run.end_state == "stopped"
     assert outcome.evaluation.identification is None
-    assert "ended early" in outcome.evaluation.problem
+    assert outcome.evaluation.problem == incomplete_run_without_model(end_state="stopped")
     with station.database.reading() as session:
         assert identifications.find(session) == []
 
@@ -497,7 +500,7 @@ def test_a_run_that_ends_early_has_its_data_and_no_model(station_unloaded: Exper
         return outcome.evaluation.problem
 
     before = len(_stored(station_unloaded))
-    assert "ended early" in asyncio.run(perform())
+    assert asyncio.run(perform()) == incomplete_run_without_model(end_state="stopped")
     assert len(_stored(station_unloaded)) == before
 
 
@@ -523,8 +526,10 @@ def test_steps_that_saturate_or_carry_load_are_refused_one_by_one(lab: PlantPara
     assert [voltage for voltage, _ in cut.refused] == [10.0, 4.0]
     assert "saturates" in cut.refused[0][1]
     assert "tendon loads the motor" in cut.refused[1][1]
-    with pytest.raises(ValueError, match=r"motor A: .*different voltages.*saturates.*tendon loads the motor"):
+    with pytest.raises(ValueError, match=r"motor A: .*different voltages.*saturates.*tendon loads the motor") as caught:
         identify_motors(columns, lab)
+    unusable = tuple(reason for _, reason in cut.refused)
+    assert_reason(caught.value.args[0], "motor_not_identified", side="A", unusable_steps=unusable)
 
 
 def test_predictions_say_what_is_wrong_before_anything_moves(lab: PlantParameters) -> None:
