@@ -829,7 +829,8 @@ def compute_robustness_metrics(
     if not steps or columns["q"].size < max(step.window.stop for step in steps):
         raise NoSamplesError(messages.loads_not_completed())
     errors: dict[str, Array] = {side: columns[f"theta_{side}_ref"] - columns[f"theta_{side}"] for side in SIDES}
-    deviations, times, reasons, away_still = {"A": 0.0, "B": 0.0}, [0.0], {}, []
+    reasons: dict[str, str] = {}
+    deviations, times, away_still = {"A": 0.0, "B": 0.0}, [0.0], []
     for side, window, _ in steps:
         error = errors[side][window]
         size = np.abs(error)
