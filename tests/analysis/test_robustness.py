@@ -107,13 +107,13 @@ def test_the_load_is_on_as_planned(columns: RobustnessColumns) -> None:
 def test_a_deviation_that_does_not_end_or_is_lost_in_the_encoder_passes_nothing(columns: RobustnessColumns) -> None:
     lasting = {**columns, "theta_A": columns["theta_A"] + 0.1 * (np.arange(columns["q"].size) > LEAD_IN_S / T_s)}
     coarse = compute_robustness_metrics(columns, STEPS, 1.0)
-    for found, code in (
-        (compute_robustness_metrics(lasting, STEPS, 0.0), "motor_not_back"),
-        (coarse, "motor_moved_too_little"),
+    for found, code, values in (
+        (compute_robustness_metrics(lasting, STEPS, 0.0), "motor_not_back", {"duration_s": HOLD_S}),
+        (coarse, "motor_moved_too_little", {"minimum_counts": 20.0}),
     ):
         back = robustness_criteria(found, LAM)[0]
         assert (back.passed, back.figure) == ((None, None) if found is coarse else (False, HOLD_S))
-        assert_reason(back.reason, code)
+        assert_reason(back.reason, code, **values)
 
 
 @pytest.mark.parametrize("lam", [0.05, LAM, 0.2])
