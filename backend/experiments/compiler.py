@@ -11,7 +11,7 @@ import numpy as np
 from backend.banks import TuningSettings
 from backend.control import MAX_BITS, MAX_LINES, MIN_BITS, compute_bounds
 from backend.errors import Path, check_range
-from backend.experiments import schema
+from backend.experiments import messages, schema
 from backend.experiments.parser import (
     CONSTANTS,
     FUNCTIONS,
@@ -43,6 +43,7 @@ from plant import (
     K_LEAST,
     SUBSTEPS,
     Angle,
+    Message,
     Obstacle,
     PlantError,
     PlantParameters,
@@ -157,7 +158,7 @@ class NumberReader:
     def _read_integer(self, name: str, expression: float | str, least: int, most: int) -> int:
         number = self._read_number(name, expression, least, most, "1")
         if number != round(number):
-            raise self._build_error(f"{number:g} is not a whole number", (*self._path, name))
+            raise self._build_error(messages.not_a_whole_number(value=number), (*self._path, name))
         return round(number)
 
     def _read_number(
@@ -167,7 +168,7 @@ class NumberReader:
         try:
             number = evaluate_number(expression, self._names)
         except ExpressionError as error:
-            raise self._build_error(str(error), path) from None
+            raise self._build_error(error.message, path) from None
         slack = 1e-9 * max(abs(least), abs(most))  # a value equal to a computed bound is allowed
         clipped = min(max(number, least), most) if least - slack <= number <= most + slack else number
         with error_context(path, self._lines):
@@ -198,8 +199,8 @@ class NumberReader:
             name="S_amplitude", expression=S, least=-margin_S, most=margin_S, unit="N·m/rad", words=words
         )
 
-    def _build_error(self, why: str, path: Path) -> ExperimentError:
-        return ExperimentError(why, path, find_line(path, self._lines))
+    def _build_error(self, reason: Message, path: Path) -> ExperimentError:
+        return ExperimentError(reason, path, find_line(path, self._lines))
 
 
 # Reach ---------------------------------------------------------------------------------------------
@@ -230,7 +231,7 @@ def require_reach(compiled: CompiledExperiment, parameters: PlantParameters, lin
             if wall is not None:
                 require_possible_wall(wall, joint, parameters.safety.F_max, g.q_max, T_s / SUBSTEPS)
         except PlantError as error:
-            raise ExperimentError(str(error), path, find_line(path, lines)) from None
+            raise ExperimentError(error.message, path, find_line(path, lines)) from None
 
 
 # Played parts --------------------------------------------------------------------------------------
@@ -295,7 +296,7 @@ CALIBRATION_MIN_S = 2.0
 class ContactDetectionSequence:
     """Settings of the contact detection in their order; each applies from the next segment on.
 
-    Changes between two segments are combined into one. Methods return a problem as text, empty for none.
+    Changes between two segments are combined into one. Methods return a problem, None for none.
     """
 
     def __init__(self) -> None:
@@ -309,32 +310,25 @@ class ContactDetectionSequence:
         """Whether a calibration is the last change, without a segment after it."""
         return len(self.items) > self._taken_count and self.items[-1].calibrates_bias
 
-    def add_calibration(self, S: float) -> str:
+    def add_calibration(self, S: float) -> Message | None:
         """Calibrate the bias of the external force at rest at the stiffness S [N·m/rad]."""
         if self._ends_parts:
-            return "parts that a contact ends cannot contain a part `do: learn`: move it before them"
+            return messages.calibration_within_contact()
         self._calibrated_S.append(S)
         return self._append(ContactDetection(0.0, calibrates_bias=True))
 
-    def begin_contact_end(self, contact_N: float, S: float) -> str:
+    def begin_contact_end(self, contact_N: float, S: float) -> Message | None:
         """Let contacts above ``contact_N`` [N] end the following parts, which begin at S [N·m/rad]."""
         if self._ends_parts:
-            return "parts that a contact ends cannot contain such parts again: remove the inner ones"
+            return messages.contact_within_contact()
         if not self._calibrated_S:
-            return (
-                "the bias of the external force is not calibrated before this part: add a part `do: "
-                "learn` before it, at this stiffness"
-            )
+            return messages.bias_not_calibrated()
         if not min(self._calibrated_S) - NEIGHBOUR <= S <= max(self._calibrated_S) + NEIGHBOUR:
-            known = ", ".join(f"{value:.4g}" for value in sorted(set(self._calibrated_S)))
-            return (
-                f"at {S:.4g} N·m/rad the bias of the external force is not calibrated, only at "
-                f"{known}: add a part `do: learn` at this stiffness"
-            )
+            return messages.bias_not_calibrated_at(S=S, calibrated_S=tuple(sorted(set(self._calibrated_S))))
         self._ends_parts = True
         return self._append(ContactDetection(contact_N))
 
-    def finish_contact_end(self) -> str:
+    def finish_contact_end(self) -> Message | None:
         """End the range of parts that a contact ends."""
         self._ends_parts = False
         return self._append(ContactDetection())
@@ -346,16 +340,16 @@ class ContactDetectionSequence:
         self._taken_count = len(self.items)
         return self._taken_count
 
-    def _append(self, detection: ContactDetection) -> str:
+    def _append(self, detection: ContactDetection) -> Message | None:
         if len(self.items) > self._taken_count:
             self.items[-1] = ContactDetection(
                 detection.contact_N, self.items[-1].calibrates_bias or detection.calibrates_bias
             )
-            return ""
+            return None
         if len(self.items) == MAX_CONTACT_DETECTIONS:
-            return f"{MAX_CONTACT_DETECTIONS} changes of the contact reaction are the maximum: split the experiment"
+            return messages.too_many_contact_changes(maximum=MAX_CONTACT_DETECTIONS)
         self.items.append(detection)
-        return ""
+        return None
 
 
 # Compiler ------------------------------------------------------------------------------------------
@@ -407,20 +401,18 @@ class _Compiler(NumberReader):
         for index, section in enumerate(self._experiment.phases):
             path: Path = ("phases", index)
             if any(phase.name == section.name for phase in phases):
-                raise self._build_error("another phase has this name: choose a unique one", (*path, "name"))
+                raise self._build_error(messages.phase_name_taken(), (*path, "name"))
             start_s = self._duration_s
             self._compile_parts(section.parts, (*path, "parts"))
             phases.append(Phase(section.name, section.title, start_s, self._duration_s))
         if self._has_unused_change:
-            raise self._build_error("no motion follows this change of the tuning: remove it", self._path)
+            raise self._build_error(messages.no_motion_after_tuning(), self._path)
         if self._assigned_walls != len(self._walls):
-            raise self._build_error("no motion follows this change of the obstacle: remove it", self._path)
+            raise self._build_error(messages.no_motion_after_obstacle(), self._path)
         if self._detections.has_unused_calibration:
-            raise self._build_error(
-                "no motion follows this calibration of the external force: remove the calibration", self._path
-            )
+            raise self._build_error(messages.no_motion_after_calibration(), self._path)
         if not self._segments:
-            raise self._build_error("the experiment contains no motion: add one", ("phases",))
+            raise self._build_error(messages.no_motion(), ("phases",))
         return CompiledExperiment(
             segments=tuple(self._segments),
             paths=tuple(self._paths),
@@ -437,7 +429,7 @@ class _Compiler(NumberReader):
             self._path = (*path, index)
             self._parts += 1
             if self._parts > _PARTS_MAX:
-                raise self._build_error(f"{_PARTS_MAX} parts are the maximum, including repetitions", self._path)
+                raise self._build_error(messages.too_many_parts(maximum=_PARTS_MAX), self._path)
             self._compile_part(part)
 
     @singledispatchmethod
@@ -479,9 +471,7 @@ class _Compiler(NumberReader):
         q, S = self._read_amplitudes(part.q_amplitude, part.S_amplitude)
         for name, amplitude, crest in (("q_amplitude", q, part.q_ref), ("S_amplitude", S, part.S_ref)):
             if amplitude and crest is not None:
-                raise self._build_error(
-                    "amplitude and reference both define the crest: remove one of them", (*self._path, name)
-                )
+                raise self._build_error(messages.crest_defined_twice(), (*self._path, name))
         self._q, self._S = q_before + q, S_before + S
         self._set_references(part.q_ref, part.S_ref)
         self._add(Segment(duration_s, self._q, self._S, F, Shape.SINE, period_s))
@@ -527,14 +517,13 @@ class _Compiler(NumberReader):
         period_s = round(self._read_number("period_s", part.period_s, 0.1, PART_MAX_S, "s"), 3)
         lines = self._read_integer("lines", part.lines, 1, MAX_LINES)
         with error_context((*self._path, "lines"), self._lines):
-            fastest = f"{_FREQUENCY_MAX_HZ:g} Hz is the maximum: choose fewer lines or a longer period"
             check_range(
                 "lines",
                 lines / period_s,
                 minimum=None,
                 maximum=_FREQUENCY_MAX_HZ,
                 unit="Hz",
-                remedy=fastest,
+                remedy=messages.fewer_lines_or_longer_period(maximum_Hz=_FREQUENCY_MAX_HZ),
                 label="highest frequency",
             )
         periods = self._read_integer("periods", part.periods, 1, 1000)
@@ -580,9 +569,7 @@ class _Compiler(NumberReader):
     @_compile_part.register
     def _compile_tuning(self, part: schema.Tuning) -> None:
         if len(self._changes) == MAX_TUNINGS:
-            raise self._build_error(
-                f"{MAX_TUNINGS} changes of the tuning are the maximum: split the experiment", self._path
-            )
+            raise self._build_error(messages.too_many_tunings(maximum=MAX_TUNINGS), self._path)
         named: dict[str, Value] = {}
         for name, setting in _TUNING_SETTINGS.items():
             value = getattr(part, name)
@@ -603,11 +590,8 @@ class _Compiler(NumberReader):
         side = 1.0 if part.side == "above" else -1.0
         q_wall = self._read_number("q_wall", part.q_wall, -Q_REF_MAX, Q_REF_MAX, "rad")
         if side * (self._q - q_wall) >= 0.0:
-            why = (
-                f"the joint reference is {Angle(self._q):.4g}, which is not in front of the obstacle "
-                f"at {Angle(q_wall):.4g}"
-            )
-            raise self._build_error(f"{why}: move the reference away from the obstacle first", (*self._path, "q_wall"))
+            beyond = messages.reference_beyond_obstacle(q_ref=self._q, q_wall=q_wall)
+            raise self._build_error(beyond, (*self._path, "q_wall"))
         k_wall = self._read_number("k_wall", part.k_wall, K_LEAST, _K_WALL_MAX, "N/m")
         self._add_wall_change(
             Obstacle(side, q_wall, k_wall, self._read_number("c_wall", part.c_wall, 0.0, _C_WALL_MAX, "s/m"))
@@ -619,9 +603,7 @@ class _Compiler(NumberReader):
 
     def _add_wall_change(self, wall: Obstacle | None) -> None:
         if len(self._walls) == MAX_WALLS:
-            raise self._build_error(
-                f"{MAX_WALLS} changes of the obstacle are the maximum: split the experiment", self._path
-            )
+            raise self._build_error(messages.too_many_obstacles(maximum=MAX_WALLS), self._path)
         self._walls.append(wall)
         self._wall_paths.append(self._path)
 
@@ -645,8 +627,8 @@ class _Compiler(NumberReader):
         self._compile_parts(part.parts, (*path, "parts"))
         self._raise_problem(self._detections.finish_contact_end())
 
-    def _raise_problem(self, problem: str) -> None:
-        if problem:
+    def _raise_problem(self, problem: Message | None) -> None:
+        if problem is not None:
             raise self._build_error(problem, self._path)
 
     @_compile_part.register
@@ -654,11 +636,10 @@ class _Compiler(NumberReader):
         chosen, path = self._names.get(part.by), self._path
         declared = next((item for item in self._experiment.settings if item.name == part.by), None)
         if declared is None or declared.kind != "choice":
-            raise self._build_error(f"{part.by!r} is not a setting with choices", (*path, "by"))
+            raise self._build_error(messages.setting_without_choices(name=part.by), (*path, "by"))
         if set(part.of) != set(declared.choices):
-            raise self._build_error(
-                f"define parts for exactly these choices: {', '.join(declared.choices)}", (*path, "of")
-            )
+            required = messages.choices_without_parts(choices=", ".join(declared.choices))
+            raise self._build_error(required, (*path, "of"))
         self._compile_parts(part.of[str(chosen)], (*path, "of", str(chosen)))
 
     @_compile_part.register
@@ -666,9 +647,7 @@ class _Compiler(NumberReader):
         path, outer = self._path, self._names.get(part.index)
         times = self._read_integer("times", part.times, 1, MAX_SEGMENTS)
         if part.index in (*CONSTANTS, *FUNCTIONS) or any(part.index == item.name for item in self._experiment.settings):
-            raise self._build_error(
-                f"{part.index!r} is already in use: choose another name for the index", (*path, "index")
-            )
+            raise self._build_error(messages.index_name_taken(name=part.index), (*path, "index"))
         for iteration in range(times):
             self._names[part.index] = iteration
             self._compile_parts(part.parts, (*path, "parts"))
@@ -687,14 +666,13 @@ class _Compiler(NumberReader):
         F = self._read_number("F_push", F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
         measured = [measure for measure in _MEASURES_FROM_REST if measure in self._experiment.measures]
         if F and measured:
-            why = f"{measured[0]} measures pushes from rest: use a part `do: push`"
-            raise self._build_error(why, (*self._path, "F_push"))
+            raise self._build_error(messages.push_during_motion(measure=measured[0]), (*self._path, "F_push"))
         return F
 
     def _require_references(self) -> None:
         """Raise ExperimentError for an oscillation before any references are set."""
         if not self._has_references:
-            raise self._build_error("the centre of the oscillation is not defined: begin with a step", self._path)
+            raise self._build_error(messages.no_centre(), self._path)
 
     def _add_hold(self, duration_s: float, F_push: float = 0.0) -> None:
         self._add(Segment(duration_s, self._q, self._S, F_push))
@@ -704,11 +682,7 @@ class _Compiler(NumberReader):
         if not pushed:
             self._F = segment.F_push
         if len(self._segments) == MAX_SEGMENTS:
-            raise self._build_error(
-                f"the number of segments exceeds {MAX_SEGMENTS}, including repetitions: repeat less, or "
-                "split the experiment",
-                self._path,
-            )
+            raise self._build_error(messages.too_many_segments(maximum=MAX_SEGMENTS), self._path)
         if self._has_unused_change:
             segment = replace(segment, tuning=len(self._changes))
             self._has_unused_change = False
@@ -726,7 +700,7 @@ class _Compiler(NumberReader):
                 minimum=None,
                 maximum=DURATION_MAX_S,
                 unit="s",
-                remedy="remove some parts",
+                remedy=messages.remove_some_parts(),
                 label=words,
             )
         self._segments.append(segment)

@@ -21,6 +21,7 @@ from backend.control import (
     stiffness,
 )
 from backend.errors import OutOfRangeError
+from backend.experiments import messages
 from backend.experiments.plans import IdentificationPlan, Plan
 from backend.realtime import IDENTIFYING, MODES, Law, Mode, Program, VoltageStep, may_start_from
 from backend.sample import INDEX
@@ -450,7 +451,7 @@ class Forecast:
     def require_within_range(self, parameters: PlantParameters) -> None:
         """Raise OutOfRangeError if joint or tendons would leave their range."""
         bounds = compute_bounds(parameters)
-        remedy = "choose a lower tension or a smaller amplitude"
+        remedy = messages.lower_tension_or_smaller_amplitude()
         # The run may start outside the range, but must not move further away.
         reach = max(self.q_high, -self.q_low, key=abs)
         if reach > bounds.q_trip and reach > abs(self.q_start) + MARGIN_RAD:
@@ -472,14 +473,13 @@ class Forecast:
                 remedy=remedy,
             )
         if self.F_low < bounds.F_slack and not self.let_slack:
-            remedy = "choose a higher tension or a smaller amplitude: a tendon would go slack"
             raise OutOfRangeError(
                 quantity="tension during the motion",
                 value=self.F_low,
                 minimum=bounds.F_slack,
                 maximum=None,
                 unit="N",
-                remedy=remedy,
+                remedy=messages.higher_tension_or_smaller_amplitude(),
             )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.errors import InvalidValueError, OutOfRangeError
-from backend.experiments import parser
+from backend.experiments import messages, parser
 from backend.experiments.compiler import PART_MAX_S
 from backend.experiments.parser import ExperimentError, Lines, build_settings, parse_experiment
 from backend.experiments.plans import (
@@ -120,10 +120,10 @@ def find_commanded_range(q_ref: Column, S_ref: Column) -> tuple[int, int]:
     """
     has_reference = np.isfinite(q_ref) & np.isfinite(S_ref)
     if not has_reference.any():
-        raise ExperimentError("the recording contains no references, so nothing can be repeated")
+        raise ExperimentError(messages.no_recorded_references())
     first, end = int(np.argmax(has_reference)), len(has_reference) - int(np.argmax(has_reference[::-1]))
     if not has_reference[first:end].all():
-        raise ExperimentError("the recorded references have a gap: the commands within it are unknown")
+        raise ExperimentError(messages.gap_in_references())
     return first, end
 
 
@@ -165,10 +165,7 @@ class _RecordedPartBuilder:
             if not (self._F[self._tick] != 0.0 and self._add_push(bound)):
                 self._add_motion(bound)
             if len(self._parts) > MAX_SEGMENTS:
-                raise ExperimentError(
-                    f"the recorded references need more than {MAX_SEGMENTS} holds and ramps, the maximum "
-                    "of an experiment: build the experiment from parts"
-                )
+                raise ExperimentError(messages.too_many_recorded_parts(maximum=MAX_SEGMENTS))
         return RecordedParts(self._parts, *self._deviations, self._delay_ticks, self._unpushed)
 
     def _add_changes(self) -> None:
@@ -369,7 +366,7 @@ def parse_stored_plan(kind: str, stored_values: Mapping[str, Value]) -> Plan:
         return plan
     if "experiment" not in stored_values:
         if kind not in PAPER_EXPERIMENTS:
-            raise ExperimentError("the program of the run is not stored in a known form")
+            raise ExperimentError(messages.program_in_unknown_form())
         return build_ready_plan(kind, **stored_values)
     experiment = parser.parse_canonical(str(stored_values["experiment"]))
     return build_experiment_plan(
@@ -458,7 +455,8 @@ def _build_sequence_definition() -> ExperimentDefinition:
         segments = _SEGMENTS.parse(values.get(_SEGMENTS.name, _SEGMENTS.default))
         document = upgrades.convert_sequence(segments)
         if document is None:
-            raise SettingError(_SEGMENTS.name, str(segments)[:40], f"it needs a {_SEGMENTS.meaning}")
+            reason = messages.not_a_list_of_segments(meaning=_SEGMENTS.meaning)
+            raise SettingError(_SEGMENTS.name, str(segments)[:40], reason)
         try:
             return build_experiment_plan(parser.build_experiment(document, {}), {}, upgrades.SEQUENCE)
         except ExperimentError as error:
@@ -526,5 +524,5 @@ def find_experiment(name: str) -> ExperimentDefinition:
     """Return the definition with this name. Raises SettingError, which lists the known names."""
     known = experiments_by_name()
     if name not in known:
-        raise SettingError("name", name, f"there is no such experiment; known: {', '.join(known)}", legal=tuple(known))
+        raise SettingError("name", name, messages.unknown_experiment(known=", ".join(known)), legal=tuple(known))
     return known[name]

@@ -14,13 +14,14 @@ from pydantic import TypeAdapter, ValidationError
 
 from backend.banks import TUNING_NAMES
 from backend.errors import InvalidValueError, OutOfRangeError, Path
+from backend.experiments import messages
 from backend.experiments.schema import EXPERIMENT, FORMAT, Declared, Experiment, Rule
 from backend.models import Setting, SettingError, Value
 from backend.plain_text import STORED_CONTEXT, PlainTextError, check_plain_text, escape_refused_characters
 from backend.recording import Derived, FormulaStep
 from backend.sample import COMBINED_SIGNAL_BY_NAME, UNIT_BY_SIGNAL, find_nearest_name
 from backend.units import AngleUnit
-from plant import ErrorCode, SinewError
+from plant import ErrorCode, Message, SinewError
 
 # Expressions ---------------------------------------------------------------------------------------
 # Expressions of settings such as "2 * hold_s": numbers, names, arithmetic, comparisons, conditions.
@@ -87,7 +88,7 @@ def evaluate_number(expression: float | str, names: Names) -> float:
     """Return the value of a numeric expression. Raises ExpressionError."""
     value = _evaluate_text(expression, names)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ExpressionError(f"{expression!r} is {value!r}, which is not a finite number")
+        raise ExpressionError(messages.not_a_finite_number(expression=expression, value=value))
     return float(value)
 
 
@@ -95,7 +96,7 @@ def evaluate_condition(expression: str, names: Names) -> bool:
     """Return the value of a condition. Raises ExpressionError."""
     value = _evaluate_text(expression, names)
     if not isinstance(value, bool):
-        raise ExpressionError(f"{expression!r} is {value!r}, which is not a comparison")
+        raise ExpressionError(messages.not_a_comparison(expression=expression, value=value))
     return value
 
 
@@ -138,25 +139,23 @@ def _evaluate_text(expression: float | str, names: Names) -> Any:
         try:
             return _to_float(expression)
         except OverflowError:
-            raise ExpressionError("a number has more than 308 digits") from None
+            raise ExpressionError(messages.number_too_long()) from None
     tree = parse_expression(expression)
     _require_supported(tree.body, names)
     try:
         return _evaluate(tree.body, names)
     except (ArithmeticError, ValueError, TypeError) as error:
-        raise ExpressionError(f"{expression!r} has no value: {error}") from None
+        raise ExpressionError(messages.no_value(expression=expression, reason=str(error))) from None
 
 
 def parse_expression(expression: str) -> ast.Expression:
     """Return the syntax tree of an expression, with bounded size. Raises ExpressionError."""
     if len(expression) > MAX_LENGTH:
-        raise ExpressionError(
-            f"{expression[:40]!r}… has {len(expression)} characters, at most {MAX_LENGTH} are accepted: shorten it"
-        )
+        raise ExpressionError(messages.expression_too_long(expression=expression, maximum=MAX_LENGTH))
     try:
         tree = ast.parse(expression.strip(), mode="eval")
     except (SyntaxError, ValueError, MemoryError, RecursionError):
-        raise ExpressionError(f"{expression!r} is not an expression") from None
+        raise ExpressionError(messages.not_an_expression(expression=expression)) from None
     _require_small(tree)
     return tree
 
@@ -168,19 +167,18 @@ def _require_small(tree: ast.Expression) -> None:
     while level:
         count, depth = count + len(level), depth + 1
         if count > MAX_NODES:
-            raise ExpressionError(f"an expression has at most {MAX_NODES} numbers, names and operations: simplify it")
+            raise ExpressionError(messages.too_many_operations(maximum=MAX_NODES))
         if depth > MAX_DEPTH:
-            raise ExpressionError(f"an expression is nested at most {MAX_DEPTH} times: simplify it")
+            raise ExpressionError(messages.expression_nested_too_deep(maximum=MAX_DEPTH))
         level = [child for node in level for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
 
 
 def _require_supported(node: ast.AST, names: Names) -> None:
     match node:
         case ast.Name(id=name) if name not in names and name not in CONSTANTS:
-            known = ", ".join((*names, *CONSTANTS))
-            raise ExpressionError(f"{name!r} is not known here; choose one of {known}")
+            raise ExpressionError(messages.unknown_name(name=name, known=", ".join((*names, *CONSTANTS))))
         case ast.Constant(value=value) if not isinstance(value, bool | int | float | str):
-            raise ExpressionError(f"{value!r} is not supported in an expression")
+            raise ExpressionError(messages.unsupported_constant(value=value))
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
             for argument in arguments:
                 _require_supported(argument, names)
@@ -196,9 +194,8 @@ def _require_supported(node: ast.AST, names: Names) -> None:
         case ast.IfExp() | ast.BoolOp():
             pass
         case _:
-            known = ", ".join(FUNCTIONS)
             raise ExpressionError(
-                f"{ast.unparse(node)[:60]!r} is not supported; supported are + - * / % **, comparisons, {known}"
+                messages.unsupported_operation(operation=ast.unparse(node), functions=", ".join(FUNCTIONS))
             )
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.expr):
@@ -234,7 +231,7 @@ def _evaluate(node: ast.AST, names: Names) -> Any:
         case ast.Call(func=ast.Name(id=name), args=arguments):
             return FUNCTIONS[name](*(_evaluate(argument, names) for argument in arguments))
         case _:
-            raise ExpressionError("the expression cannot be evaluated")
+            raise ExpressionError(messages.not_evaluated())
 
 
 # Errors --------------------------------------------------------------------------------------------
@@ -259,11 +256,10 @@ class ExperimentError(InvalidValueError):
         """Error code, message and path, with the line."""
         return {**super().fields, "line": self.line}
 
-    def format_message(self, angles: AngleUnit) -> str:
-        """Return the message with angles in this unit."""
-        why = self.why if isinstance(self.why, str) else self.why.format_message(angles)
-        place = f"line {self.line}" if self.line else ""
-        return ": ".join(part for part in (place, self.label if self.path else "", why) if part)
+    def format_message(self, angles: AngleUnit) -> Message:
+        """Return the message with angles in this unit; its value ``reason`` is the message without the place."""
+        reason = self.why if isinstance(self.why, str) else self.why.format_message(angles)
+        return messages.at_place(line=self.line, place=self.label if self.path else "", reason=reason)
 
 
 def format_path(path: Path) -> str:
@@ -312,13 +308,16 @@ def build_settings(experiment: Experiment, lines: Lines) -> tuple[Setting, ...]:
     for index, declared in enumerate(experiment.settings):
         path: Path = ("settings", index)
         if declared.name in _SETTING_TAKEN or any(declared.name == other.name for other in settings):
-            why = f"{declared.name!r} is already the name of a tuning setting, of the seed or of another setting"
-            raise ExperimentError(why, (*path, "name"), find_line((*path, "name"), lines))
+            taken = messages.setting_name_taken(name=declared.name)
+            raise ExperimentError(taken, (*path, "name"), find_line((*path, "name"), lines))
         try:
             setting = _build_setting(declared)
             setting.parse(setting.default)
-        except (ExpressionError, SettingError, OutOfRangeError, ValueError) as error:
-            raise ExperimentError(str(error), path, find_line(path, lines)) from None
+        except ExpressionError as error:
+            raise ExperimentError(error.message, path, find_line(path, lines)) from None
+        except ValueError as error:  # SettingError and OutOfRangeError too
+            reason = messages.invalid_default(name=declared.name, default=declared.default, reason=str(error))
+            raise ExperimentError(reason, path, find_line(path, lines)) from None
         settings.append(setting)
     return tuple(settings)
 
@@ -329,7 +328,7 @@ def parse_values(settings: tuple[Setting, ...], values: Mapping[str, object]) ->
     for name, value in values.items():
         if name not in known:
             legal = tuple(known)
-            raise SettingError(name, value, f"unknown setting; choose one of {', '.join(legal)}", legal=legal)
+            raise SettingError(name, value, messages.unknown_setting(known=", ".join(legal)), legal=legal)
     return {name: setting.parse(values.get(name, setting.default)) for name, setting in known.items()}
 
 
@@ -350,15 +349,14 @@ def require_rules(
         try:
             is_true, names = evaluate_condition(rule.that, values), find_names(rule.that)
         except ExpressionError as error:
-            raise ExperimentError(str(error), path, find_line(path, lines)) from None
+            raise ExperimentError(error.message, path, find_line(path, lines)) from None
         if is_true:
             continue
         if names & set(given):
             _raise_for_setting(rule, settings, values)
         settings_text = ", ".join(f"{name} is {value}" for name, value in values.items() if name in names)
-        raise ExperimentError(
-            f"{rule.that} is not satisfied ({settings_text}): {rule.remedy}", path, find_line(path, lines)
-        )
+        broken = messages.rule_not_satisfied(rule=rule.that, values=settings_text, remedy=rule.remedy)
+        raise ExperimentError(broken, path, find_line(path, lines))
 
 
 def _raise_for_setting(rule: Rule, settings: tuple[Setting, ...], values: Mapping[str, Value]) -> None:
@@ -382,13 +380,13 @@ def _raise_for_setting(rule: Rule, settings: tuple[Setting, ...], values: Mappin
 
 def _build_setting(declared: Declared) -> Setting:
     if declared.kind == "choice" and declared.default not in declared.choices:
-        raise ExpressionError(f"the default {declared.default!r} is not one of its choices")
+        raise ExpressionError(messages.default_not_a_choice(default=declared.default))
     if declared.kind in ("number", "integer") and (declared.minimum is None or declared.maximum is None):
-        raise ExpressionError(f"{declared.name} needs a minimum and a maximum")
+        raise ExpressionError(messages.setting_without_bounds(name=declared.name))
     numeric = declared.kind in ("number", "integer")
     default = evaluate_number(declared.default, {}) if numeric else declared.default
     if declared.kind == "integer" and default != round(float(default)):
-        raise ExpressionError(f"the default {declared.default!r} is not a whole number")
+        raise ExpressionError(messages.default_not_whole(default=declared.default))
     return Setting(
         name=declared.name,
         kind=declared.kind,
@@ -422,9 +420,9 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML comes without ty
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent) or getattr(self.peek_event(), "anchor", None):
             line = self.peek_event().start_mark.line + 1
-            raise ExperimentError("anchors and aliases are not supported: write the parts out, or use repeat", (), line)
+            raise ExperimentError(messages.anchor_or_alias(), (), line)
         if (tag := getattr(self.peek_event(), "tag", None)) is not None:
-            raise ExperimentError(f"the tag {tag} is not supported", (), self.peek_event().start_mark.line + 1)
+            raise ExperimentError(messages.unsupported_tag(tag=tag), (), self.peek_event().start_mark.line + 1)
         return super().compose_node(parent, index)
 
 
@@ -454,7 +452,7 @@ def parse_document(text: str, *, stored: bool = False) -> tuple[Any, Lines]:
     In a ``stored`` text, characters that are no longer accepted are replaced by escapes instead of being rejected.
     """
     if len(text) > MAX_CHARACTERS:
-        raise ExperimentError(f"it has {len(text)} characters, at most {MAX_CHARACTERS} are accepted: shorten it")
+        raise ExperimentError(messages.text_too_long(characters=len(text), maximum=MAX_CHARACTERS))
     lines: dict[Path, int] = {}
     try:
         node = _Loader(text).get_single_node()
@@ -462,17 +460,18 @@ def parse_document(text: str, *, stored: bool = False) -> tuple[Any, Lines]:
         return escape_refused_characters(document) if stored else document, lines
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        raise ExperimentError(f"it is neither YAML nor JSON: {error.problem}", (), mark and mark.line + 1) from None
+        reason = messages.not_yaml_or_json(reason=str(error.problem))
+        raise ExperimentError(reason, (), mark and mark.line + 1) from None
     except ExperimentError:
         raise
     except (yaml.YAMLError, RecursionError, ValueError, OverflowError) as error:  # such as an escape beyond Unicode
-        raise ExperimentError(f"it is neither YAML nor JSON: {error}") from None
+        raise ExperimentError(messages.not_yaml_or_json(reason=str(error))) from None
 
 
 def build_experiment(document: Any, lines: Lines, *, stored: bool = False) -> Experiment:
     """Return the experiment of a document; ``stored`` as in ``parse_document``. Raises ExperimentError."""
     if not isinstance(document, Mapping):
-        raise ExperimentError("an experiment is a mapping with format, name, title and phases", (), 1)
+        raise ExperimentError(messages.not_an_experiment(), (), 1)
     return validate_document(EXPERIMENT, FORMAT, document, lines, stored=stored)
 
 
@@ -481,8 +480,8 @@ def validate_document(
 ) -> _T:
     """Validate a document of format ``known`` and return its object. Raises ExperimentError with the path."""
     if document.get("format") != known:
-        why = f"{document.get('format')!r} is not a known format: this version of Sinew reads format {known}"
-        raise ExperimentError(why, ("format",), find_line(("format",), lines))
+        unknown = messages.unknown_format(value=document.get("format"), known=known)
+        raise ExperimentError(unknown, ("format",), find_line(("format",), lines))
     try:
         return form.validate_json(json.dumps(document), context=STORED_CONTEXT if stored else None)
     except ValidationError as error:
@@ -490,7 +489,7 @@ def validate_document(
         # a misspelt key is unknown and makes another key missing: report the unknown one
         first = next((item for item in found if item["type"] == _UNKNOWN_KEY), found[0])
         path = _find_path(document, first["loc"])
-        raise ExperimentError(_format_problem(first), path, find_line(path, lines)) from None
+        raise ExperimentError(_describe_problem(first), path, find_line(path, lines)) from None
 
 
 def parse_canonical(line: str) -> Experiment:
@@ -500,7 +499,7 @@ def parse_canonical(line: str) -> Experiment:
     except (ValueError, RecursionError) as error:
         if isinstance(error, ExperimentError):
             raise
-        raise ExperimentError(f"it is not JSON: {error}") from None
+        raise ExperimentError(messages.not_json(reason=str(error))) from None
 
 
 def to_canonical_text(experiment: Experiment) -> str:
@@ -512,15 +511,15 @@ def _convert_node(node: Any, path: Path, lines: dict[Path, int], depth: int, *, 
     line = node.start_mark.line + 1
     lines.setdefault(path, line)
     if depth > _MAX_NESTING:
-        raise ExperimentError(f"it is nested deeper than {_MAX_NESTING} times", path[:3], line)
+        raise ExperimentError(messages.text_nested_too_deep(maximum=_MAX_NESTING), path[:3], line)
     if isinstance(node, yaml.MappingNode) and node.tag == f"{_PLAIN}map":
         mapping: dict[str, Any] = {}
         for key_node, value_node in node.value:
             key = _convert_node(key_node, path, {}, depth + 1, stored=stored)
             if not isinstance(key, str):
-                raise ExperimentError(f"the key {key!r} is not a text", path, key_node.start_mark.line + 1)
+                raise ExperimentError(messages.key_not_a_text(key=key), path, key_node.start_mark.line + 1)
             if key in mapping:
-                raise ExperimentError("the key is given twice", (*path, key), key_node.start_mark.line + 1)
+                raise ExperimentError(messages.key_given_twice(), (*path, key), key_node.start_mark.line + 1)
             lines[*path, key] = key_node.start_mark.line + 1
             mapping[key] = _convert_node(value_node, (*path, key), lines, depth + 1, stored=stored)
         return mapping
@@ -530,7 +529,7 @@ def _convert_node(node: Any, path: Path, lines: dict[Path, int], depth: int, *, 
             for index, item in enumerate(node.value)
         ]
     if not isinstance(node, yaml.ScalarNode):
-        raise ExperimentError(f"the tag {node.tag} is not supported", path, line)
+        raise ExperimentError(messages.unsupported_tag(tag=node.tag), path, line)
     match node.tag.removeprefix(_PLAIN):
         case "str":
             words = _join_surrogates(node.value)
@@ -538,7 +537,7 @@ def _convert_node(node: Any, path: Path, lines: dict[Path, int], depth: int, *, 
                 if not stored:
                     check_plain_text(words)
             except PlainTextError as error:
-                raise ExperimentError(str(error), path, line) from None
+                raise ExperimentError(error.message, path, line) from None
             return words
         case "null":
             return None
@@ -546,12 +545,12 @@ def _convert_node(node: Any, path: Path, lines: dict[Path, int], depth: int, *, 
             return node.value == "true"
         case "int":
             if len(node.value) > 18:
-                raise ExperimentError(f"{node.value[:24]}… has too many digits for a whole number", path, line)
+                raise ExperimentError(messages.too_many_digits(number=node.value), path, line)
             return int(node.value)
         case "float" if math.isfinite(float(node.value)):
             return float(node.value)
         case _:
-            raise ExperimentError(f"{node.value[:40]!r} with the tag {node.tag} is not supported", path, line)
+            raise ExperimentError(messages.unsupported_scalar(value=node.value, tag=node.tag), path, line)
 
 
 def _join_surrogates(words: str) -> str:
@@ -584,27 +583,26 @@ def _has_child(here: Any, part: int | str) -> bool:
 
 
 _UNKNOWN_KEY = "unexpected_keyword_argument"
-_MESSAGES = {
-    "missing": "it is missing",
-    _UNKNOWN_KEY: "this key is not allowed here",
-    "too_short": "it is empty: add at least one item",
-    "extra_forbidden": "this key is not allowed here",
-    "string_pattern_mismatch": "a name has letters, digits and _, begins with a letter and is 40 characters at most",
-}
 
 
-def _format_problem(first: Any) -> str:
-    if first["type"] == "union_tag_invalid":
-        return (
-            f"{first['ctx']['tag']!r} is not a kind of part; choose one of "
-            f"{first['ctx']['expected_tags'].replace(chr(39), '')}"
-        )
-    if first["type"] == "union_tag_not_found":
-        return "a part needs `do`, which names its kind"
-    if first["type"] == "missing_argument" or first["type"] == "missing_keyword_only_argument":
-        return "it is missing"
-    message = str(first["msg"]).removeprefix("Value error, ").replace("Input should be", "it should be")
-    return _MESSAGES.get(first["type"]) or message
+def _describe_problem(first: Any) -> Message:
+    match first["type"]:
+        case "union_tag_invalid":
+            known = first["ctx"]["expected_tags"].replace("'", "")
+            return messages.unknown_part(name=first["ctx"]["tag"], known=known)
+        case "union_tag_not_found":
+            return messages.part_without_do()
+        case "missing" | "missing_argument" | "missing_keyword_only_argument":
+            return messages.key_missing()
+        case str(kind) if kind in (_UNKNOWN_KEY, "extra_forbidden"):
+            return messages.unknown_key()
+        case "too_short":
+            return messages.list_is_empty()
+        case "string_pattern_mismatch":
+            return messages.invalid_name()
+        case kind:
+            reason = str(first["msg"]).removeprefix("Value error, ").replace("Input should be", "it should be")
+            return messages.invalid_value(error_type=kind, reason=reason)
 
 
 # Formulas ------------------------------------------------------------------------------------------
@@ -624,15 +622,12 @@ _ARGUMENTS = {"min": (2, 50), "max": (2, 50), "abs": (1, 1), "sqrt": (1, 1), "ro
 def parse_derived_signal(name: str, unit: str, expression: str) -> Derived:
     """Return the derived signal that a formula defines. Raises ExpressionError."""
     if not _NAME.fullmatch(name) or name in _FORMULA_TAKEN:
-        raise ExpressionError(
-            f"{name!r} is not a valid name of a formula: use 1 to 20 letters, digits and _, a letter "
-            "first, and not the name of a signal or function"
-        )
+        raise ExpressionError(messages.invalid_formula_name(name=name))
     steps: list[FormulaStep] = []
     _append_steps(parse_expression(expression).body, steps)
     found = Derived(name, unit, tuple(steps))
     if not found.signals:
-        raise ExpressionError(f"{expression!r} contains no signal; choose among {', '.join(SIGNAL_NAMES)}")
+        raise ExpressionError(messages.formula_without_signal(expression=expression, known=", ".join(SIGNAL_NAMES)))
     return found
 
 
@@ -643,7 +638,7 @@ def _append_steps(node: ast.AST, steps: list[FormulaStep]) -> None:
             try:
                 steps.append(FormulaStep("number", value=float(value)))
             except OverflowError:
-                raise ExpressionError("a number has more than 308 digits") from None
+                raise ExpressionError(messages.number_too_long()) from None
         case ast.Name(id=name):
             _append_name(name, steps)
         case ast.BinOp(left=left, op=operation, right=right) if type(operation) in _FORMULA_BINARY:
@@ -669,14 +664,13 @@ def _append_steps(node: ast.AST, steps: list[FormulaStep]) -> None:
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
             least, most = _ARGUMENTS[name]
             if not least <= len(arguments) <= most:
-                expected = f"{least}" if least == most else f"{least} to {most}"
-                raise ExpressionError(f"{name} takes {expected} values, here are {len(arguments)}")
+                raise ExpressionError(
+                    messages.wrong_number_of_arguments(function=name, minimum=least, maximum=most, count=len(arguments))
+                )
             _append_operation(name, arguments, steps)
         case _:
-            known = ", ".join(FUNCTIONS)
             raise ExpressionError(
-                f"{ast.unparse(node)[:60]!r} is not supported; supported are + - * / % **, comparisons, "
-                f"and, or, not, if else, {known}"
+                messages.unsupported_in_formula(operation=ast.unparse(node), functions=", ".join(FUNCTIONS))
             )
 
 
@@ -701,6 +695,4 @@ def _append_name(name: str, steps: list[FormulaStep]) -> None:
     elif name in SIGNAL_NAMES:
         steps.append(FormulaStep("signal", name=name))
     else:
-        raise ExpressionError(
-            f"there is no signal {name!r}; the closest name is {find_nearest_name(name, SIGNAL_NAMES)}"
-        )
+        raise ExpressionError(messages.unknown_signal(name=name, nearest=find_nearest_name(name, SIGNAL_NAMES)))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from backend.banks import TuningSettings
 from backend.control import STEP_BRAKING_S, ZERO_VOLTS_S, Setpoint, setpoint_player
 from backend.errors import OutOfRangeError, check_range
-from backend.experiments import parser
+from backend.experiments import messages, parser
 from backend.experiments.compiler import CompiledExperiment, compile_experiment
 from backend.experiments.parser import ExperimentError, Lines, build_settings, find_line, parse_values, require_rules
 from backend.experiments.schema import Experiment
@@ -78,8 +78,8 @@ class ExperimentPlan:
         """Control law. Raises ExperimentError."""
         named = self.values.get(self.experiment.law, self.experiment.law)
         if named not in LAWS:
-            why = f"{named!r} is not a control law; choose one of {', '.join(LAWS)}"
-            raise ExperimentError(why, ("law",), find_line(("law",), self.lines))
+            unknown = messages.unknown_law(law=named, known=", ".join(LAWS))
+            raise ExperimentError(unknown, ("law",), find_line(("law",), self.lines))
         return Law(str(named))
 
     @property
@@ -151,15 +151,14 @@ class MotorIdentificationPlan:
 
     def __post_init__(self) -> None:
         if self.u_low >= self.u_high:
-            words, remedy = "smallest voltage step", "keep it below the largest voltage step"
             raise OutOfRangeError(
                 quantity="u_low",
                 value=self.u_low,
                 minimum=None,
                 maximum=self.u_high,
                 unit="V",
-                remedy=remedy,
-                label=words,
+                remedy=messages.keep_below_largest_step(),
+                label="smallest voltage step",
             )
 
     def voltages(self) -> tuple[float, ...]:
@@ -304,7 +303,7 @@ class ActuatorIdentificationPlan:
             minimum=None,
             maximum=MAX_EXCITATION_S,
             unit="s",
-            remedy="choose a shorter chip, fewer bits or fewer periods",
+            remedy=messages.shorter_excitation(),
             label="total duration of the chips",
         )
         return excitation
@@ -356,7 +355,7 @@ def split_values(
     for name, value in values.items():
         if name not in of_loop | of_plan:
             legal = (*sorted(of_plan), *sorted(of_loop))
-            raise SettingError(name, value, f"unknown setting; choose one of {', '.join(legal)}", legal=legal)
+            raise SettingError(name, value, messages.unknown_setting(known=", ".join(legal)), legal=legal)
     return (
         make({name: value for name, value in values.items() if name in of_plan}),
         build_plan(LoopSettings, {name: value for name, value in values.items() if name in of_loop}),

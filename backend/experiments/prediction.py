@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.control import build_decoupler, equilibrium, stiffness
+from backend.experiments import messages
 from backend.experiments.plans import ActuatorIdentificationPlan, MotorIdentificationPlan, SpringIdentificationPlan
 from backend.identification import MIN_COUNTS, turn_from_rest
 from plant import (
@@ -99,14 +100,11 @@ def _filter_four_lags(
 
 def _find_problem(q_counts: float, u_peak: float, F_min: float, u_max: float) -> str:
     if F_min <= 0.0:
-        return "a tendon would go slack: use a smaller amplitude or a higher tension"
+        return messages.excitation_slackens_tendon()
     if u_peak > u_max:
-        return f"the motors would need {u_peak:.1f} V of {u_max:g} V: use a smaller amplitude or a longer chip"
+        return messages.excitation_saturates(u=u_peak, u_max=u_max)
     if q_counts < MIN_COUNTS:
-        return (
-            f"not enough motion: {q_counts:.1f} encoder counts expected, {MIN_COUNTS:g} needed: "
-            "use a longer chip or a larger amplitude"
-        )
+        return messages.excitation_moves_too_little(counts=q_counts, minimum=MIN_COUNTS)
     return ""
 
 
@@ -155,12 +153,9 @@ def predict_motor(plan: MotorIdentificationPlan, parameters: PlantParameters) ->
     )
     problem = ""
     if plan.u_high >= u_max:
-        problem = f"steps to {plan.u_high:g} V saturate at {u_max:g} V: lower u_high"
+        problem = messages.steps_saturate(u_high=plan.u_high, u_max=u_max)
     elif min(lengths) < LAGS_NEEDED * T_m:
-        problem = (
-            f"the step to {plan.u_high:g} V ends after {min(lengths):.2f} s, before its speed is steady "
-            f"({LAGS_NEEDED:g} T_m = {LAGS_NEEDED * T_m:.2f} s): lower u_high, or raise travel_rad and step_s"
-        )
+        problem = messages.step_too_short(u_high=plan.u_high, duration_s=min(lengths), lags=LAGS_NEEDED, T_m=T_m)
     speeds = f"both motors will reach {Quantity(speed, 'rad/s'):.4g} with slack tendons"
     message = f"{speeds}, turning by {Angle(plan.travel_rad):g} a step"
     return PredictedRun(figures, not problem, problem or message)
@@ -183,7 +178,7 @@ def predict_spring(plan: SpringIdentificationPlan, parameters: PlantParameters) 
     )
     problem = ""
     if plan.F_high > F_max - _TRIP_MARGIN_N:
-        problem = f"F_high = {plan.F_high:g} N is within {_TRIP_MARGIN_N:g} N of the trip at {F_max:g} N: lower it"
+        problem = messages.sweep_close_to_trip(F_high=plan.F_high, margin_N=_TRIP_MARGIN_N, F_max=F_max)
     message = f"both tendons will go from {plan.F_low:g} to {plan.F_high:g} N and back, {plan.cycles} times"
     return PredictedRun(figures, not problem, problem or message)
 
