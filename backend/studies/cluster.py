@@ -11,14 +11,13 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from backend.storage import StudyPoint
+from backend.studies import messages
 from backend.studies.executor import ComputePoint, ExecutorUnavailableError
 from backend.studies.point import LOST, Point, StudyBase, build_failed_point, run_point
 
 CONNECT_S = 10.0
 """Time [s] within which a scheduler must answer."""
 _POINTS_PER_THREAD = 2  # one runs, the next one waits on the worker
-_GONE = "the connection to the scheduler is lost: start the scheduler again, and continue with --resume"
-_SET_UP = "; set up their machines like this one, and continue with --resume"
 
 
 def use_cluster(address: str, compute_point: ComputePoint = run_point) -> Callable[[StudyBase], "ClusterExecutor"]:
@@ -36,14 +35,12 @@ class ClusterExecutor:
         try:
             from distributed import Client, KilledWorker
         except ModuleNotFoundError:
-            raise ExecutorUnavailableError(
-                "a cluster requires the package extra 'cluster': pip install 'sinew[cluster]'"
-            ) from None
+            raise ExecutorUnavailableError(messages.cluster_not_installed()) from None
         logging.getLogger("distributed").setLevel(logging.ERROR)
         try:
             self._client = Client(address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
-            raise ExecutorUnavailableError(f"no Dask scheduler answers at {address}: {error}") from None
+            raise ExecutorUnavailableError(messages.no_scheduler(address=address, reason=str(error))) from None
         self._killed = KilledWorker
         self._compute_point = compute_point
         self._base = base  # sent with each point, as data stored on a worker is lost when it dies
@@ -73,7 +70,7 @@ class ClusterExecutor:
             while True:
                 results.append(self._take_result(self._done.get_nowait()))
         if self._client.status != "running":
-            raise ExecutorUnavailableError(_GONE)
+            raise ExecutorUnavailableError(messages.scheduler_lost())
         return results
 
     def close(self) -> None:
@@ -88,15 +85,13 @@ class ClusterExecutor:
             result: StudyPoint = future.result()
             return result
         if future.status != "error" or self._client.status != "running":
-            raise ExecutorUnavailableError(_GONE)
+            raise ExecutorUnavailableError(messages.scheduler_lost())
         error = future.exception()
         if not isinstance(error, self._killed):
             raise ExecutorUnavailableError(
-                f"the workers cannot compute the point: {type(error).__name__}: {error}{_SET_UP}"
+                messages.workers_cannot_compute(error=type(error).__name__, reason=str(error))
             )
-        return build_failed_point(
-            point, LOST, f"the workers of the cluster died while they computed the point: {error}"
-        )
+        return build_failed_point(point, LOST, messages.workers_died(reason=str(error)))
 
 
 def _enqueue_key(done: "SimpleQueue[str]", future: Any) -> None:

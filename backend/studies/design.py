@@ -25,6 +25,7 @@ from backend.experiments import (
     find_line,
 )
 from backend.models import Setting, SettingError, Value, describe_settings
+from backend.studies import messages
 from backend.studies.point import Point, StudyBase, get_plant_number, plan_point, replace_plant_numbers
 from plant import ParameterError
 
@@ -212,7 +213,7 @@ def build_design(study: Study, lines: Lines, base: StudyBase, settings: tuple[Se
     try:
         plan_point(base, design.point(0))
     except ParameterError as error:
-        raise ExperimentError(str(error), ("spread",), find_line(("spread",), lines)) from None
+        raise ExperimentError(error.message, ("spread",), find_line(("spread",), lines)) from None
     return design
 
 
@@ -226,9 +227,9 @@ def _require_counts(study: Study, design: Design, lines: Lines, seeds_are_an_axi
     with error_context((), lines):
         check_range("points", len(design), 1, POINTS_MAX, "1", label="runs of the study")
     if study.draws > 1 and not study.spread:
-        raise ExperimentError("draws requires a spread: add a spread, or omit draws", ("draws",), _line("draws", lines))
+        raise ExperimentError(messages.draws_without_spread(), ("draws",), _line("draws", lines))
     if study.seeds > 1 and seeds_are_an_axis:
-        raise ExperimentError("the seed is an axis already: omit seeds", ("seeds",), _line("seeds", lines))
+        raise ExperimentError(messages.seed_is_an_axis(), ("seeds",), _line("seeds", lines))
 
 
 def _line(name: str, lines: Lines) -> int | None:
@@ -237,41 +238,40 @@ def _line(name: str, lines: Lines) -> int | None:
 
 def _require_new(name: str, taken: set[str], path: Path, lines: Lines) -> None:
     if name in taken:
-        raise ExperimentError(f"{name} is varied twice", path, find_line(path, lines))
+        raise ExperimentError(messages.varied_twice(name=name), path, find_line(path, lines))
     taken.add(name)
 
 
 def _require_apart(values: tuple[Value, ...], path: Path, lines: Lines) -> None:
     twice = next((value for value, count in Counter(values).items() if count > 1), None)
     if twice is not None:
-        raise ExperimentError(f"{twice} occurs more than once", path, find_line(path, lines))
+        raise ExperimentError(messages.value_given_twice(value=twice), path, find_line(path, lines))
 
 
 def _require_axis(axis: VariedSetting, path: Path, lines: Lines) -> None:
     ends = (axis.first, axis.last, axis.count)
     if bool(axis.values) == any(end is not None for end in ends) or (not axis.values and None in ends):
-        why = "give either values, or first, last and count"
-        raise ExperimentError(why, path, find_line(path, lines))
+        raise ExperimentError(messages.values_or_range(), path, find_line(path, lines))
     if axis.first is not None and axis.last is not None and axis.spacing == "factor" and axis.first * axis.last <= 0:
-        why = f"equal factors do not lead from {axis.first:g} to {axis.last:g}: choose spacing even"
-        raise ExperimentError(why, (*path, "spacing"), find_line((*path, "spacing"), lines))
+        no_factors = messages.no_equal_factors(first=axis.first, last=axis.last)
+        raise ExperimentError(no_factors, (*path, "spacing"), find_line((*path, "spacing"), lines))
 
 
 def _require_setting(known: dict[str, Setting], name: str, value: Value, path: Path, lines: Lines) -> None:
     with error_context(path, lines):
         if name not in known:
-            raise SettingError(name, value, f"unknown setting; known are {', '.join(known)}", legal=tuple(known))
+            raise SettingError(name, value, messages.unknown_setting(known=", ".join(known)), legal=tuple(known))
         known[name].parse(value)
 
 
 def _require_spread(base: StudyBase, spread: Spread, path: Path, lines: Lines) -> None:
     if (spread.relative is None) == (spread.absolute is None):
-        raise ExperimentError("give either relative or absolute", path, find_line(path, lines))
+        raise ExperimentError(messages.relative_or_absolute(), path, find_line(path, lines))
     nominal = _require_number(base, spread.of, None, (*path, "of"), lines)
     reach = compute_scale(spread, nominal) * (SIGMAS if spread.by == "normal" else 1.0)
     if reach == 0.0:
-        why = f"{spread.of} is 0, so that relative values cannot be drawn: give absolute"
-        raise ExperimentError(why, (*path, "relative"), find_line((*path, "relative"), lines))
+        zero = messages.relative_to_zero(name=spread.of)
+        raise ExperimentError(zero, (*path, "relative"), find_line((*path, "relative"), lines))
     for end in (nominal - reach, nominal + reach):
         _require_number(base, spread.of, end, path, lines)
 
@@ -283,10 +283,10 @@ def _require_number(base: StudyBase, name: str, value: Any, path: Path, lines: L
         nominal = get_plant_number(base.parameters[section][entry]["value"], [part for part in index if part])
         if value is not None:
             if isinstance(value, bool | str):
-                raise ParameterError(f"{value!r} is not a number")
+                raise ParameterError(messages.not_a_number(value=value))
             replace_plant_numbers(base.parameters_name, base.parameters, {name: float(value)})
     except (KeyError, IndexError, TypeError, ValueError) as error:
-        reason = str(error) if isinstance(error, ParameterError) else f"{name}: the plant has no such numeric parameter"
+        reason = error.message if isinstance(error, ParameterError) else messages.unknown_plant_number(name=name)
         raise ExperimentError(reason, path, find_line(path, lines)) from None
     return nominal
 

@@ -7,6 +7,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Protocol
 
 from backend.storage import StudyPoint
+from backend.studies import messages
 from backend.studies.point import LOST, Point, StudyBase, build_failed_point, run_point
 from backend.workers import BACKGROUND_NICENESS, get_spawn_context, initialize_worker
 from plant import ErrorCode, SinewError
@@ -115,8 +116,7 @@ class LocalExecutor:
     def _handle_crash(self, point: Point, words: str) -> list[StudyPoint]:
         self._crashes[point.number] = self._crashes.get(point.number, 0) + 1
         if self._crashes[point.number] >= CRASHES_MAX:
-            why = f"the process that computed the point died {CRASHES_MAX} times: {words}"
-            return [build_failed_point(point, LOST, why)]
+            return [build_failed_point(point, LOST, messages.process_died(times=CRASHES_MAX, reason=words))]
         self._to_retry.append(point)
         return []
 

@@ -16,6 +16,7 @@ from backend.experiments import Experiment
 from backend.models import SettingError, Value
 from backend.response_docs import HIDDEN_FIELD, RESPONSE_CONFIG, describe_field
 from backend.storage import StudyPoint
+from backend.studies import messages
 from backend.studies.point import LOOP_METRICS, MARGIN_METRICS, TRUE
 from backend.units import AngleUnit, convert_to_display, count_distinguishing_digits, format_number
 
@@ -197,12 +198,12 @@ def build_map(
     """
     for what, name in (("x", x), ("y", y)):
         if name not in axes:
-            raise SettingError(what, name, f"it is not an axis of this study; axes are {', '.join(axes) or 'none'}")
+            raise SettingError(what, name, messages.not_an_axis(axes=", ".join(axes) or "none"))
     if x == y:
-        raise SettingError("y", y, "it is x already")
+        raise SettingError("y", y, messages.same_axis_twice())
     legal = (WORST, *STATISTICS)
     if pick not in legal:
-        raise SettingError("pick", pick, f"choose one of {', '.join(legal)}", legal=legal)
+        raise SettingError("pick", pick, messages.unknown_statistic(known=", ".join(legal)), legal=legal)
     shown = SHARE if figure in SHARES else select_worst_statistic(figure) if pick == WORST else pick
     found: dict[tuple[Value, Value], list[float]] = {}
     runs: Counter[tuple[Value, Value]] = Counter()

@@ -22,6 +22,7 @@ from backend.experiments import (
 )
 from backend.models import Value, complete_motion
 from backend.storage import Bank, StudyPoint, UnknownRecordError
+from backend.studies import messages
 from backend.tuning import PointModel, Robustness, TuningError, compute_loop_margins
 from plant import ErrorCode, ParameterError, PlantParameters, parse_parameters
 
@@ -125,11 +126,7 @@ class OtherSoftwareError(RequestRejectedError):
     """The study belongs to another version of Sinew, which may compute different rows."""
 
     def __init__(self, software: str) -> None:
-        super().__init__(
-            ErrorCode.NOT_NOW,
-            f"Sinew {__version__} is installed, but the study was created with Sinew {software}: use that version, or "
-            "start a new study",
-        )
+        super().__init__(ErrorCode.NOT_NOW, messages.other_software(installed=__version__, recorded=software))
 
 
 def require_version(software: str) -> None:
@@ -189,7 +186,7 @@ def replace_plant_numbers(name: str, document: Mapping[str, Any], numbers: Mappi
             parameter = changed[section][entry]
             get_plant_number(parameter["value"], index)  # raises unless it exists
         except (KeyError, IndexError, TypeError, ValueError):
-            raise ParameterError(f"{path}: the plant has no such numeric parameter") from None
+            raise ParameterError(messages.unknown_plant_number(name=path)) from None
         if index:
             parameter["value"][int(index[0])] = number
         else:
@@ -240,7 +237,7 @@ def _simulate_point(base: StudyBase, point: Point, figures: dict[str, float | No
 
     def load_bank(number: int) -> Bank:
         if number not in banks:
-            raise UnknownRecordError(f"there is no bank {number}")
+            raise UnknownRecordError(messages.unknown_bank(number=number))
         return banks[number]
 
     figures |= compute_loop_metrics(parameters, list_point_models(load_bank(loop.bank) if loop.bank else None), loop)

@@ -13,6 +13,7 @@ from itertools import islice
 from backend.errors import RequestRejectedError
 from backend.models import replace_non_finite
 from backend.storage import Database, StorageError, StoredStudy, StudyPoint, studies
+from backend.studies import messages
 from backend.studies.design import Design
 from backend.studies.executor import LocalExecutor, PointExecutor
 from backend.studies.point import FAILED, LOST, UNSTABLE, StudyBase, require_version
@@ -42,10 +43,7 @@ class TakenError(RequestRejectedError):
     """Another process computes the study."""
 
     def __init__(self, study: StoredStudy) -> None:
-        super().__init__(
-            ErrorCode.NOT_NOW,
-            f"study {study.id} is being computed by {study.runner}: stop it first, or wait until it ends",
-        )
+        super().__init__(ErrorCode.NOT_NOW, messages.computed_elsewhere(study=study.id, runner=study.runner))
 
 
 def use_local_processes(jobs: int) -> MakeExecutor:

@@ -18,6 +18,7 @@ from backend.experiments import (
 )
 from backend.models import DocumentCodec, Value, complete_motion
 from backend.storage import Bank, NewStudy, StoredStudy, UnknownRecordError
+from backend.studies import messages
 from backend.studies.design import FORMAT, STUDY, Design, Study, build_design
 from backend.studies.point import StudyBase, plan_point
 from plant import PlantParameters
@@ -43,7 +44,7 @@ def parse_study(text: str, *, stored: bool = False) -> tuple[Study, Lines]:
     """
     document, lines = parser.parse_document(text, stored=stored)
     if not isinstance(document, Mapping):
-        raise ExperimentError("a study must be a mapping with format, name, title and axes or spread", (), 1)
+        raise ExperimentError(messages.not_a_study(), (), 1)
     return parser.validate_document(STUDY, FORMAT, document, lines, stored=stored), lines
 
 
@@ -52,8 +53,8 @@ def create_study(text: str, context: StudyContext, who: str) -> NewStudy:
     study, lines = parse_study(text)
     entry = _find_definition(study, lines, context)
     if entry.experiment is None:
-        why = f"{entry.name} is not an experiment document: write it as one"
-        raise ExperimentError(why, ("experiment",), find_line(("experiment",), lines))
+        no_document = messages.no_experiment_document(name=entry.name)
+        raise ExperimentError(no_document, ("experiment",), find_line(("experiment",), lines))
     base = StudyBase(
         parser.to_canonical_text(entry.experiment),
         entry.run_kind,
@@ -104,4 +105,4 @@ def _load_bank(load_bank: LoadBank, number: int, path: Path, lines: Lines) -> Ba
     try:
         return load_bank(number)
     except UnknownRecordError as error:
-        raise ExperimentError(str(error), path, find_line(path, lines)) from None
+        raise ExperimentError(error.message, path, find_line(path, lines)) from None
