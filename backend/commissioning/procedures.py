@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from backend.commissioning import messages
 from backend.commissioning.procedure import (
     SLACK,
     DirectionsDisprovedError,
@@ -52,6 +53,7 @@ from plant import (
     Angle,
     CellCalibration,
     ManualInput,
+    Message,
     Side,
     T_s,
     load_cell_line,
@@ -108,8 +110,7 @@ async def check_directions(context: ProcedureContext) -> StepFinding:
     F_A, F_B = await context.measure_mean("F_A", "F_B")
     if not (low <= F_A <= high and low <= F_B <= high):
         raise StepFailedError(
-            f"the tendon forces are {F_A:.1f} N and {F_B:.1f} N, {low:g} to {high:g} N are required: "
-            "wind the tendons by hand"
+            messages.wrong_initial_tensions(F_A=float(F_A), F_B=float(F_B), minimum=low, maximum=high)
         )
     await context.switch_drives_on()
     responses = [await _try_motor(context, "A"), await _try_motor(context, "B")]
@@ -123,8 +124,9 @@ async def check_directions(context: ProcedureContext) -> StepFinding:
         )
     ]
     problems = [problem for response in responses for problem in find_direction_problems(response)]
-    text = "; ".join(dict.fromkeys(problems)) or "both motors turn as the wiring file defines"
-    return StepFinding(not problems, text, tuple(figures))
+    if problems:
+        return StepFinding(False, messages.several_problems(problems=tuple(dict.fromkeys(problems))), tuple(figures))
+    return StepFinding(True, "both motors turn as the wiring file defines", tuple(figures))
 
 
 async def _try_motor(context: ProcedureContext, motor: Side) -> MotorResponse:
@@ -138,14 +140,12 @@ async def _try_motor(context: ProcedureContext, motor: Side) -> MotorResponse:
     await context.loop.advance_until(lambda: context.loop.ring.count > start_tick + round(0.1 / T_s), 1.0)
     await context.loop.advance_until(lambda: context.mode is not Mode.IDENTIFY, _TRIAL_TIMEOUT_S)
     if context.mode is not Mode.OFF:
-        raise StepFailedError(
-            f"the loop stopped while motor {motor} was tested: see the status line; reset it, and try again"
-        )
+        raise StepFailedError(messages.loop_stopped_in_motor_test(motor=motor))
     rows = context.read_since(first)
     u = rows[:, INDEX[f"u_{motor}"]]
     out = int(np.argmax(u))
     if not 0.0 < u[out] <= TRIAL_MAX_V + 1e-9:
-        raise StepFailedError(f"motor {motor} received no voltage: try again")
+        raise StepFailedError(messages.motor_without_voltage(motor=motor))
     top = rows[out + round(0.25 * COAST_S / T_s) : out + round(COAST_S / T_s)]
     rest = rows[: round(0.2 / T_s)]
     change = top.mean(axis=0) - rest.mean(axis=0)
@@ -159,42 +159,31 @@ async def _try_motor(context: ProcedureContext, motor: Side) -> MotorResponse:
     )
 
 
-def find_direction_problems(response: MotorResponse) -> list[str]:
+def find_direction_problems(response: MotorResponse) -> list[Message]:
     """Return the errors in the wiring of one motor, each with the entry to change."""
     motor, other = response.motor, "B" if response.motor == "A" else "A"
     if not abs(response.F) >= TENSION_MIN_N and not abs(response.q) >= JOINT_MIN_RAD:
         if max(abs(response.own), abs(response.other)) >= TURNED_MIN_RAD:
-            return [f"motor {motor} turned, but neither joint nor tension followed: check its tendon"]
-        return [f"motor {motor} did not turn: check motor_{motor}.channel, its amplifier and the drive-enable line"]
+            return [messages.nothing_followed_motor(motor=motor)]
+        return [messages.motor_did_not_turn(motor=motor)]
     if not (abs(response.F) >= TENSION_MIN_N and abs(response.q) >= JOINT_MIN_RAD):
-        return [
-            f"motor {motor}: joint ({Angle(response.q):.4f}) and tensions ({response.F:.2f} N) "
-            "contradict each other: check encoder_q and the load cells with the wiring test"
-        ]
+        return [messages.joint_contradicts_tensions(motor=motor, q=response.q, F=response.F)]
     wound = response.F > 0.0
     moved = "A" if (response.q > 0.0) is wound else "B"
     problems = []
     if moved != motor:
-        problems.append(
-            f"the voltage for motor {motor} turned motor {other}: exchange motor_A.channel and motor_B.channel"
-        )
+        problems.append(messages.motors_exchanged(driven=motor, turned=other))
     if not wound:
-        problems.append(
-            f"motor {moved} releases its tendon at a positive voltage: change the sign of motor_{moved}.gain"
-        )
+        problems.append(messages.wrong_sign_of_motor(motor=moved))
     turned, still = (response.own, response.other) if moved == motor else (response.other, response.own)
     if not math.isfinite(turned):
-        problems.append(
-            f"the encoder of motor {moved} has no valid reading: check encoder_{moved}.counter and its cable"
-        )
+        problems.append(messages.invalid_motor_encoder(motor=moved))
     elif abs(turned) < TURNED_MIN_RAD and abs(still) >= TURNED_MIN_RAD:
-        problems.append("the encoders of the motors are exchanged: exchange encoder_A.counter and encoder_B.counter")
+        problems.append(messages.motor_encoders_exchanged())
     elif abs(turned) < TURNED_MIN_RAD:
-        problems.append(f"the encoder of motor {moved} does not move: check encoder_{moved}.counter and its cable")
+        problems.append(messages.motor_encoder_does_not_move(motor=moved))
     elif (turned > 0.0) is not wound:
-        problems.append(
-            f"the encoder of motor {moved} has the wrong sign: change the sign of encoder_{moved}.direction"
-        )
+        problems.append(messages.wrong_sign_of_motor_encoder(motor=moved))
     return problems
 
 
@@ -256,11 +245,12 @@ async def home_joint(context: ProcedureContext) -> StepFinding:
     return StepFinding(True, f"the joint's encoder counts from the end switch at {Angle(position):.4g}", figures)
 
 
-def _describe_end(cause: ModeCause) -> str:
+def _describe_end(cause: ModeCause) -> Message:
     if not isinstance(cause, HomingEnd) or cause not in _REMEDIES:
-        return f"the control loop stopped during the motion ({cause}): see the status line; reset it, and try again"
-    limit = f", {HOMING_TENSION_MAX_N:g} N at most" if cause is HomingEnd.TENSION else ""
-    return f"{cause}{limit}: {_REMEDIES[cause]}"
+        return messages.loop_stopped_in_homing(cause=cause)
+    if cause is HomingEnd.TENSION:
+        return messages.tension_in_homing(cause=cause, maximum_N=HOMING_TENSION_MAX_N, remedy=_REMEDIES[cause])
+    return messages.not_homed(cause=cause, remedy=_REMEDIES[cause])
 
 
 # Load cells ----------------------------------------------------------------------------------------
@@ -306,15 +296,10 @@ async def tare_load_cells(context: ProcedureContext) -> StepFinding:
         ]
         _require_low_noise(tendon, noise_N)
         if not abs(zero_V) <= TARE_MAX_V:
-            raise StepFailedError(
-                f"load cell {tendon} reads {zero_V:.2f} V without load, at most {TARE_MAX_V:g} V is "
-                "permitted: slacken its tendon, or adjust its amplifier"
-            )
+            raise StepFailedError(messages.load_cell_zero_too_large(tendon=tendon, zero_V=zero_V, maximum_V=TARE_MAX_V))
         calibrations.append(CellCalibration(tendon, wiring_line[0], zero_V, _describe_source("tared")))
     if not calibrations:
-        raise StepFailedError(
-            "both load cells are calibrated by tables, which include the zero: renew the calibration instead"
-        )
+        raise StepFailedError(messages.load_cells_have_tables())
     await context.request_action(_REMOVE_LOAD)
     which = "both load cells" if len(calibrations) == 2 else f"load cell {calibrations[0].tendon}"
     return StepFinding(True, f"the zero of {which} is set", tuple(figures), tuple(calibrations))
@@ -324,14 +309,13 @@ def require_weights(values: dict[str, float]) -> None:
     """Raise OutOfRangeError for two weights that differ too little or are in the wrong order."""
     lighter = values["weight_1_N"]
     heavier = values["weight_2_N"]
-    remedy = f"take weights at least {WEIGHTS_APART_N:g} N apart, the lighter one first"
     check_range(
         "weight_2_N",
         heavier,
         minimum=lighter + WEIGHTS_APART_N,
         maximum=None,
         unit="N",
-        remedy=remedy,
+        remedy=messages.weights_too_close(minimum_N=WEIGHTS_APART_N),
         label="heavier weight",
     )
 
@@ -356,9 +340,12 @@ async def calibrate_load_cells(context: ProcedureContext) -> StepFinding:
         wiring_line = load_cell_line(context.wiring, tendon)
         if not np.ptp(means) >= 1e-3:
             raise StepFailedError(
-                f"load cell {tendon} reads {1e3 * np.ptp(means):.2f} mV more under {weights[-1]:g} N than under "
-                f"{weights[0]:g} N, at least 1 mV is required to distinguish weights: "
-                "check its cable, amplifier and channel"
+                messages.weights_not_distinguished(
+                    tendon=tendon,
+                    difference_V=float(np.ptp(means)),
+                    lightest_N=weights[0],
+                    heaviest_N=weights[-1],
+                )
             )
         slope, at_0_V = (float(part) for part in np.polyfit(means, weights, 1))
         offset = -at_0_V / slope
@@ -369,16 +356,13 @@ async def calibrate_load_cells(context: ProcedureContext) -> StepFinding:
         ]
         if wiring_line is not None and slope * wiring_line[0] < 0.0:
             raise StepFailedError(
-                f"load cell {tendon} has {slope:.4g} N/V, the wiring file gives {wiring_line[0]:.4g} N/V, "
-                f"the opposite sign: change the sign of load_cell_{tendon}.slope, or exchange its two leads"
+                messages.wrong_sign_of_load_cell(tendon=tendon, slope=slope, wiring_slope=wiring_line[0])
             )
         if len(weights) > 2:
             figures.append(MeasuredNumber(f"load cell {tendon}: largest deviation from its line", deviation_N, "N"))
         if not deviation_N <= LINE_DEVIATION_MAX_N:
             raise StepFailedError(
-                f"load cell {tendon} deviates from its line by {deviation_N:.2f} N, at most "
-                f"{LINE_DEVIATION_MAX_N:g} N are permitted: check the weights, or calibrate it by a "
-                "table in the wiring file"
+                messages.load_cell_not_linear(tendon=tendon, deviation_N=deviation_N, maximum_N=LINE_DEVIATION_MAX_N)
             )
         _require_low_noise(tendon, abs(slope) * max(float(column.std()) for column in volts))
         calibrations.append(
@@ -392,21 +376,16 @@ async def calibrate_load_cells(context: ProcedureContext) -> StepFinding:
 def _extract_volts(rows: Rows, tendon: str) -> Signal:
     volts: Signal = rows[:, INDEX[f"V_{tendon}"]]
     if not np.isfinite(volts).all():
-        raise StepFailedError(f"load cell {tendon} has no valid voltage: check its cable, amplifier and channel")
+        raise StepFailedError(messages.invalid_load_cell(tendon=tendon))
     if not (np.abs(volts) < SATURATED_V).all():
-        raise StepFailedError(
-            f"load cell {tendon} reads up to {np.abs(volts).max():.2f} V, {SATURATED_V:.2f} V is the end "
-            "of its input range: reduce the load or the gain of its amplifier"
-        )
+        highest_V = float(np.abs(volts).max())
+        raise StepFailedError(messages.load_cell_saturated(tendon=tendon, voltage=highest_V, maximum_V=SATURATED_V))
     return volts
 
 
 def _require_low_noise(tendon: str, noise_N: float) -> None:
     if not noise_N <= NOISE_MAX_N:
-        raise StepFailedError(
-            f"load cell {tendon} has noise of {noise_N:.2f} N, at most {NOISE_MAX_N:g} N are "
-            "permitted: let it come to rest, check shield and ground"
-        )
+        raise StepFailedError(messages.load_cell_too_noisy(tendon=tendon, noise_N=noise_N, maximum_N=NOISE_MAX_N))
 
 
 def _describe_source(how: str) -> str:
@@ -436,8 +415,6 @@ model it is 0.04 rad; a motor with an active drive winds up by at least as much.
 DRIVEN_MIN_V = 0.5
 """Least voltage at the end of the test [V], enough to overcome static friction."""
 
-_SET_BACK = "; restore the limit of the module"
-
 
 async def apply_pretension(context: ProcedureContext) -> StepFinding:
     """Apply pretension with monitored tensions, hold it, and release it."""
@@ -453,9 +430,7 @@ async def apply_pretension(context: ProcedureContext) -> StepFinding:
         MeasuredNumber("largest difference of the tensions", apart, "N"),
     )
     if not is_near_pretension(F):
-        raise StepFailedError(
-            f"the tendon forces are {F_A:.1f} N and {F_B:.1f} N, not {PRETENSION_N:g} N: calibrate the load cells"
-        )
+        raise StepFailedError(messages.not_at_pretension(F_A=F_A, F_B=F_B, pretension_N=PRETENSION_N))
     return StepFinding(True, f"both tendons rose together to {PRETENSION_N:g} N", figures)
 
 
@@ -478,18 +453,12 @@ async def check_safety_module(context: ProcedureContext) -> StepFinding:
     try:
         await context.loop.advance_until(lambda: context.mode is Mode.TRIPPED, TRIP_TIMEOUT_S)
     except TimeoutError:
-        raise StepFailedError(
-            f"the module did not trip within {TRIP_TIMEOUT_S:g} s although its limit was below the "
-            "tension of the tendons: do not continue; check its limit, its supply, and safety_tripped "
-            f"in the wiring file{_SET_BACK}"
-        ) from None
+        raise StepFailedError(messages.module_did_not_trip(timeout_s=TRIP_TIMEOUT_S)) from None
     await context.loop.advance(1.0)
     rows = context.read_since(first)
     tripped = int(np.argmax(rows[:, INDEX["mode"]] == rows[-1, INDEX["mode"]]))
     if rows[-1, INDEX["fault"]] != FAULT_CODE[Fault.SAFETY_MODULE]:
-        raise StepFailedError(
-            f"the control loop stopped, but not because of the safety module: see the status line{_SET_BACK}"
-        )
+        raise StepFailedError(messages.stopped_without_module())
     driven = rows[max(tripped - round(DRIVE_TIME_S / T_s), 0) : tripped]
     volts = driven[:, [INDEX["u_A"], INDEX["u_B"]]].max(axis=0)
     turned = driven[-1, [INDEX["theta_A"], INDEX["theta_B"]]] - driven[0, [INDEX["theta_A"], INDEX["theta_B"]]]
@@ -503,33 +472,30 @@ async def check_safety_module(context: ProcedureContext) -> StepFinding:
         MeasuredNumber("rotation of motor B meanwhile", to_finite(float(turned[1])), "rad"),
         MeasuredNumber("tension 1 s after", to_finite(float(after.mean())), "N"),
     )
-    problem = "" if remaining_V == 0.0 else "the control loop did not set zero volts"
+    problem = None if remaining_V == 0.0 else messages.voltage_after_trip()
     problem = problem or find_uncut_drive(volts, turned)
-    problem = problem or ("" if has_tension_fallen(before, after) else "the tension did not fall afterwards")
-    if problem:
-        return StepFinding(False, f"the module tripped, but {problem}: do not continue{_SET_BACK}", figures)
+    problem = problem or (None if has_tension_fallen(before, after) else messages.tension_after_trip())
+    if problem is not None:
+        return StepFinding(False, messages.module_insufficient(reason=problem), figures)
     await context.request_action("Restore the limit of the module, acknowledge the trip there, and confirm")
     await context.release_rig()
     await context.send(Reset())
     return StepFinding(True, "the module tripped and disabled both motors while voltage was still applied", figures)
 
 
-def find_uncut_drive(volts: Signal, turned: Signal) -> str:
-    """Return why the drives were not cut; empty if they were.
+def find_uncut_drive(volts: Signal, turned: Signal) -> Message | None:
+    """Return why the drives were not cut; None if they were.
 
     ``turned`` [2] are the angles of the motors [rad] while they were given up to ``volts`` [2].
     """
     for motor, u, angle in zip("AB", volts, turned, strict=True):
         if not u >= DRIVEN_MIN_V:
-            return f"motor {motor} was given {u:.2f} V only: too little to test whether its drive was disabled"
+            return messages.voltage_too_low(motor=motor, u=float(u))
         if not angle <= -TURNED_BACK_MIN_RAD:
-            return (
-                f"motor {motor} did not turn back while it was given {u:.2f} V for {DRIVE_TIME_S:g} s "
-                "more (it turned by "
-                f"{Angle(angle):.4f}, {Angle(-TURNED_BACK_MIN_RAD):g} are required): check how the "
-                "module disables the drives"
+            return messages.drive_not_disabled(
+                motor=motor, u=float(u), duration_s=DRIVE_TIME_S, angle=float(angle), maximum=-TURNED_BACK_MIN_RAD
             )
-    return ""
+    return None
 
 
 def is_near_pretension(F: Signal) -> bool:
@@ -569,17 +535,20 @@ async def _wind_up(context: ProcedureContext) -> tuple[float, float]:
         if not (highest <= TENSION_MAX_N and apart <= TENSION_DIFFERENCE_MAX_N):
             await context.loop.send(Stop(Fault.STOP_PRESSED, hard=True, detail="the pretension failed"))
             raise StepFailedError(
-                f"stopped: the tension reached {highest:.1f} N, the difference of the tensions "
-                f"{apart:.1f} N; at most {TENSION_MAX_N:g} N "
-                f"and {TENSION_DIFFERENCE_MAX_N:g} N are permitted for a pretension of {PRETENSION_N:g} N: "
-                "repeat the previous steps"
+                messages.tensions_out_of_bounds(
+                    highest_N=highest,
+                    difference_N=apart,
+                    maximum_N=TENSION_MAX_N,
+                    maximum_difference_N=TENSION_DIFFERENCE_MAX_N,
+                    pretension_N=PRETENSION_N,
+                )
             )
         if context.mode is not Mode.PRETENSION:
-            raise StepFailedError("the control loop stopped while the tension rose: see the status line")
+            raise StepFailedError(messages.loop_stopped_in_pretension())
         steady_s = steady_s + POLL_S if is_near_pretension(F.mean(axis=0)) else 0.0
         if steady_s >= 2.0:
             return highest, apart
-    raise StepFailedError(f"the pretension was not reached within {WINDING_TIMEOUT_S:g} s")
+    raise StepFailedError(messages.pretension_not_reached(timeout_s=WINDING_TIMEOUT_S))
 
 
 # Wiring test ---------------------------------------------------------------------------------------
@@ -647,7 +616,7 @@ _MOVEMENTS = (
 async def check_wiring(context: ProcedureContext) -> StepFinding:
     """Request each manual motion in turn; return all errors, each with the entry to change."""
     await context.switch_drives_off()
-    problems: list[str] = []
+    problems: list[Message] = []
     figures = []
     for wanted, words, manual_input in _MOVEMENTS:
         context.report_phase(wanted.words)
@@ -663,8 +632,9 @@ async def check_wiring(context: ProcedureContext) -> StepFinding:
         if wanted in _ENCODERS:
             await context.request_action("Turn it back to where it was, and confirm", SLACK)
         await context.release_rig()
-    text = "; ".join(dict.fromkeys(problems)) or "every sensor responds correctly"
-    return StepFinding(not problems, text, tuple(figures))
+    if problems:
+        return StepFinding(False, messages.several_problems(problems=tuple(dict.fromkeys(problems))), tuple(figures))
+    return StepFinding(True, "every sensor responds correctly", tuple(figures))
 
 
 def _compute_excursion(values: Signal) -> float:
@@ -673,12 +643,13 @@ def _compute_excursion(values: Signal) -> float:
     return float(changes[np.argmax(np.abs(changes))]) if np.isfinite(changes).all() else float("nan")
 
 
-def _find_sensor_problems(context: ProcedureContext, wanted: _Sensor, excursions: dict[_Sensor, float]) -> list[str]:
+def _find_sensor_problems(
+    context: ProcedureContext, wanted: _Sensor, excursions: dict[_Sensor, float]
+) -> list[Message]:
     excursion = excursions[wanted]
-    entry = getattr(context.wiring, wanted.section)
-    at = getattr(entry, wanted.place)
+    at = getattr(getattr(context.wiring, wanted.section), wanted.place)
     if not np.isfinite(excursion):
-        return [f"the {wanted.words} has no valid reading: check its cable and its amplifier at {at}"]
+        return [messages.invalid_sensor(sensor=wanted.words, place=at)]
     # The joint may turn a motor through a taut tendon, so other sensors are ignored when the joint is turned.
     others = [
         other
@@ -689,23 +660,29 @@ def _find_sensor_problems(context: ProcedureContext, wanted: _Sensor, excursions
         if others:
             other = others[0]
             return [
-                f"the {other.words} moved instead of the {wanted.words}: exchange "
-                f"{wanted.section}.{wanted.place} "
-                f"and {other.section}.{other.place} in the wiring file"
+                messages.other_sensor_moved(
+                    sensor=wanted.words,
+                    entry=f"{wanted.section}.{wanted.place}",
+                    other=other.words,
+                    other_entry=f"{other.section}.{other.place}",
+                )
             ]
-        return [f"the {wanted.words} did not move: check its cable and {wanted.section}.{wanted.place} ({at})"]
+        entry = f"{wanted.section}.{wanted.place}"
+        return [messages.sensor_did_not_move(sensor=wanted.words, entry=entry, place=at)]
     if abs(excursion) < wanted.least:
         return [
-            f"the {wanted.words} moved by {excursion:.2f} {wanted.unit} only, {wanted.least:g} are "
-            f"required: move it further, or correct {wanted.section}"
+            messages.sensor_moved_too_little(
+                sensor=wanted.words,
+                section=wanted.section,
+                value=excursion,
+                minimum=wanted.least,
+                unit=wanted.unit,
+            )
         ]
     if excursion < 0.0:
-        return [
-            f"the {wanted.words} has the wrong sign: change the sign of {wanted.section}.{wanted.sign} "
-            "in the wiring file"
-        ]
+        return [messages.wrong_sign_of_sensor(sensor=wanted.words, entry=f"{wanted.section}.{wanted.sign}")]
     if others and wanted is not _Q:
-        return [f"the {others[0].words} moved too: check whether one cable carries both signals"]
+        return [messages.two_sensors_moved(other=others[0].words)]
     return []
 
 
@@ -740,9 +717,7 @@ async def set_zero(context: ProcedureContext) -> StepFinding:
     newest = context.loop.ring.newest()
     q = math.nan if newest is None else float(newest[INDEX["q"]])
     if not abs(q - position) <= ZERO_TOLERANCE_RAD:
-        raise StepFailedError(
-            f"the joint reads {Angle(q):.4f} after it was set to {position:.4f}: hold it still and try again"
-        )
+        raise StepFailedError(messages.zero_not_held(q=q, position=position))
     if homing:
         await context.request_action("Turn the joint back to its middle, and confirm", SLACK)
     await context.release_rig()

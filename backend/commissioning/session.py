@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
-from backend.commissioning import status
+from backend.commissioning import messages, status
 from backend.commissioning.procedure import (
     DirectionsDisprovedError,
     ProcedureContext,
@@ -102,13 +102,13 @@ async def run_step(step: StepId, context: ProcedureContext) -> StepFinding:
         if step is StepId.DIRECTION and finding.passed:
             await context.send(ProveDirections())
     except StepFailedError as error:
-        finding = StepFinding(False, str(error), disproves_directions=isinstance(error, DirectionsDisprovedError))
+        finding = StepFinding(False, error.message, disproves_directions=isinstance(error, DirectionsDisprovedError))
     except TimeoutError as error:
         finding = StepFinding(False, str(error))
     except asyncio.CancelledError:
         if not context.has_tried_motors:
             raise
-        finding = StepFinding(False, "the step was abandoned after a motor test: repeat it")
+        finding = StepFinding(False, messages.abandoned_after_motor_test())
     finally:
         await _ensure_safe_end(context)
     is_in_doubt = finding.disproves_directions or step in (StepId.WIRING_TEST, StepId.DIRECTION)
@@ -144,7 +144,7 @@ class DriveLockout:
     """
 
     def __init__(self, database: Database, plant: PlantChoice) -> None:
-        self.problem = ""
+        self.problem: str = ""
         self._database = database
         self._lock = asyncio.Lock()
         self._key = f"people at the {plant.name}"
@@ -162,10 +162,7 @@ class DriveLockout:
                 await asyncio.to_thread(self._store, is_locked, who)
         except StorageError as error:
             _log.exception("The service could not store the drive lockout.")
-            stays = "off" if is_locked else "on"
-            self.problem = (
-                f"The drives are {stays} now, but the service could not store this for its next start ({error})."
-            )
+            self.problem = messages.lockout_not_stored(state="off" if is_locked else "on", reason=error.message)
         else:
             self.problem = ""
 
@@ -248,10 +245,10 @@ class CommissioningSession:
         """Raise BlockedError unless the step can start, PlantError for an unreadable wiring file."""
         file = load_wiring_choice(self.supervisor.setup.plant)
         if {wiring_fingerprint(file), wiring_fingerprint(self._wiring)} != {self.supervisor.started_with.wired}:
-            raise BlockedError("the wiring file has changed since the loop was started: repeat the command")
+            raise BlockedError(messages.wiring_file_changed())
         blocked = find_blocking_steps(STEP[step], self.states())
         if blocked:
-            raise BlockedError(f"{STEP[step].title}: {blocked}")
+            raise BlockedError(messages.step_blocked(step=STEP[step].title, reason=blocked))
 
     async def run(self, step: StepId, values: Mapping[str, float], cells: str = "AB") -> StoredStepResult:
         """Run a step and store its result. Raises BlockedError.

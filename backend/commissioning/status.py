@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 from enum import StrEnum
 from typing import NamedTuple
 
+from backend.commissioning import messages
 from backend.commissioning.procedure import StepFinding
 from backend.commissioning.steps import ALTERNATIVES, STEP, STEPS, CommissioningStep, StepId
 from backend.storage import Database, NewStepResult, StoredStepResult, commissioning
@@ -115,9 +116,9 @@ def _is_contradicted(stored: StoredResults) -> bool:
 def find_blocking_steps(step: CommissioningStep, states: Mapping[StepId, StepStatus]) -> str:
     """Return the steps that must come first, as text; empty if the step can start."""
     if step.id not in states:
-        return "end_switch.position is missing in the wiring file: set the angle at which the switch closes"
+        return messages.no_end_switch_position()
     missing = [_format_title(need, states) for need in _collect_needs(step) if not _is_satisfied(need, states[need])]
-    return f"first: {', '.join(missing)}" if missing else ""
+    return messages.other_steps_first(steps=", ".join(missing)) if missing else ""
 
 
 def _is_satisfied(step: StepId, found: StepStatus) -> bool:
