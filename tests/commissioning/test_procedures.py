@@ -261,10 +261,14 @@ def test_no_number_is_neither_the_pretension_nor_a_tendon_let_go_nor_within_boun
         find_uncut_drive(
             2.0 * np.array([DRIVEN_MIN_V, DRIVEN_MIN_V]), -2.0 * np.array([TURNED_BACK_MIN_RAD, TURNED_BACK_MIN_RAD])
         )
-        == ""
+        is None
     )
-    assert find_uncut_drive(np.array(F), held - 20.0) != ""
-    assert find_uncut_drive(held, np.array(F) - 20.0) != ""
+    motors = [motor for motor, force in zip("AB", F, strict=True) if math.isnan(force)]
+    without_volts, not_turned = find_uncut_drive(np.array(F), held - 20.0), find_uncut_drive(held, np.array(F) - 20.0)
+    assert without_volts is not None
+    assert (without_volts.code, without_volts.values["motor"]) == ("voltage_too_low", motors[0])
+    assert not_turned is not None
+    assert (not_turned.code, not_turned.values["motor"]) == ("drive_not_disabled", motors[0])
     highest, apart = compute_peaks(np.array([held, F]))
     assert math.isnan(highest)
     assert math.isnan(apart)

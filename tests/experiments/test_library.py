@@ -39,6 +39,7 @@ from backend.storage.database import open_database
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.experiments.test_compiler import played
+from tests.refusals import refused_because
 
 # Parts built from recorded references reproduce them within the reported deviations.
 
@@ -92,21 +93,21 @@ def test_a_ramp_after_a_step_has_the_reported_deviation() -> None:
 
 
 @pytest.mark.parametrize(
-    ("q_ref", "told"),
+    ("q_ref", "code"),
     [
-        (np.full(100, np.nan), "no references"),
-        (np.where(np.arange(100) == 50, np.nan, 0.0), "a gap"),
+        (np.full(100, np.nan), "no_recorded_references"),
+        (np.where(np.arange(100) == 50, np.nan, 0.0), "gap_in_references"),
     ],
     ids=["none", "gap"],
 )
-def test_what_was_not_commanded_cannot_be_followed(q_ref: np.ndarray, told: str) -> None:
-    with pytest.raises(ExperimentError, match=told):
+def test_what_was_not_commanded_cannot_be_followed(q_ref: np.ndarray, code: str) -> None:
+    with refused_because(ExperimentError, code):
         find_commanded_range(q_ref, np.full(len(q_ref), 10.0))
 
 
 def test_too_many_parts_are_refused() -> None:
     q_ref = np.where(np.arange(40_000) // 20 % 2, 0.1, 0.0)
-    with pytest.raises(ExperimentError, match="more than 1000"):
+    with refused_because(ExperimentError, "too_many_recorded_parts", maximum=1000):
         approximate_columns(q_ref, np.full(len(q_ref), 10.0))
 
 

@@ -23,6 +23,8 @@ from backend.experiments.plans import ActuatorIdentificationPlan, Plan
 from backend.experiments.schema import EXPERIMENT, Declared, Experiment, Hold, Rule, Section, build_json_schema
 from backend.models.settings import Setting, SettingError, build_plan, describe_settings
 from backend.realtime.program import Law, Segment, Shape
+from plant.message import Message
+from tests.refusals import refused_because
 
 # The JSON schema of an experiment accepts the same documents as the parser.
 
@@ -123,7 +125,6 @@ def test_values_that_are_not_named_are_the_defaults_and_words_are_read() -> None
 @pytest.mark.parametrize(
     ("values", "error", "told"),
     [
-        ({"width": 1}, SettingError, "unknown setting; choose one of depth, turns, how, sure"),
         ({"depth": 2.0}, OutOfRangeError, "amplitude: 2\u202frad is outside 0 to 1.57"),
         ({"depth": float("nan")}, OutOfRangeError, "amplitude"),
         ({"depth": float("inf")}, OutOfRangeError, "amplitude"),
@@ -143,36 +144,47 @@ def test_a_wrong_value_is_refused_as_of_any_other_setting(
     assert told in str(refused.value)
 
 
+def test_an_unknown_name_is_refused_with_those_that_are_declared() -> None:
+    with refused_because(SettingError, "unknown_setting", known="depth, turns, how, sure") as caught:
+        parse_values(build_settings(experiment(DEPTH, TURNS, HOW, SURE), {}), {"width": 1})
+    assert caught.value.quantity == "width"
+
+
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    ("wrong", "code", "values"),
     [
-        (declared(name="lam_q"), "'lam_q' is already the name"),
-        (declared(name="bank"), "'bank' is already the name"),
-        (declared(name="seed"), "'seed' is already the name"),
-        (declared(name="experiment"), "'experiment' is already the name"),
-        (declared(name="pi"), "'pi' is already the name"),
-        (declared(name="max"), "'max' is already the name"),
-        (declared(name="first"), "'first' is already the name"),
-        (declared(minimum=None), "depth needs a minimum and a maximum"),
-        (declared(maximum=None), "depth needs a minimum and a maximum"),
-        (declared(default=1.1), "1.1 is outside 0 to 1"),
-        (declared(minimum=0.5, maximum=0.4), "is outside"),
-        (declared(default=True), "not a finite number"),
-        (declared(default="first"), "'first' is not known here"),
-        (declared(maximum="1 / 0"), "has no value"),
-        (declared(maximum="2 ** 1e9"), "has no value"),
-        (declared(kind="choice", default="c", choices=("a", "b")), "the default 'c' is not one of its choices"),
-        (declared(kind="choice", default="c"), "the default 'c' is not one of its choices"),
-        (declared(kind="boolean", default=3), "true or false is required"),
+        *(
+            (declared(name=name), "setting_name_taken", {"name": name})
+            for name in ("lam_q", "bank", "seed", "experiment", "pi", "max", "first")
+        ),
+        (declared(minimum=None), "setting_without_bounds", {"name": "depth"}),
+        (declared(maximum=None), "setting_without_bounds", {"name": "depth"}),
+        (declared(default=1.1), "invalid_default", {"name": "depth", "default": 1.1}),
+        (declared(minimum=0.5, maximum=0.4), "invalid_default", {"default": 0.2}),
+        (declared(default=True), "not_a_finite_number", {"value": True}),
+        (declared(default="first"), "unknown_name", {"name": "first"}),
+        (declared(maximum="1 / 0"), "no_value", {"expression": "1 / 0"}),
+        (declared(maximum="2 ** 1e9"), "no_value", {"expression": "2 ** 1e9"}),
+        (declared(kind="choice", default="c", choices=("a", "b")), "default_not_a_choice", {"default": "c"}),
+        (declared(kind="choice", default="c"), "default_not_a_choice", {"default": "c"}),
+        (declared(kind="boolean", default=3), "invalid_default", {"default": 3}),
     ],
 )
-def test_a_declaration_that_cannot_be_is_refused_in_its_line(wrong: Declared, told: str) -> None:
+def test_a_declaration_that_cannot_be_is_refused_in_its_line(
+    wrong: Declared, code: str, values: dict[str, object]
+) -> None:
     lines = {(): 1, ("settings",): 5, ("settings", 0): 6, ("settings", 1): 7, ("settings", 1, "name"): 8}
-    with pytest.raises(ExperimentError) as refused:
+    with refused_because(ExperimentError, code, **values) as caught:
         build_settings(experiment(declared(name="first"), wrong), lines)
-    assert told in str(refused.value)
-    assert refused.value.line == (8 if "already the name" in told else 7)
-    assert refused.value.path[:2] == ("settings", 1)
+    assert caught.value.line == (8 if code == "setting_name_taken" else 7)
+    assert caught.value.path[:2] == ("settings", 1)
+
+
+def test_a_default_is_refused_with_the_bounds_that_it_violates() -> None:
+    with pytest.raises(ExperimentError, match=r"1\.1 is outside 0 to 1"):
+        build_settings(experiment(declared(default=1.1)), {})
+    with pytest.raises(ExperimentError, match="true or false is required"):
+        build_settings(experiment(declared(kind="boolean", default=3)), {})
 
 
 def test_rules_hold_or_say_which_values_break_them() -> None:
@@ -180,20 +192,20 @@ def test_rules_hold_or_say_which_values_break_them() -> None:
     asked = experiment(low, high, rules=(Rule(that="low < high", remedy="keep low below high"),))
     lines = {(): 1, ("rules", 0, "that"): 21}
     require_rules(asked, build_settings(asked, {}), {"low": 0.2, "high": 0.8}, ("low",), lines)
-    with pytest.raises(ExperimentError) as refused:
+    broken = {"rule": "low < high", "values": "low is 0.8, high is 0.8", "remedy": "keep low below high"}
+    with refused_because(ExperimentError, "rule_not_satisfied", **broken) as caught:
         require_rules(asked, build_settings(asked, {}), {"low": 0.8, "high": 0.8}, (), lines)
-    assert str(refused.value) == (
-        "line 21: rules 1, that: low < high is not satisfied (low is 0.8, high is 0.8): keep low below high"
-    )
+    assert (caught.value.line, caught.value.path) == (21, ("rules", 0, "that"))
 
 
 @pytest.mark.parametrize(("that", "bounds"), [("low < high", (None, 0.8)), ("low >= 2 * high", (1.6, None))])
 def test_a_rejection_names_the_setting_that_was_given(that: str, bounds: tuple[float | None, float | None]) -> None:
     low, high = (declared(name=name, default=default) for name, default in (("low", 0.2), ("high", 0.8)))
     asked = experiment(low, high, rules=(Rule(that=that, remedy="mind the gap"),))
-    with pytest.raises(OutOfRangeError, match="mind the gap") as refused:
+    with pytest.raises(OutOfRangeError) as refused:
         require_rules(asked, build_settings(asked, {}), {"low": 0.9, "high": 0.8}, ("low",), {})
     assert (refused.value.quantity, refused.value.minimum, refused.value.maximum) == ("low", *bounds)
+    assert refused.value.remedy == "mind the gap"
 
 
 @pytest.mark.parametrize("that", ["low < middle", "low + 1", "low", "low <", "__import__('os')", "1 / 0 < low"])
@@ -243,7 +255,7 @@ def test_what_is_no_number_is_refused_with_its_unit(value: object) -> None:
 
 
 def test_unknown_names_and_fractions_of_counts_are_refused() -> None:
-    with pytest.raises(SettingError, match="unknown setting") as unknown:
+    with refused_because(SettingError, "unknown_setting") as unknown:
         build_ready_plan("tracking", **{"q_amplitud": 1.0})
     assert "q_amplitude" in unknown.value.legal
     with pytest.raises(SettingError, match="whole number"):
@@ -251,10 +263,15 @@ def test_unknown_names_and_fractions_of_counts_are_refused() -> None:
 
 
 def test_settings_are_checked_against_each_other() -> None:
-    with pytest.raises(OutOfRangeError, match="12 N·m/rad is more than 11 N·m/rad; keep it below the upper level"):
+    with pytest.raises(OutOfRangeError) as levels:
         build_ready_plan("tracking", S_low=12, S_high=11)
-    with pytest.raises(OutOfRangeError, match="shorter chip"):
+    assert (levels.value.value, levels.value.maximum, levels.value.unit) == (12.0, 11.0, "N·m/rad")
+    assert levels.value.remedy == "keep it below the upper level"
+    with pytest.raises(OutOfRangeError) as chips:
         ActuatorIdentificationPlan(chip_s=2.0, bits=12).program()
+    assert (chips.value.quantity, chips.value.maximum, chips.value.unit) == ("chip_s", 600.0, "s")
+    assert isinstance(chips.value.remedy, Message)
+    assert chips.value.remedy.code == "shorter_excitation"
 
 
 def test_tracking_program_holds_its_references_as_the_paper_does() -> None:
