@@ -2,7 +2,6 @@
 
 import asyncio
 import math
-import re
 from typing import Any
 
 import numpy as np
@@ -31,10 +30,11 @@ from backend.realtime.commands import (
     SwitchDrives,
     TryModule,
 )
-from backend.realtime.modes import MODE_CODE, Mode
+from backend.realtime.modes import MODE_CODE, HomingEnd, Mode
 from backend.sample import INDEX
 from plant.interface import InjectedFault, InjectedFaultKind, MotorCommand, Sensor
 from plant.manual_input import ManualInput
+from plant.message import Message
 from tests.commissioning.rigs import WIRING, CommissionedRig, played, with_entries
 
 # Every step on a virtual card: correct wiring passes, and the responsible step finds each error.
@@ -50,10 +50,26 @@ def test_a_rig_with_correct_wiring_passes_every_step() -> None:
     assert tensions["tension of tendon B"] == pytest.approx(10.0, abs=0.3)
 
 
-WRONG_BY_HAND: dict[str, tuple[dict[str, dict[str, Any]], tuple[str, ...]]] = {
+def why(finding: StepFinding) -> Message:
+    """The message of a step that has failed."""
+    assert not finding.passed
+    assert isinstance(finding.text, Message), finding.text
+    return finding.text
+
+
+def problems(finding: StepFinding) -> list[Message]:
+    message = why(finding)
+    assert message.code == "several_problems", message
+    found = message.values["problems"]
+    assert isinstance(found, tuple)
+    return list(found)
+
+
+WRONG_BY_HAND: dict[str, tuple[dict[str, dict[str, Any]], str, set[tuple[str, ...]]]] = {
     "signs": (
         {"encoder_q": {"direction": -1.0}, "encoder_B": {"direction": -1.0}, "load_cell_A": {"slope": -10.0}},
-        ("encoder_q.direction", "encoder_B.direction", "load_cell_A.slope"),
+        "wrong_sign_of_sensor",
+        {("encoder_q.direction",), ("encoder_B.direction",), ("load_cell_A.slope",)},
     ),
     "swapped": (
         {
@@ -62,7 +78,8 @@ WRONG_BY_HAND: dict[str, tuple[dict[str, dict[str, Any]], tuple[str, ...]]] = {
             "encoder_A": {"counter": "ctr2"},
             "encoder_B": {"counter": "ctr1"},
         },
-        ("load_cell_A.channel and load_cell_B.channel", "encoder_A.counter and encoder_B.counter"),
+        "other_sensor_moved",
+        {("load_cell_A.channel", "load_cell_B.channel"), ("encoder_A.counter", "encoder_B.counter")},
     ),
 }
 """Independent errors, so that one test of 20 s finds all of them."""
@@ -70,11 +87,14 @@ WRONG_BY_HAND: dict[str, tuple[dict[str, dict[str, Any]], tuple[str, ...]]] = {
 
 @pytest.mark.parametrize("case", WRONG_BY_HAND)
 def test_the_wiring_test_names_what_is_wired_wrongly_and_nothing_else(case: str) -> None:
-    entries, named = WRONG_BY_HAND[case]
+    entries, code, named = WRONG_BY_HAND[case]
     (finding,) = played(CommissionedRig(with_entries(WIRING, **entries)), StepId.WIRING_TEST)
-    assert not finding.passed
-    assert all(entry in finding.text for entry in named), finding.text
-    assert {section for section in SENSORS if section in finding.text} == {*entries}
+    found = problems(finding)
+    assert {problem.code for problem in found} == {code}, finding.text
+    assert {
+        tuple(sorted(str(value) for name, value in problem.values.items() if name in ("entry", "other_entry")))
+        for problem in found
+    } == named, finding.text
 
 
 SENSORS = {"encoder_q": "counter", "encoder_A": "counter", "encoder_B": "counter"} | dict.fromkeys(
@@ -87,23 +107,26 @@ def test_the_wiring_test_finds_dead_sensors(dead: tuple[str, ...]) -> None:
     """Sensors are not connected although the wiring file has them."""
     nowhere = {section: {SENSORS[section]: "ctr3" if SENSORS[section] == "counter" else "ai7"} for section in dead}
     (finding,) = played(CommissionedRig(WIRING, with_entries(WIRING, **nowhere)), StepId.WIRING_TEST)
-    assert not finding.passed
-    for section in SENSORS:
-        found = f"did not move: check its cable and {section}" in finding.text
-        assert found is (section in dead), finding.text
+    entries = {problem.values["entry"] for problem in problems(finding) if problem.code == "sensor_did_not_move"}
+    assert entries == {f"{section}.{SENSORS[section]}" for section in dead}, finding.text
 
 
+NOT_TURNED = ("motor_did_not_turn", {"motor": "B"})
 WRONG_WITH_VOLTAGE = [
-    ("motor sign A", {"motor_A": {"gain": -1.0}}, ["motor_A.gain"]),
-    ("motor sign B", {"motor_B": {"gain": -1.0}}, ["motor_B.gain"]),
-    ("swapped motors", {"motor_A": {"channel": "ao1"}, "motor_B": {"channel": "ao0"}}, ["motor_A.channel and motor_B"]),
-    ("encoder sign", {"encoder_A": {"direction": -1.0}}, ["encoder_A.direction"]),
+    ("motor sign A", {"motor_A": {"gain": -1.0}}, [("wrong_sign_of_motor", {"motor": "A"})]),
+    ("motor sign B", {"motor_B": {"gain": -1.0}}, [("wrong_sign_of_motor", {"motor": "B"})]),
+    (
+        "swapped motors",
+        {"motor_A": {"channel": "ao1"}, "motor_B": {"channel": "ao0"}},
+        [("motors_exchanged", {"driven": "A", "turned": "B"})],
+    ),
+    ("encoder sign", {"encoder_A": {"direction": -1.0}}, [("wrong_sign_of_motor_encoder", {"motor": "A"})]),
     (
         "both signs of one motor",
         {"motor_A": {"gain": -1.0}, "encoder_A": {"direction": -1.0}},
-        ["motor_A.gain", "encoder_A.direction"],
+        [("wrong_sign_of_motor", {"motor": "A"}), ("wrong_sign_of_motor_encoder", {"motor": "A"})],
     ),
-    ("dead motor", {"motor_B": {"channel": "ao3"}}, ["motor_B.channel"]),
+    ("dead motor", {"motor_B": {"channel": "ao3"}}, [NOT_TURNED]),
 ]
 
 
@@ -111,18 +134,18 @@ WRONG_WITH_VOLTAGE = [
     ("entries", "named"), [case[1:] for case in WRONG_WITH_VOLTAGE], ids=[case[0] for case in WRONG_WITH_VOLTAGE]
 )
 def test_the_direction_step_names_it_before_any_loop_is_closed(
-    entries: dict[str, dict[str, Any]], named: list[str]
+    entries: dict[str, dict[str, Any]], named: list[tuple[str, dict[str, str]]]
 ) -> None:
     rig = CommissionedRig(with_entries(WIRING, **entries))
     played_steps = played_and_refused(rig)
     zero, direction, before, after = played_steps
     assert zero.passed
     assert "zero" in before.reason
-    assert not direction.passed
-    assert all(entry in direction.text for entry in named), direction.text
+    found = [(problem.code, problem.values) for problem in problems(direction)]
+    assert all(problem in found for problem in named), direction.text
     assert "direction" in after.reason
     # The joint's encoder is wired rightly in all of these.
-    assert rig.joint_moved > 0.0 or "motor_B.channel" in named
+    assert rig.joint_moved > 0.0 or named == [NOT_TURNED]
     assert rig.joint_moved < 0.1
     assert rig.most_volts <= 1.0
 
@@ -179,7 +202,8 @@ def test_more_weights_show_whether_one_load_cell_has_a_line(true: dict[str, Any]
         assert cell.tendon == "B"
         assert (cell.slope, cell.offset) == pytest.approx((9.4, -0.22), rel=2e-3)
     else:
-        assert "deviates from its line by" in finding.text
+        assert why(finding).code == "load_cell_not_linear"
+        assert why(finding).values["tendon"] == "B"
 
 
 def test_a_tare_takes_the_volts_without_load() -> None:
@@ -198,8 +222,7 @@ def test_homing_reports_its_findings_and_withdraws_contradicted_directions() -> 
     rig = CommissionedRig(wiring, with_entries(end_switch={"position": 0.4}, motor_A={"gain": -1.0}))
     rig.rig.prove_directions(proven=True)
     (finding,) = played(rig, StepId.HOME)
-    assert not finding.passed
-    assert "repeat the direction step" in finding.text
+    assert (why(finding).code, why(finding).values["cause"]) == ("not_homed", HomingEnd.MOTOR_OFF)
     assert "directions are not proven" in rig.rig.unproven
 
 
@@ -309,14 +332,13 @@ def test_a_loop_that_stopped_for_another_reason_is_not_reset() -> None:
         finding, mode = asyncio.run(work())
     finally:
         rig.loop.close()
-    assert not finding.passed
-    assert "not because of the safety module" in finding.text
+    assert why(finding).code == "stopped_without_module"
     assert mode is Mode.TRIPPED
     assert not any("Restore the limit of the module" in words for words in rig.asked)
 
 
-@pytest.mark.parametrize(("cuts", "named"), [((False, False), "motor A"), ((True, False), "motor B")])
-def test_a_module_that_signals_but_does_not_cut_is_found(cuts: tuple[bool, bool], named: str) -> None:
+@pytest.mark.parametrize(("cuts", "motor"), [((False, False), "A"), ((True, False), "B")])
+def test_a_module_that_signals_but_does_not_cut_is_found(cuts: tuple[bool, bool], motor: str) -> None:
     """Zero volts from the loop release the motors as well, so only the time before that counts."""
     rig = CommissionedRig()
     rig.simulator.module_cuts = cuts
@@ -342,8 +364,9 @@ def test_a_module_that_signals_but_does_not_cut_is_found(cuts: tuple[bool, bool]
         assert rig.mode is Mode.TRIPPED
     finally:
         rig.loop.close()
-    assert not finding.passed
-    assert f"{named} did not turn back" in finding.text
+    reason = why(finding).values["reason"]
+    assert isinstance(reason, Message)
+    assert (reason.code, reason.values["motor"]) == ("drive_not_disabled", motor)
     # It was driven for 0.3 s after the trip and not longer, with little voltage.
     stopped = int(np.argmax(rows[:, INDEX["mode"]] == MODE_CODE[Mode.TRIPPED]))
     assert rows[stopped, INDEX["tick"]] - tripped_at[0] == pytest.approx(300, abs=2)
@@ -385,30 +408,32 @@ def test_the_other_checks_are_armed_while_the_loop_goes_on_to_command() -> None:
 
 # Rejections of tare and calibration, with quantity, value, bound with unit, and remedy.
 
-REFUSED: dict[str, tuple[dict[str, dict[str, Any]], str]] = {
+REFUSED: dict[str, tuple[dict[str, dict[str, Any]], str, dict[str, object]]] = {
     "wrong sign": (
         {"load_cell_A": {"slope": -9.4}},
-        r"load cell A has -9\.[34]\d* N/V, the wiring file gives 10 N/V, .*change the sign of load_cell_A\.slope",
+        "wrong_sign_of_load_cell",
+        {"tendon": "A", "slope": pytest.approx(-9.4, abs=0.1), "wiring_slope": 10.0},
     ),
     "saturated": (
         {"load_cell_B": {"slope": 1.5}},
-        r"load cell B reads up to 10\.00 V, 9\.99 V is the end of its input range: reduce the load or the gain",
+        "load_cell_saturated",
+        {"tendon": "B", "voltage": pytest.approx(10.0, abs=0.005), "maximum_V": pytest.approx(9.99, abs=0.005)},
     ),
     "dead": (
         {"load_cell_A": {"channel": "ai7"}},
-        r"load cell A reads 0\.00 mV more under 25 N than under 5 N, at least 1 mV is required .*check its cable",
+        "weights_not_distinguished",
+        {"tendon": "A", "difference_V": pytest.approx(0.0, abs=5e-6), "lightest_N": 5.0, "heaviest_N": 25.0},
     ),
 }
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_a_load_cell_that_cannot_be_calibrated_is_refused_in_words(case: str) -> None:
-    true, said = REFUSED[case]
+def test_a_load_cell_that_cannot_be_calibrated_is_refused_with_its_values(case: str) -> None:
+    true, code, values = REFUSED[case]
     rig = CommissionedRig(WIRING, with_entries(WIRING, **true))
     (finding,) = played(rig, StepId.CALIBRATE, weight_1_N=5.0, weight_2_N=25.0)
-    assert not finding.passed
     assert not finding.calibrations
-    assert re.match(said, finding.text), finding.text
+    assert (why(finding).code, why(finding).values) == (code, values), finding.text
 
 
 @pytest.mark.parametrize("step", [StepId.TARE, StepId.CALIBRATE])
@@ -427,25 +452,27 @@ def test_no_number_is_not_taken_for_a_load(step: StepId) -> None:
 
     finding = asyncio.run(session())
     assert (finding.passed, finding.calibrations) == (False, ())
-    assert finding.text == "load cell A has no valid voltage: check its cable, amplifier and channel"
+    assert (why(finding).code, why(finding).values) == ("invalid_load_cell", {"tendon": "A"})
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "label", "value", "bounds"),
     [
-        (
-            {"weight_1_N": 5.0, "weight_2_N": 9.0},
-            r"heavier weight: 9 N is less than 10 N; take weights at least 5 N apart, the lighter one first",
-        ),
-        ({"weight_1_N": 25.0, "weight_2_N": 5.0}, r"heavier weight: 5 N is less than 30 N; .* the lighter one first"),
-        (
-            {"weight_2_N": WEIGHT_MAX_N + 1.0},
-            rf"heavier weight: {WEIGHT_MAX_N + 1.0:g} N is outside 0 to {WEIGHT_MAX_N:g} N",
-        ),
-        ({"weight_1_N": -1.0}, rf"lighter weight: -1 N is outside 0 to {WEIGHT_MAX_N:g} N"),
-        ({"weight_2_N": float("nan")}, rf"heavier weight: nan N is outside 0 to {WEIGHT_MAX_N:g} N"),
+        ({"weight_1_N": 5.0, "weight_2_N": 9.0}, "heavier weight", 9.0, (10.0, None)),
+        ({"weight_1_N": 25.0, "weight_2_N": 5.0}, "heavier weight", 5.0, (30.0, None)),
+        ({"weight_2_N": WEIGHT_MAX_N + 1.0}, "heavier weight", WEIGHT_MAX_N + 1.0, (0.0, WEIGHT_MAX_N)),
+        ({"weight_1_N": -1.0}, "lighter weight", -1.0, (0.0, WEIGHT_MAX_N)),
+        ({"weight_2_N": NAN}, "heavier weight", NAN, (0.0, WEIGHT_MAX_N)),
     ],
 )
-def test_weights_that_tell_nothing_are_refused_before_anything_is_hung(given: dict[str, Any], said: str) -> None:
-    with pytest.raises(OutOfRangeError, match=said):
+def test_weights_that_tell_nothing_are_refused_before_anything_is_hung(
+    given: dict[str, float], label: str, value: float, bounds: tuple[float, float | None]
+) -> None:
+    with pytest.raises(OutOfRangeError) as caught:
         collect_values(StepId.CALIBRATE, given)
+    error = caught.value
+    assert (error.label, error.value, error.unit) == (label, pytest.approx(value, nan_ok=True), "N")
+    assert (error.minimum, error.maximum) == bounds
+    if bounds[1] is None:
+        assert isinstance(error.remedy, Message)
+        assert (error.remedy.code, error.remedy.values) == ("weights_too_close", {"minimum_N": 5.0})

@@ -30,6 +30,7 @@ from backend.realtime.supervisor import LoopExitedError, Supervisor
 from backend.storage.database import open_database
 from backend.tuning.gains import TuningParameters
 from plant.interface import SIMULATOR, InjectedFaultKind, PlantChoice, PlantKind
+from plant.message import Message
 from plant.parameters import load_parameters
 from plant.safety_card import CardState
 from plant.virtual_daq import CardError
@@ -226,7 +227,8 @@ def test_a_lockout_that_cannot_be_stored_is_reported(tmp_path: Path) -> None:
     tmp_path.rmdir()
     database.close()
     asyncio.run(lockout.store(True, "Ada"))
-    assert "could not store this for its next start" in lockout.problem
+    assert isinstance(lockout.problem, Message)
+    assert (lockout.problem.code, lockout.problem.values["state"]) == ("lockout_not_stored", "off")
 
 
 class NeverAnswers(Supervisor):

@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -23,14 +24,24 @@ from backend.storage.database import open_database
 from plant.calibration import CellCalibration, CommissioningResults, apply_calibration, wiring_fingerprint
 from plant.factory import make_plant
 from plant.interface import PlantChoice, PlantKind
+from plant.message import Message
 from plant.rig import Rig
 from plant.simulator import Simulator
 from plant.virtual_daq import VirtualRig
 from plant.wiring import load_wiring
 from tests.commissioning.rigs import PARAMETERS, WIRING, with_entries
+from tests.refusals import refused
 
 PASSED = StepFinding(True, "well", (MeasuredNumber("joint", 0.1, "rad"), MeasuredNumber("nothing", None, "N")))
 FAILED = StepFinding(False, "not well")
+
+
+def steps_before(step: StepId, states: Mapping[StepId, status.StepStatus]) -> str:
+    """The steps that must come first."""
+    blocked = find_blocking_steps(STEP[step], states)
+    assert isinstance(blocked, Message), blocked
+    assert blocked.code == "other_steps_first"
+    return str(blocked.values["steps"])
 
 
 def test_results_take_effect_with_their_wiring_only(tmp_path: Path) -> None:
@@ -107,16 +118,18 @@ def test_homing_and_the_zero_by_hand_do_for_each_other(tmp_path: Path) -> None:
     # The loop has been started since: homing needs no zero, pretension does.
     assert (states()[StepId.ZERO].state, states()[StepId.HOME].state) == (StepState.OUT_OF_DATE, StepState.NEVER)
     assert find_blocking_steps(STEP[StepId.HOME], states()) == ""
-    assert "Zero or Homing" in find_blocking_steps(STEP[StepId.PRETENSION], states())
+    assert "Zero or Homing" in steps_before(StepId.PRETENSION, states())
     status.store_result(database, StepId.HOME, homed, FAILED, "Ada")
     assert states()[StepId.HOME].state is StepState.FAILED
-    assert "Zero or Homing" in find_blocking_steps(STEP[StepId.PRETENSION], states())
+    assert "Zero or Homing" in steps_before(StepId.PRETENSION, states())
     status.store_result(database, StepId.HOME, homed, PASSED, "Ada")
     assert (states()[StepId.ZERO].state, states()[StepId.HOME].state) == (StepState.CURRENT, StepState.CURRENT)
     assert find_blocking_steps(STEP[StepId.PRETENSION], states()) == ""
     without = status.determine_statuses(status.load_results(database), WIRING, begun)
     assert StepId.HOME not in without
-    assert "end_switch.position" in find_blocking_steps(STEP[StepId.HOME], without)
+    missing = find_blocking_steps(STEP[StepId.HOME], without)
+    assert isinstance(missing, Message)
+    assert missing.code == "no_end_switch_position"
     database.close()
 
 
@@ -146,10 +159,10 @@ def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
 def test_a_step_waits_for_those_before_it(step: StepId) -> None:
     never = dict.fromkeys(StepId, status.StepStatus(StepState.NEVER, ""))
     done = dict.fromkeys(StepId, status.StepStatus(StepState.CURRENT, ""))
-    assert all(STEP[need].title in find_blocking_steps(STEP[step], never) for need in STEP[step].needs)
+    assert all(STEP[need].title in steps_before(step, never) for need in STEP[step].needs)
     assert find_blocking_steps(STEP[step], done) == ""
     untested = done | {StepId.WIRING_TEST: status.StepStatus(StepState.FAILED, "")}
-    assert find_blocking_steps(STEP[step], untested) == "first: Wiring test"
+    assert steps_before(step, untested) == "Wiring test"
 
 
 CELLS = tuple(CellCalibration(tendon, 10.7, 0.31, "measured") for tendon in "AB")
@@ -166,10 +179,10 @@ def test_pretension_wants_both_load_cells_tared_and_calibrated(tmp_path: Path) -
 
     for step in (StepId.WIRING_TEST, StepId.ZERO, StepId.DIRECTION):
         status.store_result(database, step, WIRING, PASSED, "Ada")
-    assert find_blocking_steps(STEP[StepId.PRETENSION], standings()) == "first: Tare, Calibration"
+    assert steps_before(StepId.PRETENSION, standings()) == "Tare, Calibration"
     status.store_result(database, StepId.TARE, WIRING, MEASURED, "Ada")
     status.store_result(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), CELLS[:1]), "Ada")
-    assert find_blocking_steps(STEP[StepId.PRETENSION], standings()) == "first: Calibration"
+    assert steps_before(StepId.PRETENSION, standings()) == "Calibration"
     assert not status.load_commissioning_results(database, WIRING).load_cells_measured
     status.store_result(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), CELLS[1:]), "Ada")
     assert find_blocking_steps(STEP[StepId.PRETENSION], standings()) == ""
@@ -182,7 +195,7 @@ def test_pretension_wants_both_load_cells_tared_and_calibrated(tmp_path: Path) -
     assert aged[StepId.TARE].state is StepState.OUT_OF_DATE
     assert find_blocking_steps(STEP[StepId.PRETENSION], aged) == ""
     status.store_result(database, StepId.TARE, WIRING, FAILED, "Ada")
-    assert find_blocking_steps(STEP[StepId.PRETENSION], standings()) == "first: Tare"
+    assert steps_before(StepId.PRETENSION, standings()) == "Tare"
     database.close()
 
 
@@ -257,6 +270,6 @@ def test_a_command_tries_no_wiring_file_that_has_changed(tmp_path: Path) -> None
     at_rig = CommissioningSession(database, supervisor, PARAMETERS, person, load_wiring(str(file)), hands)
     at_rig.require_startable(StepId.WIRING_TEST)
     file.write_text(said.replace("gain = { value = 1.0", "gain = { value = -1.0", 1), encoding="utf-8")
-    with pytest.raises(BlockedError, match="the wiring file has changed since the loop was started"):
+    with refused(BlockedError, "wiring_file_changed"):
         at_rig.require_startable(StepId.WIRING_TEST)
     database.close()
