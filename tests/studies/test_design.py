@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 
 from backend.banks.tuning_settings import TuningSettings
+from backend.errors import OutOfRangeError
+from backend.errors import Path as Place
 from backend.experiments.library import find_experiment
 from backend.experiments.parser import ExperimentError
+from backend.models.settings import SettingError
 from backend.services.studies import Studies
 from backend.storage import studies
 from backend.storage.banks import Bank
@@ -21,13 +24,15 @@ from backend.storage.studies import StoredStudy
 from backend.studies.design import Design
 from backend.studies.point import list_variable_numbers, run_point
 from backend.studies.stored import StudyContext, create_study, parse_design
+from plant.message import Message
 from plant.parameters import load_parameters
+from tests.refusals import refused_because
 
 # The points of a study, against closed-form results.
 
 
 def no_bank(number: int) -> Bank:
-    raise UnknownRecordError(f"there is no bank {number}")
+    raise UnknownRecordError(Message(f"there is no bank {number}", "no_such_bank", {"number": number}))
 
 
 AROUND = StudyContext(find_experiment, load_parameters("lab"), TuningSettings().to_document(), no_bank)
@@ -82,48 +87,89 @@ def test_drawn_values_have_their_distribution() -> None:
     assert abs(np.corrcoef(c0, k1)[0, 1]) < 0.1
 
 
+OVER: Place = ("axes", 0, "over")
+
+
+@pytest.mark.parametrize(
+    ("body", "place", "code", "values"),
+    [
+        ("axes: [{over: lam_q, values: [0.5, 9.0]}]", (4, OVER), "out_of_range", {"quantity": "lam_q", "value": 9.0}),
+        ("axes: [{over: lam_x, values: [0.5]}]", (4, OVER), "bad_setting", {"quantity": "lam_x", "value": 0.5}),
+        ("axes: [{over: motor.c9, values: [0.5]}]", (4, OVER), "unknown_plant_number", {"name": "motor.c9"}),
+        ("axes: [{over: motor.c0, values: [big]}]", (4, OVER), "not_a_number", {"value": "big"}),
+        ("axes: [{over: lam_q}]", (4, OVER[:2]), "values_or_range", {}),
+        ("axes: [{over: lam_q, first: 0.4, last: 0.8}]", (4, OVER[:2]), "values_or_range", {}),
+        (
+            "axes: [{over: lam_q, values: [0.5]}, {over: lam_q, values: [0.6]}]",
+            (4, ("axes", 1, "over")),
+            "varied_twice",
+            {"name": "lam_q"},
+        ),
+        (
+            "axes: [{over: q_hold, first: -1.0, last: 1.0, count: 3, spacing: factor}]",
+            (4, ("axes", 0, "spacing")),
+            "no_equal_factors",
+            {"first": -1.0, "last": 1.0},
+        ),
+        ("spread: [{of: motor.c0}]", (4, ("spread", 0)), "relative_or_absolute", {}),
+        ("draws: 10", (4, ("draws",)), "draws_without_spread", {}),
+        ("axes: [{over: seed, values: [1, 2]}]\nseeds: 3", (5, ("seeds",)), "seed_is_an_axis", {}),
+        (
+            "seeds: 100000\ndraws: 2\nspread: [{of: motor.c0, relative: 0.1}]",
+            (1, ()),
+            "out_of_range",
+            {"label": "runs of the study", "value": 200_000},
+        ),
+        ("experiment: sequence", (4, ("experiment",)), "no_experiment_document", {"name": "sequence"}),
+        ("settings: {lam_q: 0.5, b: 3}", (4, ("settings", "b")), "out_of_range", {"quantity": "b", "value": 3.0}),
+        ("axes: [{over: bank, values: [3]}]", (4, OVER), "no_such_bank", {"number": 3}),
+        ("settings: {bank: 9}", (4, ("settings", "bank")), "no_such_bank", {"number": 9}),
+        (
+            "axes:\n  - {over: lam_q, values: [0.5]}\n  - {over: bank, values: [7]}",
+            (6, ("axes", 1, "over")),
+            "no_such_bank",
+            {"number": 7},
+        ),
+        ("axes: [{over: lam_q, values: [0.5, 0.6, 0.5]}]", (4, OVER), "value_given_twice", {"value": 0.5}),
+        ("axes: [{over: lam_q, first: 0.5, last: 0.5, count: 4}]", (4, OVER), "value_given_twice", {"value": 0.5}),
+        ("settings: {seed: 2147483646}\nseeds: 3", (5, ("seeds",)), "out_of_range", {"quantity": "seed"}),
+        (
+            "axes: [{over: spring.k.0, values: [-2.5]}, {over: spring.k.00, values: [-2.6]}]",
+            (4, ("axes", 1, "over")),
+            "unknown_plant_number",
+            {"name": "spring.k.00"},
+        ),
+        ("axis: []", (4, ("axis",)), "unknown_key", {}),
+        ("written: {format: 1, name: b, title: B, phases: []}", (4, ("written", "phases")), "list_is_empty", {}),
+    ],
+)
+def test_what_cannot_be_is_refused_with_its_line_value_and_bound(
+    body: str, place: tuple[int, Place], code: str, values: dict[str, object]
+) -> None:
+    with refused_because(ExperimentError, code, **values) as caught:
+        design(body)
+    assert (caught.value.line, caught.value.path) == place
+
+
 @pytest.mark.parametrize(
     ("body", "reason"),
     [
-        ("axes: [{over: lam_q, values: [0.5, 9.0]}]", "line 4: axes 1, over: tuning parameter of the position loop: 9"),
-        ("axes: [{over: lam_x, values: [0.5]}]", "unknown setting"),
-        ("axes: [{over: motor.c9, values: [0.5]}]", "motor.c9: the plant has no such numeric parameter"),
         ("axes: [{over: motor.c0, values: [50.0]}]", "motor.c0 = 50 N·m is outside 0 to 10 N·m"),
-        ("axes: [{over: motor.c0, values: [big]}]", "'big' is not a number"),
-        ("axes: [{over: lam_q}]", "give either values, or first, last and count"),
-        ("axes: [{over: lam_q, first: 0.4, last: 0.8}]", "give either values"),
-        ("axes: [{over: lam_q, values: [0.5]}, {over: lam_q, values: [0.6]}]", "lam_q is varied twice"),
-        ("axes: [{over: q_hold, first: -1.0, last: 1.0, count: 3, spacing: factor}]", "choose spacing even"),
-        ("spread: [{of: motor.c0}]", "give either relative or absolute"),
         ("spread: [{of: asymmetry.spring_A, by: normal, relative: 0.3}]", "is outside 0.5 to 2"),
-        ("draws: 10", "draws: draws requires a spread"),
-        ("axes: [{over: seed, values: [1, 2]}]\nseeds: 3", "line 5: seeds: the seed is an axis already: omit seeds"),
-        ("seeds: 100000\ndraws: 2\nspread: [{of: motor.c0, relative: 0.1}]", "runs of the study: 200000 is outside"),
-        ("experiment: sequence", "experiment: sequence is not an experiment document"),
-        ("experiment: nothing", "there is no such experiment"),
-        ("settings: {lam_q: 0.5, b: 3}", "line 4: settings, b"),
-        ("axes: [{over: bank, values: [3]}]", "there is no bank 3"),
-        ("settings: {bank: 9}", "line 4: settings, bank: there is no bank 9"),
-        (
-            "axes:\n  - {over: lam_q, values: [0.5]}\n  - {over: bank, values: [7]}",
-            "line 6: axes 2, over: there is no bank 7",
-        ),
-        ("axes: [{over: lam_q, values: [0.5, 0.6, 0.5]}]", "line 4: axes 1, over: 0.5 occurs more than once"),
-        ("axes: [{over: lam_q, first: 0.5, last: 0.5, count: 4}]", "0.5 occurs more than once"),
-        ("settings: {seed: 2147483646}\nseeds: 3", "line 5: seeds: "),
-        (
-            "axes: [{over: spring.k.0, values: [-2.5]}, {over: spring.k.00, values: [-2.6]}]",
-            "spring.k.00: the plant has no",
-        ),
-        ("axis: []", "this key is not allowed here"),
-        ("written: {format: 1, name: b, title: B, phases: []}", "line 4: written, phases: it is empty"),
-        ("settings: {S_low: 13.0, S_high: 12.0}", "lower level"),
     ],
 )
-def test_what_cannot_be_is_refused_with_its_line_value_and_bound(body: str, reason: str) -> None:
-    with pytest.raises(ValueError, match=re.escape(reason)) as refused:
+def test_what_no_plant_can_have_is_refused_with_its_line_value_and_bound(body: str, reason: str) -> None:
+    with pytest.raises(ExperimentError, match=re.escape(reason)) as caught:
         design(body)
-    assert isinstance(refused.value, ExperimentError) or "experiment" in body or "S_low" in body
+    assert caught.value.line == 4
+
+
+def test_names_and_settings_of_experiments_are_checked_as_anywhere() -> None:
+    with refused_because(SettingError, "unknown_experiment"):
+        design("experiment: nothing")
+    with pytest.raises(OutOfRangeError) as caught:
+        design("settings: {S_low: 13.0, S_high: 12.0}")
+    assert (caught.value.quantity, caught.value.value, caught.value.maximum) == ("S_low", 13.0, 12.0)
 
 
 def test_a_study_may_hold_its_own_experiment() -> None:
@@ -135,8 +181,9 @@ def test_a_study_may_hold_its_own_experiment() -> None:
         "axes: [{over: depth, values: [0.2, 0.4]}]"
     )
     assert len(design(written)) == 2
-    with pytest.raises(ExperimentError, match="line 14: written, phases 1, parts 1, q_ref"):
+    with refused_because(ExperimentError, "unknown_name", name="width") as caught:
         design(written.replace("q_ref: depth", "q_ref: width"))
+    assert (caught.value.line, caught.value.path) == (14, ("written", "phases", 0, "parts", 0, "q_ref"))
 
 
 def test_every_number_that_is_offered_can_be_varied() -> None:

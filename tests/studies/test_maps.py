@@ -27,6 +27,7 @@ from backend.studies.maps import (
 from backend.studies.point import LOOP_METRICS, UNSTABLE
 from backend.studies.runner import to_stored_point
 from backend.units import AngleUnit
+from tests.refusals import refused_because
 
 AXES = {"lam_q": (0.5, 0.8), "lam_S": (0.5, 0.7)}
 
@@ -67,9 +68,9 @@ def test_a_cell_shows_the_worst_run_unless_another_is_picked(figure: str, pick: 
 
 
 def test_what_is_no_pick_is_refused() -> None:
-    with pytest.raises(SettingError) as refused:
+    with refused_because(SettingError, "unknown_statistic") as caught:
         build_map([], AXES, "lam_q", "lam_S", "M_s_q", "spread")
-    assert refused.value.legal == (WORST, *STATISTICS)
+    assert caught.value.legal == (WORST, *STATISTICS)
 
 
 def test_figures_whose_worst_is_not_the_largest_are_there() -> None:

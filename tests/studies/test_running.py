@@ -34,6 +34,7 @@ from backend.studies.runner import Progress, TakenError, run_study, use_local_pr
 from backend.studies.stored import parse_design
 from backend.tuning.gains import designed_point
 from plant.parameters import load_parameters
+from tests.refusals import refused
 from tests.studies import studying
 from tests.studies.studying import SHORT, begun, in_folder, table
 
@@ -139,14 +140,14 @@ def test_two_do_not_compute_the_same_study(database: Database) -> None:
     study = begun(database)
     with database.session() as session:
         studies.claim(session, study, "elsewhere:1")
-    with pytest.raises(TakenError, match="elsewhere:1"):
+    with refused(TakenError, "computed_elsewhere", study=study, runner="elsewhere:1"):
         run_study(database, study, use_local_processes(1))
 
 
 def test_another_version_computes_no_row_of_a_study(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     study = begun(database)
     monkeypatch.setattr(point, "__version__", "99.0")
-    with pytest.raises(OtherSoftwareError, match=r"Sinew 99\.0 is installed"):
+    with refused(OtherSoftwareError, "other_software", installed="99.0"):
         run_study(database, study, use_local_processes(1))
     with pytest.raises(OtherSoftwareError):
         Studies(database).resume(study)
@@ -180,7 +181,7 @@ def test_a_study_that_stops_is_not_resumed_before_it_has(database: Database) -> 
     with database.session() as session:
         studies.claim(session, study, "elsewhere:1")
     assert Studies(database).request_stop(study).state == "stopping"
-    with pytest.raises(TakenError, match="elsewhere:1"):
+    with refused(TakenError, "computed_elsewhere", study=study, runner="elsewhere:1"):
         Studies(database).resume(study)
     assert Studies(database).load_view(study).state == "stopping"
 
