@@ -6,12 +6,9 @@ from typing import TypeVar
 
 import pytest
 
-from backend.errors import InvalidValueError
-from backend.experiments.parser import ExperimentError
-from backend.models.settings import SettingError
 from plant import Message, SinewError
 
-_WithReason = TypeVar("_WithReason", ExperimentError, SettingError)
+_Error = TypeVar("_Error", bound=SinewError)
 
 
 @contextmanager
@@ -25,19 +22,19 @@ def refused(kind: type[SinewError], code: str, /, **values: object) -> Iterator[
 
 
 @contextmanager
-def refused_because(
-    kind: type[_WithReason], code: str, **values: object
-) -> Iterator[pytest.ExceptionInfo[_WithReason]]:
+def refused_because(kind: type[_Error], code: str, **values: object) -> Iterator[pytest.ExceptionInfo[_Error]]:
     """Expect an error of this kind whose reason has this code, and these of its values."""
     with pytest.raises(kind) as caught:
         yield caught
     check_reason(caught.value, code, **values)
 
 
-def check_reason(error: ExperimentError | SettingError, code: str, **values: object) -> None:
-    """Compare the reason within a message: a message of a catalogue, or a rejected value with its attributes."""
-    reason = error.why if isinstance(error, ExperimentError) else error.reason
-    assert isinstance(reason, Message | InvalidValueError), str(error)
+def check_reason(error: SinewError, code: str, **values: object) -> None:
+    """Compare the reason within a message: ``why`` of an ExperimentError, ``reason`` of a SettingError.
+
+    It is a message of a catalogue, or another error with its attributes as values.
+    """
+    reason = getattr(error, "why", None) or getattr(error, "reason", None)
+    assert getattr(reason, "code", "") == code, error.message
     found = reason.values if isinstance(reason, Message) else vars(reason)
-    assert reason.code == code, str(error)
-    assert {name: found.get(name) for name in values} == values, str(error)
+    assert {name: found.get(name) for name in values} == values, error.message
