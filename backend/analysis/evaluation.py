@@ -77,7 +77,16 @@ from backend.experiments import (
     require_known,
 )
 from backend.identification import Method
-from backend.models import DeclaredValue, MeasuredFigure, Metrics, Phase, RunCriterion, StepFigures, Value
+from backend.models import (
+    DeclaredValue,
+    MeasuredFigure,
+    Metrics,
+    Phase,
+    RunCriterion,
+    StepFigures,
+    UnreadableDocumentError,
+    Value,
+)
 from backend.realtime import IDENTIFYING, Law
 from backend.recording import Columns as ReaderColumns
 from backend.recording import read_recorded_columns
@@ -516,11 +525,17 @@ USED_SETTINGS: dict[Law, tuple[str, ...]] = {
 
 
 def find_control_law(run: Run) -> Law:
-    """Return the control law of a run; the cascade for a session."""
+    """Return the control law of a run; the cascade for a session.
+
+    Raises UnreadableDocumentError if the experiment stored with an imported run is invalid.
+    """
     plan = run.set_to.plan or {}
     if "experiment" in plan:
-        named = json.loads(str(plan["experiment"])).get("law", Law.CASCADE)
-        return Law(str(plan.get(named, named)))
+        try:
+            named = json.loads(str(plan["experiment"])).get("law", Law.CASCADE)
+            return Law(str(plan.get(named, named)))
+        except (ValueError, AttributeError, TypeError, RecursionError):
+            raise UnreadableDocumentError(messages.stored_experiment_invalid(run_id=run.id)) from None
     return _LAW_BY_KIND.get(RunKind(run.kind)) or Law(run.set_to.law)
 
 

@@ -174,6 +174,11 @@ def motor_not_back(*, side: str, duration_s: float, error_percent: float) -> str
 
 
 @catalogue_entry
+def stored_experiment_invalid(*, run_id: int) -> str:
+    return f"run {run_id}: its stored experiment cannot be read"
+
+
+@catalogue_entry
 def metric_not_measured(*, metric: str, measures: str, known: str) -> str:
     return f"{metric!r} is not a metric that this experiment measures ({measures}); choose one of {known}"
 

@@ -15,6 +15,7 @@ from backend.banks.tuning_settings import TUNING_NAMES
 from backend.experiments.library import build_ready_plan, describe_plan_values, list_stored_values
 from backend.experiments.plans import LoopSettings
 from backend.exports.base import export_columns
+from backend.models.document import UnreadableDocumentError
 from backend.models.run import CRITERIA, METRICS, StepFigures
 from backend.models.settings import describe_values
 from backend.models.upgrades import NO_STORED_REASON, upgrade_criteria, upgrade_metrics
@@ -36,6 +37,7 @@ from backend.tuning.simulation import simulate_cascade
 from backend.units import AngleUnit
 from plant.interface import PlantChoice, PlantKind
 from plant.parameters import load_parameters
+from tests.refusals import refused
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 # The report as its reader gets it: everything stated, nothing loaded, no markup from data, same bytes each time.
@@ -405,6 +407,16 @@ def test_the_compliance_experiment_runs_with_its_position_loop_open() -> None:
     )
     assert find_control_law(compliant) is Law.COMPLIANCE
     assert "lam_q" not in {item.name for item in select_used_settings(compliant)}
+
+
+@pytest.mark.parametrize(
+    "experiment", ["", "{", "[]", "7", '{"law": "none"}', '{"law": []}', "[" * 100_000], ids=lambda text: text[:15]
+)
+def test_a_stored_experiment_that_cannot_be_read_is_refused(experiment: str) -> None:
+    source = of_law("cascade")
+    run = replace(source.run, settings={**source.run.settings, "plan": {"experiment": experiment}})
+    with refused(UnreadableDocumentError, "stored_experiment_invalid", run_id=run.id):
+        find_control_law(run)
 
 
 def test_S_that_is_shown_is_wrong_by_as_much_as_the_springs_are() -> None:
