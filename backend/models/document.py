@@ -14,6 +14,7 @@ from typing import Any, Generic, TypeVar
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
+from backend.models import messages
 from plant import ErrorCode, SinewError
 
 Document = dict[str, Any]
@@ -56,22 +57,24 @@ class DocumentCodec(Generic[T]):
         """
         version = document.get("version", 0) if isinstance(document, Mapping) else 0
         if type(version) is not int or version < 0:
+            reason = "it should be a whole number"
             raise UnreadableDocumentError(
-                f"{owner}: {self._label} cannot be read, field version: it should be a whole number"
+                messages.document_unreadable(owner=owner, label=self._label, field="version", reason=reason)
             )
         if version > self._version:
             raise UnreadableDocumentError(
-                f"{owner}: {self._label} of version {version} cannot be read: a newer version of Sinew wrote it; "
-                f"this version reads versions up to {self._version}"
+                messages.document_of_newer_version(
+                    owner=owner, label=self._label, version=version, supported=self._version
+                )
             )
         try:
             return self._adapter.validate_json(json.dumps(document), strict=True)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
-            path = ".".join(str(part) for part in first["loc"])
-            field = f", field {path}" if path else ""
-            reason = _describe_error(first)
-            raise UnreadableDocumentError(f"{owner}: {self._label} cannot be read{field}: {reason}") from None
+            field, reason = ".".join(str(part) for part in first["loc"]), _describe_error(first)
+            raise UnreadableDocumentError(
+                messages.document_unreadable(owner=owner, label=self._label, field=field, reason=reason)
+            ) from None
 
     def write(self, value: T) -> Any:
         """Return the document of a value, with null for nan and infinity."""

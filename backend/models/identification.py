@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from backend.identification import FirstOrder, FrequencyCheck, Grade, Residuals
+from backend.models import messages
 from backend.models.document import ABSENT, DocumentCodec, UnreadableDocumentError
 from backend.response_docs import describe_field
 from plant import Side
@@ -415,5 +416,7 @@ def combine_spring_results(models: SpringModels, qualities: SpringQualities, own
     present = [(name, model, quality) for name, model, quality in pairs if model or quality]
     missing = next((name for name, model, quality in present if not (model and quality)), "" if present else "A")
     if missing:
-        raise UnreadableDocumentError(f"{owner}: its model cannot be read, field {missing}: it is missing")
+        raise UnreadableDocumentError(
+            messages.document_unreadable(owner=owner, label="its model", field=missing, reason="it is missing")
+        )
     return {name: SpringResult(model, quality) for name, model, quality in present}

@@ -23,6 +23,7 @@ from backend.workers import WorkerProcess
 from plant.parameters import load_parameters
 from tests.models import earlier_identifications as earlier
 from tests.models.earlier_identifications import put_identification
+from tests.refusals import refused
 
 TUNING = default_tuning(load_parameters("ideal"))[0]
 
@@ -101,16 +102,22 @@ def test_what_an_early_version_did_not_keep_is_not_there(database: Database) -> 
 
 
 @pytest.mark.parametrize(
-    ("changed", "said"),
+    ("changed", "code", "values"),
     [
-        ({"model": {**earlier.ACTUATOR["model"], "version": 2}}, "run 3: its model of version 2 cannot be read"),
+        (
+            {"model": {**earlier.ACTUATOR["model"], "version": 2}},
+            "document_of_newer_version",
+            {"label": "its model", "version": 2},
+        ),
         (
             {"model": {**earlier.ACTUATOR["model"], "S_nominal": "stiff"}},
-            "run 3: its model cannot be read, field S_nom",
+            "document_unreadable",
+            {"label": "its model", "field": "S_nominal"},
         ),
         (
             {"quality": {**earlier.ACTUATOR["quality"], "G_S": {**earlier.QUALITY, "grade": "fine"}}},
-            "run 3: the quality of its model cannot be read, field G_S.grade",
+            "document_unreadable",
+            {"label": "the quality of its model", "field": "G_S.grade"},
         ),
         (
             {
@@ -119,16 +126,21 @@ def test_what_an_early_version_did_not_keep_is_not_there(database: Database) -> 
                     "G_S": {**earlier.QUALITY, "candidates": [{"structure": "first", "grade": "usable", "BIC": 1.0}]},
                 }
             },
-            "run 3: the quality of its model cannot be read, field G_S.candidates.0",
+            "document_unreadable",
+            {"label": "the quality of its model", "field": "G_S.candidates.0.TriedStructure.K"},
         ),
     ],
 )
-def test_what_cannot_be_read_is_refused_by_run_and_field(tmp_path: Path, changed: Any, said: str) -> None:
+def test_what_cannot_be_read_is_refused_by_run_and_field(
+    tmp_path: Path, changed: Any, code: str, values: dict[str, object]
+) -> None:
     with closing(open_database(tmp_path)) as database:
         put_identification(database, 2, "spring", earlier.SPRINGS)
         put_identification(database, 3, "actuator", earlier.ACTUATOR | changed)
-        with pytest.raises(UnreadableDocumentError, match=said):
+        with pytest.raises(UnreadableDocumentError) as caught:
             stored(database).load_identification(3)
+        said = caught.value.message
+        assert (said.code, said.values) == (code, {**said.values, **values, "owner": "run 3"})
         views = stored(database).list_identifications()
         assert [(view.id, view.G_q) for view in views] == [(3, None), (2, None)]
         assert said in views[0].message
@@ -140,5 +152,6 @@ def test_half_a_spring_is_refused(tmp_path: Path, part: str) -> None:
     document = {name: kept for name, kept in earlier.SPRINGS[part].items() if name != "B"}
     with closing(open_database(tmp_path)) as database:
         put_identification(database, 2, "spring", earlier.SPRINGS | {part: document})
-        with pytest.raises(UnreadableDocumentError, match="run 2: its model cannot be read, field B: it is missing"):
+        values = {"owner": "run 2", "label": "its model", "field": "B", "reason": "it is missing"}
+        with refused(UnreadableDocumentError, "document_unreadable", **values):
             stored(database).load_identification(2)

@@ -40,6 +40,7 @@ from plant.parameters import SHIPPED, load_parameters
 from tests.migrations.old_schema import migrated
 from tests.models import earlier
 from tests.models.earlier import BEFORE, earlier_database, put_result, put_run
+from tests.refusals import refused
 
 # Which figure a list of runs shows: the criterion that failed, else the first that was measured.
 
@@ -99,9 +100,8 @@ def test_a_number_without_unit_and_source_is_one() -> None:
 
 
 def test_what_are_no_numbers_is_refused_by_its_place() -> None:
-    with pytest.raises(
-        UnreadableDocumentError, match=r"^run 3: the parameters of its plant cannot be read, field motor\.u_max"
-    ):
+    values = {"owner": "run 3", "label": "the parameters of its plant", "field": "motor.u_max"}
+    with refused(UnreadableDocumentError, "document_unreadable", **values):
         PLANT_NUMBERS.read({"motor": {"u_max": 10.0}}, "run 3")
 
 
@@ -113,7 +113,8 @@ def test_one_other_number_makes_another_plant(then: float | None) -> None:
         del kept["motor"]["u_max"]
     else:
         kept = replace(parameters, motor=replace(parameters.motor, u_max=then)).to_document()
-    with pytest.raises(BankError, match=rf"motor\.u_max was {then}, it is {parameters.motor.u_max} now"):
+    values = {"parameter": "motor.u_max", "recorded": then, "current": parameters.motor.u_max}
+    with refused(BankError, "other_parameters", **values):
         require_same_parameters(parameters, "identification 3", kept)
 
 
@@ -164,19 +165,21 @@ def test_an_early_session_had_its_tuning_beside_the_mode(database: Database) -> 
 
 
 @pytest.mark.parametrize(
-    ("settings", "said"),
+    ("settings", "code", "values"),
     [
-        ({**PROGRAM, "version": 2}, "run 3: its settings of version 2 cannot be read"),
-        ({**PROGRAM, "loop": {**LOOP, "b": "half"}}, "run 3: its settings cannot be read, field loop.b"),
-        ([], "run 3: its settings cannot be read"),
+        ({**PROGRAM, "version": 2}, "document_of_newer_version", {"version": 2}),
+        ({**PROGRAM, "loop": {**LOOP, "b": "half"}}, "document_unreadable", {"field": "loop.b"}),
+        ([], "document_unreadable", {}),
     ],
 )
 def test_what_cannot_be_read_is_told_by_run_and_field_and_the_lists_open(
-    database: Database, settings: Any, said: str
+    database: Database, settings: Any, code: str, values: dict[str, object]
 ) -> None:
     put_run(database, 3, "actuator_identification", settings)
-    with database.reading() as session, pytest.raises(UnreadableDocumentError, match=said):
+    with database.reading() as session, pytest.raises(UnreadableDocumentError) as caught:
         assert runs.get(session, 3).set_to
+    said = caught.value.message
+    assert (said.code, said.values) == (code, {**said.values, **values, "owner": "run 3", "label": "its settings"})
     stored = StoredRuns(database, lambda: None, lambda _run: False)
     listed = stored.find_runs(RunQuery(limit=10)).runs
     assert [(run.id, len(run.settings)) for run in listed] == [
@@ -196,7 +199,7 @@ def test_a_number_of_the_plant_that_is_not_there_is_named(database: Database) ->
     with database.reading() as session:
         run = runs.get(session, 1)
     assert run.number("geometry", "r_j") == 0.075
-    with pytest.raises(UnreadableDocumentError, match=r"run 1: its parameters have no number safety\.F_least"):
+    with refused(UnreadableDocumentError, "parameter_missing", run_id=1, parameter="safety.F_least"):
         run.number("safety", "F_least")
 
 
@@ -240,27 +243,42 @@ def test_what_is_written_is_what_was_written_and_a_version(database_result: Data
 
 
 @pytest.mark.parametrize(
-    ("metrics", "criteria", "said"),
+    ("metrics", "criteria", "code", "values"),
     [
-        ({**earlier.METRICS, "version": 2}, [], "run 1: its result of version 2 cannot be read: a newer version"),
+        ({**earlier.METRICS, "version": 2}, [], "document_of_newer_version", {"label": "its result", "version": 2}),
         (
             {**earlier.METRICS, "played_s": "long"},
             [],
-            "run 1: its result cannot be read, field played_s: it should be a valid number",
+            "document_unreadable",
+            {"label": "its result", "field": "played_s", "reason": "it should be a valid number"},
         ),
-        ({**earlier.METRICS, "figures": [{"name": "rmse_q"}]}, [], "field figures.0.unit: it is missing"),
-        ({**earlier.METRICS, "figures": 3}, [], "field figures: it should be"),
-        ([], [], "run 1: its result cannot be read"),
-        (earlier.METRICS, [{**earlier.CRITERIA[0], "bound": None}], "its criteria cannot be read, field 0.bound"),
+        (
+            {**earlier.METRICS, "figures": [{"name": "rmse_q"}]},
+            [],
+            "document_unreadable",
+            {"field": "figures.0.unit", "reason": "it is missing"},
+        ),
+        (
+            {**earlier.METRICS, "figures": 3},
+            [],
+            "document_unreadable",
+            {"field": "figures", "reason": "it should be a valid array"},
+        ),
+        ([], [], "document_unreadable", {"label": "its result"}),
+        (
+            earlier.METRICS,
+            [{**earlier.CRITERIA[0], "bound": None}],
+            "document_unreadable",
+            {"label": "its criteria", "field": "0.bound"},
+        ),
     ],
 )
 def test_what_cannot_be_read_is_refused_by_run_and_field(
-    database_result: Database, metrics: Any, criteria: Any, said: str
+    database_result: Database, metrics: Any, criteria: Any, code: str, values: dict[str, object]
 ) -> None:
     put_result(database_result, 1, metrics, criteria)
-    with pytest.raises(UnreadableDocumentError) as refused:
+    with refused(UnreadableDocumentError, code, owner="run 1", **values):
         load_source(database_result, 1)
-    assert said in str(refused.value)
     stored = StoredRuns(database_result, lambda: None, lambda _run: False)
     listed = stored.find_runs(RunQuery(limit=10))
     assert [run.id for run in listed.runs] == [1]
@@ -268,7 +286,8 @@ def test_what_cannot_be_read_is_refused_by_run_and_field(
 
 @pytest.mark.parametrize("version", ["1", 1.5, True, -1])
 def test_a_version_that_is_none_is_no_way_around(version: Any) -> None:
-    with pytest.raises(UnreadableDocumentError, match="run 7: its result cannot be read, field version"):
+    values = {"owner": "run 7", "label": "its result", "field": "version"}
+    with refused(UnreadableDocumentError, "document_unreadable", **values):
         METRICS.read({**earlier.METRICS, "version": version}, "run 7")
 
 

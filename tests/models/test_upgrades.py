@@ -23,6 +23,7 @@ from backend.workers import WorkerProcess
 from plant.parameters import load_parameters
 from tests.models import earlier
 from tests.models import earlier_identifications as identified
+from tests.refusals import refused
 
 # Documents of earlier forms get the present one; others stay as they are.
 
@@ -234,9 +235,10 @@ def test_entries_of_earlier_banks_are_read_as_they_were(database: Database) -> N
     assert ENTRY.write(stiff.known) == {**MODEL, "version": 1}
     assert (stored_entry_name(stiff), build_point_model(stiff).K_S) == ("20 N", 0.72)
     assert weak.known == EntryModel(K_q=0.05)
-    with pytest.raises(BankError, match="has no T_q, K_S, T_S"):
+    with refused(BankError, "entry_without_models", missing="T_q, K_S, T_S"):
         build_point_model(weak)
-    with pytest.raises(UnreadableDocumentError, match=r"the entry at 9\.00 N·m/rad of a bank: its models .* field K_S"):
+    values = {"owner": "the entry at 9.00 N·m/rad of a bank", "label": "its models", "field": "K_S"}
+    with refused(UnreadableDocumentError, "document_unreadable", **values):
         assert BankEntry(9.0, {**MODEL, "K_S": "much"}).known
 
 
