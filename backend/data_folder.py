@@ -15,6 +15,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from backend import messages
 from backend.supervision import Part
 from plant import ErrorCode, SinewError
 
@@ -68,11 +69,9 @@ class LockedFolder:
         return ""
 
     def _describe_loss(self, path: Path, why: str) -> str:
-        what = "the data folder" if path == self.path else "the lock in the data folder"
-        return (
-            f"{what} {path} was deleted, moved or replaced while the service uses it ({why}): new "
-            "recordings are lost. Restore it, or restart the service"
-        )
+        if path == self.path:
+            return messages.data_folder_lost(folder=path, reason=why)
+        return messages.data_folder_lock_lost(lock=path, reason=why)
 
 
 @contextmanager
@@ -87,10 +86,7 @@ def lock_for_service(data: Path) -> Iterator[LockedFolder]:
         try:
             path.bind(_lock_socket_name(data))
         except OSError:
-            raise AlreadyRunningError(
-                f"another service works on the folder {data}, or on an earlier folder at this path: stop "
-                "it or choose --data"
-            ) from None
+            raise AlreadyRunningError(messages.data_folder_path_in_use(folder=data)) from None
         try:
             data.mkdir(mode=0o700, parents=True, exist_ok=True)
             folder = os.open(data, os.O_RDONLY | os.O_DIRECTORY)
@@ -102,7 +98,7 @@ def lock_for_service(data: Path) -> Iterator[LockedFolder]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise AlreadyRunningError(f"another service works on the folder {data}: stop it or choose --data") from None
+            raise AlreadyRunningError(messages.data_folder_in_use(folder=data)) from None
         held = LockedFolder(data, folder, lock)
         held.write_address("")
         yield held
@@ -151,8 +147,8 @@ def describe_missing_address(data: Path) -> str:
     except OSError:
         is_starting = False
     if is_starting:
-        return f"the service on the folder {data} is still starting: try again after it has printed its address"
-    return f"no service works on the folder {data}: start it with `sinew serve`, or choose --data"
+        return messages.service_is_starting(folder=data)
+    return messages.no_service(folder=data)
 
 
 def _is_locked(lock: Path) -> bool:
@@ -215,11 +211,10 @@ def _lock_socket_name(data: Path) -> bytes:
 
 def _describe_os_error(data: Path, error: OSError) -> str:
     if isinstance(error, PermissionError):
-        remedy = "change its owner or mode, or choose another --data"
-        return f"{error.filename or data} cannot be used: {error.strerror}; {remedy}"
+        return messages.data_folder_not_permitted(path=error.filename or data, reason=error.strerror)
     if isinstance(error, FileExistsError | NotADirectoryError):
-        return f"the data folder {data} is a file or lies below one: choose another --data"
-    return f"the data folder {data} cannot be used: {error.strerror} ({error.filename}); choose another --data"
+        return messages.data_folder_is_a_file(folder=data)
+    return messages.data_folder_unusable(folder=data, path=error.filename, reason=error.strerror)
 
 
 # Access rights -------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from typing import Any
 
 from pydantic import AfterValidator, ValidationInfo
 
+from backend import messages
 from plant import ErrorCode, SinewError
 
 _REFUSED_ANYWHERE = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff]")
@@ -47,23 +48,22 @@ class PlainTextError(SinewError, ValueError):
 def check_plain_text(text: str) -> None:
     """Raise PlainTextError for a control character or a lone surrogate."""
     if (found := _REFUSED_ANYWHERE.search(text)) is not None:
-        raise _build_error(text, found, "is not allowed in any text")
+        raise PlainTextError(
+            messages.character_not_allowed(text=text, position=found.start(), description=_describe_character(found[0]))
+        )
 
 
 def check_single_line(text: str) -> str:
     """Return a text of one line, possibly empty, or raise PlainTextError."""
     if (found := _REFUSED_IN_LINE.search(text)) is not None:
-        raise _build_error(text, found, "is not allowed in a name, title or other text of one line")
+        raise PlainTextError(
+            messages.character_not_allowed_in_line(
+                text=text, position=found.start(), description=_describe_character(found[0])
+            )
+        )
     if text and not text.strip():
-        raise PlainTextError(f"the text {text!r} is blank: enter visible characters")
+        raise PlainTextError(messages.text_is_blank(text=text))
     return text
-
-
-def _build_error(text: str, found: re.Match[str], rule: str) -> PlainTextError:
-    code, position = ord(found[0]), found.start()
-    context = ascii(text[max(0, position - 20) : position + 20])
-    character = f"U+{code:04X}, {_describe_character(found[0])}, at position {position + 1} (near {context})"
-    return PlainTextError(f"the text contains the character {character}, which {rule}: delete it")
 
 
 def _describe_character(character: str) -> str:

@@ -10,6 +10,7 @@ from typing import Annotated
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from backend import messages
 from backend.errors import check_station_name
 from backend.logs import Level
 from backend.public_url import LOOPBACK, PublicUrl, parse_networks, parse_public_url
@@ -198,13 +199,15 @@ class Settings(BaseSettings):
         """
         if self.database_password_file is None:
             return None
-        name = f"{_PREFIX}DATABASE_PASSWORD_FILE={self.database_password_file}"
+        variable, file = f"{_PREFIX}DATABASE_PASSWORD_FILE", self.database_password_file
         try:
-            password = self.database_password_file.read_text(encoding="utf-8").strip()
+            password = file.read_text(encoding="utf-8").strip()
         except (OSError, UnicodeDecodeError) as error:
-            raise UnusableSettingError(f"{name}: the file cannot be read: {error}") from None
+            raise UnusableSettingError(
+                messages.password_file_unreadable(variable=variable, file=file, reason=str(error))
+            ) from None
         if not password:
-            raise UnusableSettingError(f"{name}: the file is empty: write the password to it")
+            raise UnusableSettingError(messages.password_file_empty(variable=variable, file=file))
         return password
 
 
@@ -214,10 +217,8 @@ def load_environment_settings() -> Settings:
         return Settings()
     except ValidationError as error:
         details = error.errors(include_url=False)
-        message = "; ".join(
-            _format_validation_error(detail["loc"], detail["input"], detail["msg"]) for detail in details
-        )
-        raise UnusableSettingError(message) from None
+        reasons = [_format_validation_error(detail["loc"], detail["input"], detail["msg"]) for detail in details]
+        raise UnusableSettingError(messages.unusable_settings(reasons=reasons)) from None
 
 
 def _format_validation_error(location: tuple[int | str, ...], given: object, message: str) -> str:

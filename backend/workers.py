@@ -21,6 +21,7 @@ from pathlib import Path
 from traceback import format_exc
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
+from backend import messages
 from backend.supervision import Part, Supervision
 from plant import ErrorCode, SinewError
 
@@ -148,8 +149,7 @@ class WorkLimitError(SinewError):
 
     def __init__(self, quantity: str, bound: float | None, unit: str, remedy: str) -> None:
         self.quantity, self.bound, self.unit, self.remedy = quantity, bound, unit, remedy
-        allowed = "than the machine has" if bound is None else f"than the {bound:g} {unit} that it may use"
-        super().__init__(f"{quantity}: the computation needs more {allowed}, and was stopped: {remedy}")
+        super().__init__(messages.work_limit_exceeded(quantity=quantity, maximum=bound, unit=unit, remedy=remedy))
 
     @property
     def fields(self) -> dict[str, Any]:
@@ -202,9 +202,7 @@ class WorkerProcess:
                 except asyncio.CancelledError:
                     self._end(pool)
                     raise
-        raise WorkerDiedError(
-            "the worker process for this computation died twice: check whether the machine is short of memory"
-        )
+        raise WorkerDiedError(messages.worker_died_twice())
 
     async def _run_limited(
         self, pool: "_SingleProcessPool", work: Callable[P, T], *arguments: P.args, **_none: P.kwargs
@@ -449,8 +447,7 @@ def _receive_chunk(connection: Connection) -> bytes | None:
     try:
         received: bytes | Exception | None = connection.recv()
     except (EOFError, OSError):
-        lost = "the process that writes this file died: check whether the machine is short of memory"
-        raise WorkerDiedError(lost) from None
+        raise WorkerDiedError(messages.writer_of_file_died()) from None
     if isinstance(received, Exception):
         raise received
     return received

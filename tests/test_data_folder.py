@@ -17,11 +17,18 @@ from backend.data_folder import (
     read_service_address,
     read_service_addresses,
 )
+from plant import Message
 
 
 @pytest.fixture
 def data(tmp_path: Path) -> Path:
     return tmp_path / "data"
+
+
+def as_message(text: str) -> Message:
+    """Return a text as the message that it is."""
+    assert isinstance(text, Message)
+    return text
 
 
 def refused(data: Path) -> bool:
@@ -36,12 +43,13 @@ def test_a_folder_that_was_replaced_is_told_and_takes_no_second_service(data: Pa
     with lock_for_service(data) as held:
         assert held.problem() == ""
         shutil.rmtree(data)
-        assert f"the data folder {data} was deleted" in held.problem()
+        problem = as_message(held.problem())
+        assert (problem.code, problem.values["folder"]) == ("data_folder_lost", data)
         assert refused(data)
         assert not data.exists()
         data.mkdir()
         (data / "service.lock").touch()
-        assert "it was replaced" in held.problem()
+        assert as_message(held.problem()).values == {"folder": data, "reason": "it was replaced"}
         assert refused(data)
     assert not refused(data)
 
@@ -49,7 +57,7 @@ def test_a_folder_that_was_replaced_is_told_and_takes_no_second_service(data: Pa
 def test_a_folder_that_was_moved_is_told_until_it_is_back(data: Path) -> None:
     with lock_for_service(data) as held:
         aside = data.rename(data.with_name("aside"))
-        assert "was deleted, moved or replaced" in held.problem()
+        assert as_message(held.problem()).code == "data_folder_lost"
         assert refused(aside)
         assert refused(data)
         aside.rename(data)
@@ -59,7 +67,8 @@ def test_a_folder_that_was_moved_is_told_until_it_is_back(data: Path) -> None:
 def test_a_lock_that_was_deleted_is_told(data: Path) -> None:
     with lock_for_service(data) as held:
         (data / "service.lock").unlink()
-        assert "the lock in the data folder" in held.problem()
+        problem = as_message(held.problem())
+        assert (problem.code, problem.values["lock"]) == ("data_folder_lock_lost", data / "service.lock")
         assert refused(data)
 
 
@@ -105,10 +114,11 @@ def test_a_folder_is_held_by_services_and_by_commands_that_play(data: Path) -> N
 
 
 def test_a_service_that_has_not_begun_to_answer_is_told_from_none(data: Path) -> None:
-    assert "no service works on the folder" in describe_missing_address(data)
+    assert as_message(describe_missing_address(data)).code == "no_service"
     with lock_for_service(data) as held:
         assert read_service_addresses(data) == []
-        assert "still starting" in describe_missing_address(data)
+        assert as_message(describe_missing_address(data)).code == "service_is_starting"
         held.write_address("http://127.0.0.1:8000")
         assert read_service_addresses(data) == ["http://127.0.0.1:8000"]
-    assert "no service works on the folder" in describe_missing_address(data)
+    missing = as_message(describe_missing_address(data))
+    assert (missing.code, missing.values) == ("no_service", {"folder": data})

@@ -33,6 +33,7 @@ from backend.schemas.tuning import BankFile, BankRequest
 from backend.server.security import require_valid_body
 from backend.storage.identifications import UnfitDocumentError, require_lines
 from backend.studies.design import STUDY
+from tests.refusals import refused
 
 PARTS = [{"name": "a", "title": "A", "parts": [{"do": "hold", "duration_s": 1}]}]
 REFUSED = ("\0", "\x07", "\x08", "\x0b", "\x0c", "\x1b", "\x7f", "\x85", "\x9b", "\ud800", "\udfff", "\ude00\ud83d")
@@ -236,6 +237,15 @@ def test_json_may_write_a_character_as_a_pair_of_escapes() -> None:
 def test_an_escape_beyond_all_characters_is_refused() -> None:
     with pytest.raises(ExperimentError):
         parser.parse_experiment('title: "\\Uffffffff"')
+
+
+def test_a_refused_character_is_named_with_its_place() -> None:
+    with refused(PlainTextError, "character_not_allowed", text="ab\x07", position=2, description="a control character"):
+        check_plain_text("ab\x07")
+    with refused(PlainTextError, "character_not_allowed_in_line", position=1):
+        check_single_line("a\u202eb")
+    with refused(PlainTextError, "text_is_blank", text=" "):
+        check_single_line(" ")
 
 
 def test_a_refusal_says_where_the_character_stands() -> None:
