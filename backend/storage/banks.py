@@ -12,7 +12,7 @@ from backend.identification import Grade, joint_method_name
 from backend.models import CHANNELS, ENTRY, EntryModel, IdentifiedChannel, UnreadableDocumentError
 from backend.plain_text import escape_line
 from backend.response_docs import describe_field
-from backend.storage import identifications
+from backend.storage import identifications, messages
 from backend.storage.database import Session
 from backend.storage.identifications import Identification
 from backend.storage.orm import (
@@ -103,8 +103,7 @@ def own(session: OrmSession, bank_id: int) -> Bank:
     """Return one version of a bank of this station. Raises UnknownRecordError."""
     bank = get(session, bank_id)
     if bank.station != session_station(session):
-        whose = f"belongs to station {bank.station}" if bank.station else "belongs to no station"
-        raise UnknownRecordError(f"bank {bank_id} {whose}: export it there and import it here to use it")
+        raise UnknownRecordError(messages.bank_of_another_station(bank_id=bank_id, station=bank.station))
     return bank
 
 

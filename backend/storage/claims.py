@@ -22,6 +22,7 @@ from sqlalchemy import Connection, Engine, insert, text
 from sqlalchemy.exc import SQLAlchemyError
 
 from backend import __version__
+from backend.storage import messages
 from backend.storage.orm import SettingRow
 from backend.storage.stations import StationTakenError
 
@@ -112,10 +113,7 @@ class HeldClaim:
             now = _load_claim(connection, self._station)
             if now is None or now.key != self._claim.key:
                 by = "another service" if now is None else now.describe
-                self._problem = (
-                    f"{by} has taken over this database, because this service sent no heartbeat for {LIFE_S:g} s: "
-                    "both write to it now. Stop one of the two"
-                )
+                self._problem = messages.claim_lost(service=by, life_s=LIFE_S)
                 return
             self._claim = replace(self._claim, beat=self._claim.beat + 1)
             _write(connection, self._station, self._claim)

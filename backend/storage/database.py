@@ -25,7 +25,7 @@ from sqlalchemy.orm import Session
 import migrations
 from backend import __version__
 from backend.data_folder import FILE_MODE, FOLDER_MODE, make_private
-from backend.storage import search_index
+from backend.storage import messages, search_index
 from backend.storage.claims import describe_claim
 from backend.storage.orm import DamagedError, GoneError, StorageError, UnfitError, take_touched
 from backend.storage.stations import make_session_info, one_at_a_time
@@ -65,10 +65,7 @@ def is_outdated(engine: Engine) -> bool:
     if found is None or found == newest_revision():
         return False
     if found not in _revisions():
-        raise SchemaError(
-            f"the database has schema {found}, this version supports up to {newest_revision()}: "
-            "it was written by a newer version; install that one, or choose another data folder"
-        )
+        raise SchemaError(messages.schema_too_new(schema=found, newest=newest_revision()))
     return True
 
 
@@ -103,7 +100,7 @@ def upgrade(engine: Engine) -> None:
         command.upgrade(_configuration(connection), "head")
         broken = broken_references(connection)
         if broken:
-            raise SchemaError(f"the migration would break references in {', '.join(broken)}: nothing was changed")
+            raise SchemaError(messages.migration_breaks_references(tables=broken))
 
 
 def read_revision(engine: Engine) -> str | None:
@@ -117,10 +114,7 @@ def read_revision(engine: Engine) -> str | None:
             return None
         found = connection.execute(text("SELECT version_num FROM alembic_version")).scalar_one_or_none()
         if found is None and len(there) > 1:
-            raise SchemaError(
-                "the database has tables, but the table alembic_version, which names their schema, is "
-                "empty: restore a backup with `sinew db restore FILE`"
-            )
+            raise SchemaError(messages.schema_not_named())
         return found
 
 
@@ -207,9 +201,9 @@ def next_backup_path(data: Path) -> Path:
 def backup_database(engine: Engine, target: Path) -> None:
     """Copy an SQLite database to a new file while it is in use. Raises BackupError."""
     if engine.dialect.name != "sqlite":
-        raise BackupError(f"a {engine.dialect.name} database is backed up with its own tools (pg_dump)")
+        raise BackupError(messages.server_has_own_backup(dialect=engine.dialect.name))
     if target.exists():
-        raise BackupError(f"{target} exists already: choose another name")
+        raise BackupError(messages.backup_exists(file=target))
     unfinished = target.with_name(f"{target.name}{_UNFINISHED}")
     try:
         target.parent.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
@@ -217,13 +211,13 @@ def backup_database(engine: Engine, target: Path) -> None:
         with closing(engine.raw_connection()) as source, closing(sqlite3.connect(unfinished)) as copy:
             original = source.driver_connection
             if not isinstance(original, sqlite3.Connection):
-                raise BackupError("only connections of the standard library's sqlite3 can be copied")
+                raise BackupError(messages.connection_not_copyable())
             original.backup(copy)
         os.replace(unfinished, target)
     except (sqlite3.Error, OSError) as error:
         with suppress(OSError):
             _remove_with_logs(unfinished)
-        raise BackupError(f"{target} could not be written: {error}") from error
+        raise BackupError(messages.backup_not_written(file=target, reason=str(error))) from error
 
 
 def restore_database(copy: Path, target: Path) -> None:
@@ -234,7 +228,7 @@ def restore_database(copy: Path, target: Path) -> None:
     Raises BackupError.
     """
     if not copy.is_file():
-        raise BackupError(f"{copy} does not exist: choose a file from DATA/backups")
+        raise BackupError(messages.backup_not_found(file=copy))
     recover_database(target)
     unfinished = target.with_name(f"{target.name}{_RESTORING}")
     try:
@@ -250,8 +244,7 @@ def restore_database(copy: Path, target: Path) -> None:
         _complete_restore(target)
     except (sqlite3.Error, OSError) as error:
         begun = target.with_name(f"{target.name}{_RESTORED}").exists()
-        outcome = "the next start completes it" if begun else "nothing was changed"
-        raise BackupError(f"{copy} cannot be restored: {error}; {outcome}") from error
+        raise BackupError(messages.restore_failed(file=copy, reason=str(error), begun=begun)) from error
     finally:
         with suppress(OSError):
             _remove_with_logs(unfinished)
@@ -263,23 +256,23 @@ def recover_database(file: Path) -> list[str]:
     Returns a sentence for each. The caller must have exclusive access to the data folder. Remainders of copies, new
     databases and imports are removed.
     """
-    messages = []
+    done = []
     if file.with_name(f"{file.name}{_RESTORED}").exists():
         _complete_restore(file)
-        messages.append("an interrupted restore has been completed: the database now has the content of the backup")
+        done.append("an interrupted restore has been completed: the database now has the content of the backup")
     unfinished = file.with_name(f"{file.name}{_RESTORING}")
     if unfinished.exists():
         _remove_with_logs(unfinished)
-        messages.append("an interrupted restore has been rolled back: the database is in its earlier state")
+        done.append("an interrupted restore has been rolled back: the database is in its earlier state")
     backups = file.parent / "backups"
     leftovers = [*backups.glob(f"*{_UNFINISHED}"), *file.parent.glob(f"{file.name}.*.creating")]
     for leftover in leftovers:
         _remove_with_logs(leftover)
-        messages.append(f"{leftover.name} was removed: the command that wrote it was killed")
+        done.append(f"{leftover.name} was removed: the command that wrote it was killed")
     for folder in file.parent.glob(f"{IMPORTING}*"):
         shutil.rmtree(folder, ignore_errors=True)
-        messages.append(f"{folder.name} was removed: the import that unpacked it was killed, and stored nothing")
-    return messages
+        done.append(f"{folder.name} was removed: the import that unpacked it was killed, and stored nothing")
+    return done
 
 
 def is_restore_incomplete(file: Path) -> bool:
@@ -328,10 +321,10 @@ def _sync(path: Path) -> None:
 def _require_ours(connection: sqlite3.Connection, copy: Path) -> None:
     damages = [line for (line,) in connection.execute("PRAGMA integrity_check") if line != "ok"]
     if damages:
-        raise BackupError(f"{copy} is damaged: {damages[0]}; nothing was changed")
+        raise BackupError(messages.backup_damaged(file=copy, damage=damages[0]))
     tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     if not {"alembic_version", "run"} <= tables:
-        raise BackupError(f"{copy} is not a database of Sinew; nothing was changed")
+        raise BackupError(messages.backup_of_another_program(file=copy))
 
 
 def find_database_errors(engine: Engine) -> list[str]:
@@ -388,17 +381,17 @@ def identity(file: Path) -> Identity:
     try:
         known = file.stat()
     except OSError as error:
-        raise GoneError(_describe_replaced_file(file, error.strerror or str(error))) from None
+        raise GoneError(messages.database_file_replaced(file=file, reason=error.strerror or str(error))) from None
     return known.st_dev, known.st_ino
 
 
 def require_in_place(file: Path, opened: Identity) -> None:
     """Raise GoneError unless ``file`` and its log are still the opened ones."""
     if identity(file) != opened:
-        raise GoneError(_describe_replaced_file(file, "another file has replaced it"))
+        raise GoneError(messages.database_file_replaced(file=file, reason="another file has replaced it"))
     log = _get_wal_file(file)
     if not log.exists() and _is_open_though_deleted(log):
-        raise GoneError(_describe_replaced_file(log, "it was deleted"))
+        raise GoneError(messages.database_file_replaced(file=log, reason="it was deleted"))
 
 
 def is_usable(file: Path, backups: Path) -> bool:
@@ -408,20 +401,14 @@ def is_usable(file: Path, backups: Path) -> bool:
     """
     if file.is_file():
         if file.stat().st_size == 0:
-            raise DamagedError(f"{file} is empty (0 bytes): it was truncated; {describe_recovery(file, backups)}")
+            raise DamagedError(messages.database_empty(file=file, remedy=describe_recovery(file, backups)))
         return True
     if _get_wal_file(file).is_file() and _get_wal_file(file).stat().st_size:
-        raise DamagedError(
-            f"{file} is missing, but its log ({_get_wal_file(file).name}) still exists: put the database "
-            f"back; or {describe_recovery(file, backups)}"
-        )
+        log, remedy = _get_wal_file(file).name, describe_recovery(file, backups)
+        raise DamagedError(messages.database_missing_beside_log(file=file, log=log, remedy=remedy))
     if traces := find_database_traces(file, backups):
-        named = ", ".join(trace.name for trace in sorted(traces)[-NEWEST_BACKUPS:])
-        raise DamagedError(
-            f"{file} is missing, but copies of it exist ({named}): Sinew creates no empty database in its place. "
-            f"Put the database back; or {describe_recovery(file, backups)}; "
-            "or choose another --data to begin with an empty one"
-        )
+        copies, remedy = [trace.name for trace in sorted(traces)[-NEWEST_BACKUPS:]], describe_recovery(file, backups)
+        raise DamagedError(messages.database_missing_beside_copies(file=file, copies=copies, remedy=remedy))
     return file.exists()
 
 
@@ -442,7 +429,8 @@ def quick_check(file: Path, backups: Path) -> None:
     except sqlite3.DatabaseError as error:
         found = [str(error)]
     if found:
-        raise DamagedError(f"{file} is damaged ({' '.join(found[0].split())}): {describe_recovery(file, backups)}")
+        damage, remedy = " ".join(found[0].split()), describe_recovery(file, backups)
+        raise DamagedError(messages.database_damaged(file=file, damage=damage, remedy=remedy))
 
 
 def is_quick_to_check(file: Path) -> bool:
@@ -455,26 +443,13 @@ def describe_recovery(file: Path, backups: Path) -> str:
     with suppress(OSError):
         copies = sorted(backups.glob("*.db"), key=lambda copy: copy.stat().st_mtime, reverse=True)
         if copies:
-            named = ", ".join(copy.name for copy in copies[:NEWEST_BACKUPS])
-            return (
-                f"restore a backup with `sinew db restore FILE --data {file.parent}`; "
-                f"in {backups}, newest first: {named}"
-            )
-    return (
-        f"there is no backup in {backups}; restore one from elsewhere with "
-        f"`sinew db restore FILE --data {file.parent}`, or move {file.name} away to begin with an empty database"
-    )
+            newest = [copy.name for copy in copies[:NEWEST_BACKUPS]]
+            return messages.restore_a_backup(folder=file.parent, backups=backups, newest=newest)
+    return messages.no_backup(file=file, backups=backups)
 
 
 def _get_wal_file(file: Path) -> Path:
     return file.with_name(f"{file.name}-wal")
-
-
-def _describe_replaced_file(file: Path, why: str) -> str:
-    return (
-        f"{file} is no longer the file that this service opened: {why}. Put it back where it was, "
-        "or stop the service and start it again"
-    )
 
 
 def _is_open_though_deleted(file: Path) -> bool:
@@ -604,8 +579,8 @@ def open_database(
         engine.dispose()
         if file is None:
             raise
-        hint = f"; {describe_recovery(file, backups)}" if _is_none_of_sqlites(error) else ""
-        raise StorageError(f"{file}: {error}{hint}") from error
+        remedy = describe_recovery(file, backups) if _is_none_of_sqlites(error) else ""
+        raise StorageError(messages.database_unusable(file=file, reason=error.message, remedy=remedy)) from error
     except BaseException:
         engine.dispose()
         raise
@@ -614,9 +589,7 @@ def open_database(
 def _require_no_restore(file: Path) -> None:
     """Raise StorageError during a restore, or after one that was killed."""
     if is_restore_incomplete(file):
-        raise StorageError(
-            "a restore is in progress, or was killed while a service used the folder: wait until it ends, or repeat it"
-        )
+        raise StorageError(messages.restore_in_progress())
 
 
 def _require_migratable(engine: Engine, data_dir: Path, outdated: Outdated) -> None:
@@ -624,14 +597,14 @@ def _require_migratable(engine: Engine, data_dir: Path, outdated: Outdated) -> N
 
     The latter unless ``outdated`` permits a migration.
     """
-    found = f"the database has schema {read_revision(engine)}, version {__version__} works with {newest_revision()}"
+    found, newest = read_revision(engine), newest_revision()
     if by := describe_claim(engine):
         raise SchemaError(
-            f"{by} uses this database, and {found}: stop that service first, or use the commands of its version"
+            messages.outdated_database_in_use(service=by, schema=found, version=__version__, newest=newest)
         )
     if outdated != "migrate":
         raise OutdatedError(
-            f"{found}: `sinew db upgrade --data {data_dir}` migrates it and keeps a copy of its present state"
+            messages.database_outdated(schema=found, version=__version__, newest=newest, folder=data_dir)
         )
 
 
@@ -644,11 +617,7 @@ def _require_writable(data_dir: Path) -> None:
     except OSError as error:
         refused = str(error.strerror or error)
     if refused:
-        raise StorageError(
-            f"the data folder {data_dir} cannot be written: {refused}. Sinew must write to the folder "
-            "even to read from it: change its owner or mode, mount it writable, or copy it and name the "
-            "copy with --data"
-        )
+        raise StorageError(messages.data_folder_not_writable(folder=data_dir, reason=refused))
 
 
 def _renew_index(database: Database) -> None:
@@ -709,10 +678,10 @@ def _translate_errors() -> Iterator[None]:
     try:
         yield
     except (IntegrityError, DataError) as error:
-        raise UnfitError(str(error.orig or error)) from error
+        raise UnfitError(messages.database_error(reason=str(error.orig or error))) from error
     except SQLAlchemyError as error:
         # The driver's message; SQLAlchemy's contains the statement with all its values.
-        raise StorageError(str(getattr(error, "orig", None) or error)) from error
+        raise StorageError(messages.database_error(reason=str(getattr(error, "orig", None) or error))) from error
 
 
 def sqlite_url(data_dir: Path) -> URL:
@@ -747,14 +716,9 @@ def connect_database(url: str | URL, password: str | None = None) -> Engine:
             parsed = parsed.set(password=password)
         engine = create_engine(parsed, json_serializer=partial(json.dumps, allow_nan=False, ensure_ascii=False))
     except ModuleNotFoundError as error:
-        raise StorageError(
-            f"SINEW_DATABASE_URL needs the Python package {error.name}, which is not installed"
-        ) from None
+        raise StorageError(messages.database_package_missing(package=error.name)) from None
     except (ArgumentError, ValueError) as error:
-        raise StorageError(
-            f"SINEW_DATABASE_URL is not the address of a database: {error}; "
-            "write it as postgresql+psycopg://user@host:port/database"
-        ) from None
+        raise StorageError(messages.invalid_database_url(reason=str(error))) from None
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _prepare_sqlite)
         event.listen(engine, "begin", _begin_sqlite)

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
+from backend.storage import messages
 from backend.storage.orm import ExperimentRow, UnknownRecordError, require_distinct_name, to_record
 from backend.storage.stations import session_station
 
@@ -51,7 +52,7 @@ def get(session: Session, name: str, version: int | None = None) -> StoredExperi
     query = _of_station(session).where(ExperimentRow.name == name, ExperimentRow.version == version)
     row = _newest(session, name) if version is None else session.scalar(query)
     if row is None:
-        raise UnknownRecordError(f"there is no experiment {name}" + ("" if version is None else f"@{version}"))
+        raise UnknownRecordError(messages.experiment_not_found(name=name, version=version))
     return to_record(StoredExperiment, row)
 
 

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from backend.storage import messages
 from backend.storage.orm import Document, FormulaRow, UnknownRecordError, to_record
 from backend.storage.stations import session_station
 
@@ -49,7 +50,7 @@ def remove(session: Session, name: str, who: str) -> None:
     """Remove the formula of this name. Raises UnknownRecordError."""
     found = next((one for one in find(session) if one.name == name), None)
     if found is None:
-        raise UnknownRecordError(f"there is no formula {name}")
+        raise UnknownRecordError(messages.formula_not_found(name=name))
     _add(
         session=session,
         name=name,

@@ -14,6 +14,7 @@ from sqlalchemy.types import Integer
 
 from backend.models import MAX_RECORD_NUMBER, EntryModel, UnreadableDocumentError, identification
 from backend.plain_text import PlainTextError, check_single_line
+from backend.storage import messages
 from backend.storage.origins import BANKS, CALIBRATIONS, IDENTIFICATION
 from backend.storage.orm import (
     Document,
@@ -49,13 +50,6 @@ class UnfitDocumentError(SinewError, ValueError):
     category = ErrorCode.BAD_VALUE
 
 
-def unfit(name: str, value: Any, needed: str) -> UnfitDocumentError:
-    """Return the error of a part: its value, the expected content, and the remedy."""
-    return UnfitDocumentError(
-        f"{name} cannot be {str(value)[:40]!r}: it is {needed}; create the file again from the run"
-    )
-
-
 def require_fit(kind: str, column: Any, value: Any) -> None:
     """Raise UnfitDocumentError for a value that the column cannot hold."""
     if value is None and column.nullable:
@@ -77,7 +71,7 @@ def require_fit(kind: str, column: Any, value: Any) -> None:
         fits = isinstance(value, numbers) and not isinstance(value, bool) and abs(value) <= MAX_RECORD_NUMBER
         needed = f"a number between -{MAX_RECORD_NUMBER} and {MAX_RECORD_NUMBER}"
     if not fits:
-        raise unfit(f"{column.name} of a {kind}", value, needed)
+        raise UnfitDocumentError(messages.part_unfit(part=f"{column.name} of a {kind}", value=value, needed=needed))
 
 
 def _is_instant(value: Any) -> bool:
@@ -92,18 +86,24 @@ def require_run(document: Document) -> None:
     """Raise UnfitDocumentError for a run that is implausible or was not over."""
     kinds, bank = [str(kind) for kind in RunKind], document["bank_id"]
     if document["kind"] not in kinds:
-        raise unfit("kind of a run", document["kind"], f"one of {', '.join(kinds)}")
+        needed = f"one of {', '.join(kinds)}"
+        raise UnfitDocumentError(messages.part_unfit(part="kind of a run", value=document["kind"], needed=needed))
     if document["end_state"] == EndState.RUNNING:
-        raise UnfitDocumentError("the run was not over at its export: export it again after its end")
+        raise UnfitDocumentError(messages.exported_run_not_over())
     if document["end_state"] not in _OVER:
-        raise unfit("end_state of a run", document["end_state"], f"one of {', '.join(_OVER)}")
+        needed = f"one of {', '.join(_OVER)}"
+        raise UnfitDocumentError(
+            messages.part_unfit(part="end_state of a run", value=document["end_state"], needed=needed)
+        )
     began, ended = document["started_at"], document["ended_at"]
     if ended is None or datetime.fromisoformat(ended) < datetime.fromisoformat(began):
-        raise unfit("ended_at of a run", ended, f"a time after started_at, {began}")
+        needed = f"a time after started_at, {began}"
+        raise UnfitDocumentError(messages.part_unfit(part="ended_at of a run", value=ended, needed=needed))
     loop = document["settings"].get("loop")
     named = loop.get("bank") if isinstance(loop, Mapping) else None
     if named is not None and named != (bank or 0):
-        raise unfit("settings.loop.bank of a run", named, f"its bank_id, {bank}")
+        needed = f"its bank_id, {bank}"
+        raise UnfitDocumentError(messages.part_unfit(part="settings.loop.bank of a run", value=named, needed=needed))
 
 
 def require_lines(document: Any) -> None:
@@ -121,19 +121,24 @@ def require_lines(document: Any) -> None:
             elif isinstance(part, list):
                 parts.extend(part)
     except PlainTextError as error:
-        raise UnfitDocumentError(f"{error}; create the file again from the run") from None
+        raise UnfitDocumentError(messages.invalid_line_in_record(reason=error.message)) from None
 
 
 def require_entry(entry: Mapping[str, Any]) -> None:
     """Raise UnfitDocumentError for a bank entry that yields no gains."""
     if entry["S_nominal"] <= 0.0:
-        raise unfit("S_nominal of a bank entry", entry["S_nominal"], "a stiffness above 0 N·m/rad")
+        needed = "a stiffness above 0 N·m/rad"
+        raise UnfitDocumentError(
+            messages.part_unfit(part="S_nominal of a bank entry", value=entry["S_nominal"], needed=needed)
+        )
     if not set(_MODELS) & set(entry["model"]):
-        raise unfit("model of a bank entry", entry["model"], f"an object with {', '.join(_MODELS)}")
+        needed = f"an object with {', '.join(_MODELS)}"
+        raise UnfitDocumentError(messages.part_unfit(part="model of a bank entry", value=entry["model"], needed=needed))
     for name in set(_MODELS) & set(entry["model"]):
         number = entry["model"][name]
         if not isinstance(number, int | float) or isinstance(number, bool) or not 0.0 < number <= _LARGEST_NUMBER:
-            raise unfit(f"{name} of a bank entry", number, f"a number above 0, at most {_LARGEST_NUMBER:g}")
+            needed = f"a number above 0, at most {_LARGEST_NUMBER:g}"
+            raise UnfitDocumentError(messages.part_unfit(part=f"{name} of a bank entry", value=number, needed=needed))
 
 
 def require_identification_document(carried: Mapping[str, Any], *, of_run: bool) -> None:
@@ -141,16 +146,15 @@ def require_identification_document(carried: Mapping[str, Any], *, of_run: bool)
     known = (CALIBRATIONS, BANKS) if of_run else ()
     for name in carried:
         if name not in known:
-            raise unfit(
-                "a part of the document",
-                name,
-                f"one of {', '.join(known)}" if known else "not permitted for this kind of record",
-            )
+            needed = f"one of {', '.join(known)}" if known else "not permitted for this kind of record"
+            raise UnfitDocumentError(messages.part_unfit(part="a part of the document", value=name, needed=needed))
     steps, numbers = carried.get(CALIBRATIONS, []), carried.get(BANKS, [])
     if not isinstance(steps, list) or not all(_is_calibration(one) for one in steps):
-        raise unfit(f"carried.{CALIBRATIONS}", steps, f"a list of objects with {', '.join(_CALIBRATION)}")
+        needed = f"a list of objects with {', '.join(_CALIBRATION)}"
+        raise UnfitDocumentError(messages.part_unfit(part=f"carried.{CALIBRATIONS}", value=steps, needed=needed))
     if not isinstance(numbers, list) or not all(type(one) is int and 0 < one <= MAX_RECORD_NUMBER for one in numbers):
-        raise unfit(f"carried.{BANKS}", numbers, f"a list of numbers from 1 to {MAX_RECORD_NUMBER}")
+        needed = f"a list of numbers from 1 to {MAX_RECORD_NUMBER}"
+        raise UnfitDocumentError(messages.part_unfit(part=f"carried.{BANKS}", value=numbers, needed=needed))
 
 
 def _is_calibration(one: Any) -> bool:
@@ -272,7 +276,7 @@ def of_run(session: Session, run_id: int) -> Identification:
     """
     found = find(session, run_id=run_id)
     if not found:
-        raise UnknownRecordError(f"there is no identification {run_id} with a model")
+        raise UnknownRecordError(messages.identification_without_model(run_id=run_id))
     return found[0]
 
 

@@ -11,14 +11,13 @@ from sqlalchemy import Column, func, select
 from sqlalchemy.orm import Session
 
 from backend.models import remove_initial_bank, renumber_banks, upgrades
-from backend.storage import origins
+from backend.storage import messages, origins
 from backend.storage.identifications import (
     UnfitDocumentError,
     require_entry,
     require_fit,
     require_lines,
     require_run,
-    unfit,
 )
 from backend.storage.orm import (
     BankEntryRow,
@@ -70,11 +69,11 @@ def parse_required_record(kind: str, document: Any) -> Document:
     Raises UnfitDocumentError.
     """
     if kind not in _TABLES:
-        raise UnfitDocumentError(f"there are no records of kind {str(kind)[:40]!r}")
+        raise UnfitDocumentError(messages.unknown_record_kind(record=kind))
     columns = _columns(_TABLES[kind])
     parts = {column.name for column in columns} | ({ENTRIES} if kind == BANK else set())
     if not isinstance(document, Mapping) or set(document) != parts:
-        raise UnfitDocumentError(f"a {kind} has the parts {', '.join(sorted(parts))}")
+        raise UnfitDocumentError(messages.wrong_parts_of_record(record=kind, parts=sorted(parts)))
     for column in columns:
         require_fit(kind, column, document[column.name])
     record = upgrades.upgrade_record(kind, document)
@@ -88,11 +87,13 @@ def parse_required_record(kind: str, document: Any) -> Document:
 
 def _require_entries(entries: Any) -> None:
     if not isinstance(entries, list) or not entries:
-        raise unfit("entries of a bank", entries, "a list of one or more")
+        raise UnfitDocumentError(
+            messages.part_unfit(part="entries of a bank", value=entries, needed="a list of one or more")
+        )
     for entry in entries:
         wanted = [column for column in _columns(BankEntryRow) if column.name not in ("bank_id", "position")]
         if not isinstance(entry, Mapping) or set(entry) != {column.name for column in wanted}:
-            raise UnfitDocumentError(f"an entry of a bank has the parts {', '.join(column.name for column in wanted)}")
+            raise UnfitDocumentError(messages.wrong_parts_of_bank_entry(parts=[column.name for column in wanted]))
         for column in wanted:
             require_fit("bank entry", column, entry[column.name])
         require_entry(entry)
@@ -129,7 +130,7 @@ def find_same_record(session: Session, kind: str, document: Document) -> int | N
             if name not in changing
         ):
             return int(row.id)
-        raise UnfitDocumentError(f"{kind} {row.id} has the same time in this database, but different content")
+        raise UnfitDocumentError(messages.record_differs(record=kind, number=row.id))
     return None
 
 

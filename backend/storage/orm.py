@@ -28,6 +28,7 @@ from sqlalchemy.orm import DeclarativeBase, Mapped, Mapper, Session, mapped_colu
 
 from backend.errors import STATION_NAME_LENGTH, RequestRejectedError
 from backend.plain_text import fold_name
+from backend.storage import messages
 from plant import FILE_NAME_MAX, NAME_MAX, ErrorCode, SinewError
 
 if TYPE_CHECKING:
@@ -450,7 +451,7 @@ def require(session: Session, row_class: type[Row], identifier: int, what: str) 
     """Return the row with this identifier. Raises UnknownRecordError."""
     row = session.get(row_class, identifier)
     if row is None:
-        raise UnknownRecordError(f"there is no {what} {identifier}")
+        raise UnknownRecordError(messages.record_not_found(record=what, number=identifier))
     return row
 
 
@@ -464,8 +465,7 @@ def require_distinct_name(what: str, name: str, others: Iterable[str]) -> None:
         if other != name and fold_name(other) == folded:
             raise RequestRejectedError(
                 ErrorCode.BAD_VALUE,
-                f"there is {what} {other!r} already, whose name is too similar to {name!r}: use the "
-                "existing name, or choose a different one",
+                messages.name_too_similar(record=what, existing=other, name=name),
                 code="name_taken",
             )
 
@@ -576,10 +576,7 @@ def require_lengths(table: Any, values: Mapping[str, Any]) -> None:
         value = values.get(column.name)
         length = column.type.length if isinstance(column.type, String) else None
         if length is not None and isinstance(value, str) and len(value) > length:
-            raise UnfitError(
-                f"{column} cannot be {value[:40]!r}...: the text has {len(value)} characters, "
-                f"{length} are the maximum: shorten it"
-            )
+            raise UnfitError(messages.text_too_long(column=str(column), text=value, maximum=length))
 
 
 @event.listens_for(Base, "before_insert", propagate=True)

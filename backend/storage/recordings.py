@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from sqlalchemy import ColumnElement, and_, delete, exists, func, select, update
 from sqlalchemy.orm import Session
 
+from backend.storage import messages
 from backend.storage.orm import (
     ChunkRow,
     IdentificationRow,
@@ -94,7 +95,7 @@ def begin(session: Session, run_id: int, fields: list[str], period_s: float) -> 
     run = require(session, RunRow, run_id, "run")
     over = run.end_state not in (EndState.RUNNING, EndState.SERVICE_DIED)
     if over or session.get(RecordingRow, run_id) is not None:
-        raise NotRecordableError(f"run {run_id} has ended or has a recording already: record the samples in a new run")
+        raise NotRecordableError(messages.run_not_recordable(run_id=run_id))
     row = RecordingRow(
         run_id=run_id, fields=fields, period_s=period_s, missed=0, problem="", size_bytes=0, removed_at=None
     )
@@ -160,8 +161,9 @@ def span(session: Session, run_id: int) -> Span:
     last = session.execute(chunks_of_run.order_by(ChunkRow.first_tick.desc()).limit(1)).first()
     if first is None or last is None:
         row = session.get(RecordingRow, run_id)
-        removed = "" if row is None or row.removed_at is None else f" any more: {row.problem}"
-        raise UnknownRecordError(f"there is no recording of run {run_id}{removed}")
+        if row is None or row.removed_at is None:
+            raise UnknownRecordError(messages.record_not_found(record="recording of run", number=run_id))
+        raise UnknownRecordError(messages.recording_removed(run_id=run_id, reason=row.problem))
     return Span(first.first_tick, last.first_tick + last.count)
 
 

@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 from backend.faults import Fault
 from backend.models import SETTINGS, RunSettings, StoredWall, UnreadableDocumentError, merge_wall_changes
 from backend.plain_text import escape_line
+from backend.storage import messages
 from backend.storage.orm import Document, RunRow, UnknownRecordError, mark_for_reindex, require, to_record
 from backend.storage.stations import session_station
 
@@ -110,8 +111,9 @@ class Run:
         try:
             return float(self.parameters[section][name]["value"])
         except (KeyError, TypeError, ValueError):
-            what = f"its parameters have no number {section}.{name}"
-            raise UnreadableDocumentError(f"run {self.id}: {what}") from None
+            raise UnreadableDocumentError(
+                messages.parameter_missing(run_id=self.id, parameter=f"{section}.{name}")
+            ) from None
 
     @cached_property
     def set_to(self) -> RunSettings:
@@ -149,8 +151,7 @@ def own(session: Session, run_id: int) -> RunRow:
     """
     row = session.get(RunRow, run_id, with_for_update={"key_share": True}) or require(session, RunRow, run_id, "run")
     if row.station != session_station(session):
-        whose = f"belongs to station {row.station}" if row.station else "belongs to no station"
-        raise UnknownRecordError(f"run {run_id} {whose}: change its annotations there")
+        raise UnknownRecordError(messages.run_of_another_station(run_id=run_id, station=row.station))
     return row
 
 

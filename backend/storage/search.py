@@ -15,6 +15,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from backend.errors import RequestRejectedError
 from backend.models import Outcome
+from backend.storage import messages
 from backend.storage.orm import ParameterValueRow, RunIndexRow, RunTagRow, RunValueRow, ValueNameRow
 from backend.storage.runs import EndState, RunKind
 from backend.storage.search_index import NO_OUTCOME, ValueSource
@@ -104,9 +105,7 @@ class QueryError(RequestRejectedError):
         self.place = place
         legal = list(known)
         near = get_close_matches(given, legal, _NEAR) if given else []
-        hint = f"; did you mean {' or '.join(near)}?" if near else f"; known: {', '.join(legal[:12])}" if legal else ""
-        more = f" and {len(legal) - 12} more" if legal and not near and len(legal) > 12 else ""
-        message = f"search, character {place + 1}: {problem}{hint}{more}"
+        message = messages.invalid_search(place=place, reason=problem, near=near, known=legal)
         super().__init__(ErrorCode.BAD_VALUE, message, code="bad_search", legal=legal or None)
 
 
@@ -133,10 +132,10 @@ _TOKEN = re.compile(r'\s*(?:(<=|>=|!=|[<>=~(),])|"((?:[^"\\]|\\.)*)"|([^\s<>=!~(
 def parse_query(text: str) -> Query:
     """Return the query tree of a text. Raises QueryError."""
     if len(text) > LONGEST:
-        raise QueryError(LONGEST, f"a search has {LONGEST} characters at most: shorten it")
+        raise QueryError(LONGEST, messages.search_too_long(maximum=LONGEST))
     for place, letter in enumerate(text):
         if not letter.isprintable() and not letter.isspace():  # NUL and surrogates, which no database accepts
-            raise QueryError(place, "this character cannot be printed: delete it")
+            raise QueryError(place, messages.unprintable_character())
     return _Parser(text).whole()
 
 
@@ -167,7 +166,7 @@ class _Parser:
         found = self._either(0)
         if self._at < len(self._tokens):
             token = self._tokens[self._at]
-            raise QueryError(token.place, f"{token.text} is unexpected here: delete it, or write a term")
+            raise QueryError(token.place, messages.unexpected_token(token=token.text))
         return found
 
     def _either(self, depth: int) -> Query:
@@ -186,11 +185,9 @@ class _Parser:
     def _one(self, depth: int) -> Query:
         token = self._next()
         if token is None:
-            raise QueryError(self._end, "the search ends where a term is expected: write a word, or NAME = VALUE")
+            raise QueryError(self._end, messages.term_missing())
         if depth > _DEEPEST:
-            raise QueryError(
-                token.place, f"brackets and 'not' can be nested {_DEEPEST} levels deep at most: reduce the nesting"
-            )
+            raise QueryError(token.place, messages.nested_too_deep(maximum=_DEEPEST))
         if self._accept("not"):
             return Not(self._one(depth + 1))
         if token.is_sign("("):
@@ -198,7 +195,7 @@ class _Parser:
             found = self._either(depth + 1)
             closing = self._next()
             if closing is None or not closing.is_sign(")"):
-                raise QueryError(token.place, "the bracket is not closed: write ) after its last term")
+                raise QueryError(token.place, messages.bracket_not_closed())
             self._at += 1
             return found
         return self._term(token)
@@ -206,9 +203,9 @@ class _Parser:
     def _term(self, token: _Token) -> Query:
         self._terms += 1
         if self._terms > _MOST_TERMS:
-            raise QueryError(token.place, f"a search has {_MOST_TERMS} terms at most: remove some")
+            raise QueryError(token.place, messages.too_many_terms(maximum=_MOST_TERMS))
         if not token.is_word() or token.is_keyword("and") or token.is_keyword("or"):
-            raise QueryError(token.place, f"{token.text} is not a term: write a word, or NAME = VALUE")
+            raise QueryError(token.place, messages.not_a_term(token=token.text))
         self._at += 1
         sign = self._next()
         if token.is_keyword("run") and sign is not None and self._is_number_alone(sign):
@@ -222,7 +219,7 @@ class _Parser:
             self._at += 1
             values.append(self._value(comma))
         if len(values) > 1 and op not in (Op.EQUAL, Op.UNLIKE, Op.CONTAINS):
-            raise QueryError(values[1].place, f"{op} accepts only one value: delete the others")
+            raise QueryError(values[1].place, messages.too_many_values(operator=op))
         return Compare(Value(token.text, token.place), op, tuple(values))
 
     def _is_number_alone(self, token: _Token) -> bool:
@@ -235,7 +232,7 @@ class _Parser:
         token = self._next()
         if token is None or not token.is_word():
             place = self._end if token is None else token.place
-            raise QueryError(place, f"there is no value after {after.text}: write one, in quotes if it contains spaces")
+            raise QueryError(place, messages.value_missing(token=after.text))
         self._at += 1
         return Value(token.text, token.place)
 
@@ -255,9 +252,9 @@ def _tokens(text: str) -> Iterator[_Token]:
         found = _TOKEN.match(text, at)
         if found is None:
             at += len(text[at:]) - len(text[at:].lstrip())
-            open_quote = text[at] == '"'
-            problem = 'the quote is not closed: write " at its end' if open_quote else f"{text[at]} has no meaning here"
-            raise QueryError(at, problem)
+            if text[at] == '"':
+                raise QueryError(at, messages.quote_not_closed())
+            raise QueryError(at, messages.meaningless_character(character=text[at]))
         sign, quoted, word = found.groups()
         if quoted is not None:
             yield _Token(re.sub(r"\\(.)", r"\1", quoted), found.start(2) - 1, quoted=True)
@@ -311,9 +308,7 @@ def text(
         case Op.CONTAINS:
             return or_(*(one.contains(text, autoescape=True) for one in columns for text in texts))
         case _:
-            raise QueryError(
-                term.name.place, f"{term.name.text} is a text, to which {term.op} does not apply: use = != ~"
-            )
+            raise QueryError(term.name.place, messages.operator_not_for_text(name=term.name.text, operator=term.op))
 
 
 def kind(session: Session, term: Compare) -> Condition:
@@ -337,7 +332,7 @@ def station(session: Session, term: Compare) -> Condition:
         case Op.CONTAINS:
             return or_(*(RunIndexRow.station.icontains(value.text, autoescape=True) for value in term.values))
         case _:
-            raise QueryError(term.name.place, f"station is a text, to which {term.op} does not apply: use = != ~")
+            raise QueryError(term.name.place, messages.operator_not_for_text(name="station", operator=term.op))
 
 
 def _resolve_station(value: Value, known: Sequence[str]) -> str:
@@ -346,7 +341,7 @@ def _resolve_station(value: Value, known: Sequence[str]) -> str:
         name for name in known if name.casefold() == value.text.casefold()
     ]
     if len(meant) > 1:
-        raise QueryError(value.place, f"{value.text!r} may be several stations: write {' or '.join(meant)}")
+        raise QueryError(value.place, messages.station_ambiguous(name=value.text, stations=meant))
     return "" if meant[0] == NONE else meant[0]
 
 
@@ -361,15 +356,13 @@ def choice(column: InstrumentedAttribute[str], term: Compare, known: Sequence[st
         case Op.UNLIKE:
             return column.not_in(values)
         case _:
-            raise QueryError(
-                term.name.place, f"{term.name.text} is one of a few words, to which {term.op} does not apply: use = !="
-            )
+            raise QueryError(term.name.place, messages.operator_not_for_choice(name=term.name.text, operator=term.op))
 
 
 def _require_known(term: Compare, known: Sequence[str], what: str) -> None:
     for value in term.values:
         if value.text.casefold() not in {name.casefold() for name in known}:
-            raise QueryError(value.place, f"there is no {what} {value.text!r}", known, value.text)
+            raise QueryError(value.place, messages.value_not_known(attribute=what, value=value.text), known, value.text)
 
 
 def normalise_tag(tag: str) -> str:
@@ -393,7 +386,7 @@ def tag(term: Compare) -> Condition:
             contained = or_(*(RunTagRow.tag.contains(tag, autoescape=True) for tag in tags))
             return RunIndexRow.run_id.in_(tagged.where(contained))
         case _:
-            raise QueryError(term.name.place, f"a tag is a word, to which {term.op} does not apply: use = != ~")
+            raise QueryError(term.name.place, messages.operator_not_for_tag(operator=term.op))
 
 
 def date(term: Compare) -> Condition:
@@ -415,7 +408,7 @@ def date(term: Compare) -> Condition:
         case Op.AT_LEAST:
             return column >= first
         case Op.CONTAINS:
-            raise QueryError(term.name.place, "a date cannot be searched with ~: use = != < <= > >=")
+            raise QueryError(term.name.place, messages.operator_not_for_date())
 
 
 def _span(value: Value) -> tuple[datetime, datetime]:
@@ -433,9 +426,7 @@ def _span(value: Value) -> tuple[datetime, datetime]:
             )
         except (ValueError, OverflowError):
             continue
-    raise QueryError(
-        value.place, f"{value.text!r} is not a date: write 2026-03-31, 2026-03 or 2026-03-31T10:30, in UTC"
-    )
+    raise QueryError(value.place, messages.not_a_date(value=value.text))
 
 
 def or_none(term: Compare, there: Condition, compared: Callable[[Compare], Condition]) -> Condition:
@@ -470,9 +461,7 @@ def number(column: NumberColumn, term: Compare) -> Condition:
         case Op.AT_LEAST:
             return column >= numbers[0]
         case Op.CONTAINS:
-            raise QueryError(
-                term.name.place, f"{term.name.text} is a number, to which ~ does not apply: use = != < <= > >="
-            )
+            raise QueryError(term.name.place, messages.operator_not_for_number(name=term.name.text))
 
 
 def _around(number: float) -> tuple[float, float]:
@@ -482,10 +471,7 @@ def _around(number: float) -> tuple[float, float]:
 def _parse_number(value: Value, term: Compare) -> float:
     number = as_number(value.text)
     if number is None:
-        raise QueryError(
-            value.place,
-            f"{term.name.text} requires a number, and {value.text!r} is not a number: write it in SI units, or as 60°",
-        )
+        raise QueryError(value.place, messages.not_a_number(name=term.name.text, value=value.text))
     return number
 
 
@@ -680,8 +666,7 @@ def _value(session: Session, term: Compare) -> Condition:
         fits = _number_or_word
         numbers = session.scalar(of_runs.where(RunValueRow.value.is_not(None)).limit(1))
         if numbers is None and term.op not in (Op.EQUAL, Op.UNLIKE, Op.CONTAINS):
-            problem = f"{term.name.text} is a word, to which {term.op} does not apply: use = != ~"
-            raise QueryError(term.name.place, problem)
+            raise QueryError(term.name.place, messages.operator_not_for_word(name=term.name.text, operator=term.op))
     run_id = RunIndexRow.run_id
     return or_none(term, run_id.in_(of_runs), lambda asked: run_id.in_(of_runs.where(fits(asked))))
 
@@ -711,8 +696,8 @@ def _find_value_name(session: Session, name: Value) -> tuple[ValueSource, int]:
     found = [(source, by_name[source.value, wanted]) for source in sources if (source.value, wanted) in by_name]
     if not found:
         known = sorted({known for _, known in by_name})
-        raise QueryError(name.place, f"no stored run has a {wanted!r}", [*FIELDS, *known], wanted)
+        raise QueryError(name.place, messages.name_in_no_run(name=wanted), [*FIELDS, *known], wanted)
     if len(found) > 1:
-        candidates = " or ".join(f"{source}.{wanted}" for source, _ in found)
-        raise QueryError(name.place, f"{wanted} is ambiguous: write {candidates}")
+        candidates = [f"{source}.{wanted}" for source, _ in found]
+        raise QueryError(name.place, messages.name_ambiguous(name=wanted, candidates=candidates))
     return found[0]

@@ -8,6 +8,7 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
 from backend.errors import RequestRejectedError
+from backend.storage import messages
 from backend.storage.orm import (
     BankRow,
     BringUpRow,
@@ -53,7 +54,7 @@ def assign_unowned_rows(session: Session, station: str) -> int:
         if taken:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                f"station {station} has {taken} rows of table {table.__tablename__} already: choose a new name",
+                messages.station_has_rows(station=station, rows=taken, table=table.__tablename__),
             )
     runs = session.scalar(select(func.count()).select_from(RunRow).where(RunRow.station == "")) or 0
     for table in _TABLES:
@@ -77,11 +78,7 @@ class StationTakenError(RequestRejectedError):
     """Another service uses this database under the same name."""
 
     def __init__(self, station: str, by: str = "another service") -> None:
-        named = f"as station {station}" if station else "without a station"
-        super().__init__(
-            ErrorCode.NOT_NOW,
-            f"{by} uses this database {named}: stop it, or give this service its own name with --station",
-        )
+        super().__init__(ErrorCode.NOT_NOW, messages.station_taken(service=by, station=station))
 
 
 def make_session_info(station: str) -> dict[str, str]:

@@ -9,6 +9,7 @@ from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
 from backend.models import Value
+from backend.storage import messages
 from backend.storage.orm import Document, StudyPointRow, StudyRow, UnknownRecordError, to_record
 from backend.storage.search_index import insert_new
 from backend.storage.stations import session_station
@@ -178,5 +179,5 @@ def points(session: Session, study_id: int, first: int = 0, limit: int | None = 
 def _own(session: Session, study_id: int) -> StudyRow:
     row = session.get(StudyRow, study_id)
     if row is None or row.station != session_station(session):
-        raise UnknownRecordError(f"there is no study {study_id}")
+        raise UnknownRecordError(messages.record_not_found(record="study", number=study_id))
     return row

@@ -7,7 +7,7 @@ from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
 from backend.errors import RequestRejectedError
-from backend.storage import runs
+from backend.storage import messages, runs
 from backend.storage.orm import TAG_MAX, RunRow, RunTagRow, UnknownRecordError, mark_for_reindex
 from backend.storage.search import NONE, normalise_tag
 from backend.storage.search_index import insert_new
@@ -23,8 +23,7 @@ class TagError(RequestRejectedError):
     def __init__(self, given: str) -> None:
         super().__init__(
             ErrorCode.BAD_VALUE,
-            f"{given[:TAG_MAX]!r} is not a tag: 1 to {TAG_MAX} letters, digits and . : + - _ without a space, "
-            f"and not {NONE!r}",
+            messages.invalid_tag(tag=given, maximum=TAG_MAX, reserved=NONE),
             code="bad_tag",
         )
 
@@ -59,7 +58,7 @@ def rename(session: Session, before: str, after: str) -> int:
     of_station = mine.where(RunTagRow.tag == old, RunRow.station == session_station(session)).order_by(RunTagRow.run_id)
     tagged = list(session.scalars(of_station))
     if not tagged:
-        raise UnknownRecordError(f"there is no run with the tag {old}")
+        raise UnknownRecordError(messages.tag_not_used(tag=old))
     if new != old:
         insert_new(session, RunTagRow, [{"run_id": run_id, "tag": new} for run_id in tagged])
         session.execute(delete(RunTagRow).where(RunTagRow.run_id.in_(tagged), RunTagRow.tag == old))

@@ -12,7 +12,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from backend.errors import RequestRejectedError
 from backend.response_docs import COMPLETE_RESPONSE_CONFIG, HIDDEN_FIELD, describe_field
-from backend.storage import recordings
+from backend.storage import messages, recordings
 from backend.storage.events import EventKind
 from backend.storage.orm import EventRow, FlightRow, RemarkRow, RunIndexRow, RunRow, UnknownRecordError
 from backend.storage.search import Condition
@@ -110,11 +110,11 @@ def remark(session: Session, event_id: int, note: str, tags: Sequence[str], who:
     """
     event = session.get(EventRow, event_id)
     if event is None or event.station != session_station(session):
-        raise UnknownRecordError(f"there is no event {event_id}")
+        raise UnknownRecordError(messages.record_not_found(record="event", number=event_id))
     if len(note) > NOTE_MAX or len(tags) > TAGS_MAX:
         raise RequestRejectedError(
             ErrorCode.BAD_VALUE,
-            f"a note of {len(note)} characters and {len(tags)} tags: at most {NOTE_MAX} and {TAGS_MAX}; shorten it",
+            messages.remark_too_long(length=len(note), tags=len(tags), maximum_length=NOTE_MAX, maximum_tags=TAGS_MAX),
         )
     words = " ".join(dict.fromkeys(map(read_tag, tags)))
     row = session.get(RemarkRow, event_id)

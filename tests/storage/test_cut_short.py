@@ -12,9 +12,17 @@ import pytest
 
 from backend.data_folder import lock_for_service
 from backend.storage import settings
-from backend.storage.database import Database, backup_database, is_restore_incomplete, open_database, recover_database
+from backend.storage.database import (
+    Database,
+    backup_database,
+    describe_recovery,
+    is_restore_incomplete,
+    open_database,
+    recover_database,
+)
 from backend.storage.orm import DamagedError, StorageError
 from tests.cli.test_report import sinew
+from tests.refusals import refused
 
 KILLED = Path(__file__).with_name("restore_killed.py")
 
@@ -84,7 +92,8 @@ def test_no_empty_database_is_made_where_there_was_one(tmp_path: Path, trace: st
     (tmp_path / trace).parent.mkdir(exist_ok=True)
     with closing(sqlite3.connect(tmp_path / trace)) as copy:
         copy.execute("CREATE TABLE run (id)")
-    with pytest.raises(DamagedError, match="sinew db restore"):
+    remedy = describe_recovery(tmp_path / "sinew.db", tmp_path / "backups")
+    with refused(DamagedError, "database_missing_beside_copies", copies=[Path(trace).name], remedy=remedy):
         open_database(tmp_path)
     assert sinew("runs", "list", folder=tmp_path).returncode == 1
     assert not (tmp_path / "sinew.db").exists()

@@ -5,8 +5,9 @@ import os
 import shutil
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -57,8 +58,10 @@ from backend.storage.orm import (
 from backend.storage.runs import EndState, RunKind
 from backend.storage.search_index import NO_OUTCOME, ValueSource, insert_new, iterate_parameters
 from backend.studies.point import FAILED, LOST, REFUSED
+from plant import Message
 from plant.interface import FILE_NAME_MAX, NAME_MAX
 from plant.parameters import load_parameters
+from tests.refusals import refused
 from tests.storage.test_lineage import NEW_IDENTIFICATION, NEW_RUN
 
 # How the database is opened: durable on disk, writers one after the other, trouble told in one sentence.
@@ -105,14 +108,15 @@ def test_a_second_writer_is_told_after_waiting(sqlite: Database, tmp_path: Path)
     with sqlite.reading() as session:
         session.connection().connection.cursor().execute("PRAGMA busy_timeout=1")
         assert runs.get(session, run.id) == run
-    with pytest.raises(StorageError, match="locked"), sqlite.session() as session:
+    with refused(StorageError, "database_error", reason="database is locked"), sqlite.session() as session:
         runs.end(session, run.id, EndState.COMPLETED)
     other.close()
 
 
 def test_a_folder_that_cannot_hold_a_database_is_told(tmp_path: Path) -> None:
     (tmp_path / "sinew.db").mkdir()
-    with pytest.raises(StorageError, match="unable to open database file"):
+    file, reason = tmp_path / "sinew.db", "unable to open database file"
+    with refused(StorageError, "database_unusable", file=file, reason=reason, remedy=""):
         open_database(tmp_path)
 
 
@@ -126,11 +130,12 @@ def test_a_backup_is_complete_and_never_overwrites(sqlite: Database, tmp_path: P
         assert runs.get(session, run.id) == run
     assert find_database_errors(copied.engine) == []
     copied.close()
-    with pytest.raises(BackupError, match="exists already"):
+    with refused(BackupError, "backup_exists", file=target):
         backup_database(sqlite.engine, target)
     (tmp_path / "file").touch()
-    with pytest.raises(BackupError, match="could not be written"):
-        backup_database(sqlite.engine, tmp_path / "file" / "below.db")
+    below = tmp_path / "file" / "below.db"
+    with refused(BackupError, "backup_not_written", file=below):
+        backup_database(sqlite.engine, below)
 
 
 def test_check_finds_what_is_wrong(database: Database) -> None:
@@ -165,6 +170,17 @@ def test_check_finds_a_damaged_file(tmp_path: Path) -> None:
 
 
 # A missing, replaced, empty or damaged database is reported, never replaced silently, and can be restored.
+
+
+@contextmanager
+def refused_with_backup(kind: type[StorageError], code: str, data: Path) -> Iterator[None]:
+    """Expect a refusal of the database of this folder, whose remedy is the backup of monday."""
+    with pytest.raises(kind) as caught:
+        yield
+    message, remedy = caught.value.message, caught.value.message.values["remedy"]
+    assert isinstance(remedy, Message)
+    assert (message.code, message.values["file"], remedy.code) == (code, data / "sinew.db", "restore_a_backup")
+    assert (remedy.values["folder"], remedy.values["newest"]) == (data, ["monday.db"])
 
 
 def store_runs(database: Database, count: int) -> None:
@@ -217,7 +233,7 @@ def test_nothing_is_written_to_a_file_that_nobody_finds(
 ) -> None:
     store_runs(database_database_monitor, 1)
     takes_away(tmp_path)
-    with pytest.raises(GoneError, match="Put it back"):
+    with refused(GoneError, "database_file_replaced"):
         store_runs(database_database_monitor, 1)
     with database_database_monitor.reading() as session:
         assert runs.count(session) == 201  # what is there can still be read
@@ -237,7 +253,7 @@ def test_an_emptied_file_is_refused_with_the_backups_by_name(
 ) -> None:
     database_database_monitor.close()
     os.truncate(tmp_path / "sinew.db", 0)
-    with pytest.raises(DamagedError, match=r"0 bytes.*sinew db restore FILE --data .*monday\.db"):
+    with refused_with_backup(DamagedError, "database_empty", tmp_path):
         open_database(tmp_path)
     assert (tmp_path / "sinew.db").stat().st_size == 0
 
@@ -246,8 +262,7 @@ def test_damaged_pages_are_found_and_the_way_back_works(database_database_monito
     require_intact_database(database_database_monitor, tmp_path)
     database_database_monitor.close()
     damage(tmp_path / "sinew.db")
-    told = r"is damaged.*sinew db restore FILE --data .*monday\.db"
-    with closing(open_database(tmp_path)) as damaged, pytest.raises(DamagedError, match=told):
+    with closing(open_database(tmp_path)) as damaged, refused_with_backup(DamagedError, "database_damaged", tmp_path):
         DatabaseMonitor(damaged, tmp_path).check_small_database()
     restore_database(tmp_path / "backups" / "monday.db", tmp_path / "sinew.db")
     assert count_runs(tmp_path) == 200
@@ -269,14 +284,14 @@ def test_a_large_file_is_looked_at_in_the_background(
         assert "Stop the service first" in watched.problem
 
 
-@pytest.mark.parametrize("content", [b"", b"junk" * 4096])
+@pytest.mark.parametrize(("content", "code"), [(b"", "database_empty"), (b"junk" * 4096, "database_unusable")])
 def test_a_backup_is_brought_back_over_what_is_no_database(
-    database_database_monitor: Database, tmp_path: Path, content: bytes
+    database_database_monitor: Database, tmp_path: Path, content: bytes, code: str
 ) -> None:
     database_database_monitor.close()
     (tmp_path / "sinew.db").write_bytes(content)
     (tmp_path / "sinew.db-wal").write_bytes(b"of another time")
-    with pytest.raises(StorageError, match="sinew db restore"):
+    with refused_with_backup(StorageError, code, tmp_path):
         open_database(tmp_path)
     restore_database(tmp_path / "backups" / "monday.db", tmp_path / "sinew.db")
     assert count_runs(tmp_path) == 200
@@ -387,16 +402,17 @@ def test_a_longer_text_is_refused_with_column_and_length(sqlite: Database, colum
     table, _, name = column.partition(".")
     (row,) = (mapper.class_ for mapper in Base.registry.mappers if mapper.class_.__tablename__ == table)
     longer = "x" * (BOUNDED[column] + 1)
-    refused = rf"^{table}\.{name} .* {len(longer)} characters, {BOUNDED[column]} are the maximum"
-    with sqlite.session() as session, pytest.raises(UnfitError, match=refused), session.begin_nested():
+    refusal = partial(refused, UnfitError, "text_too_long", column=column, text=longer, maximum=BOUNDED[column])
+    with sqlite.session() as session, refusal(), session.begin_nested():
         session.add(row(**{name: longer}))
-    with pytest.raises(UnfitError, match=refused), sqlite.session() as session:
+    with refusal(), sqlite.session() as session:
         insert_new(session, row, [{name: longer}])
 
 
 def test_the_longest_text_is_kept_whole_and_one_more_character_refused(database: Database) -> None:
     longest = "ö" * BOUNDED["identification.method"]
-    with pytest.raises(UnfitError, match=r"^identification\.method .* 201 characters"), database.session() as session:
+    refusal = refused(UnfitError, "text_too_long", column="identification.method", text=f"{longest}x", maximum=200)
+    with refusal, database.session() as session:
         identifications.add(session, replace(NEW_IDENTIFICATION, method=f"{longest}x"))
     with database.session() as session:
         run = runs.create(session, NEW_RUN)
@@ -444,9 +460,11 @@ def test_an_experiment_or_bank_whose_name_reads_like_another_is_refused(database
         lambda session: experiments.add(session, alike, "other", "Ana"),
         lambda session: banks.add(session, alike, [BankEntry(10.55, MODEL)], "Ana"),
     ):
-        with pytest.raises(RequestRejectedError, match="'Brief' already") as refused, database.session() as session:
+        with pytest.raises(RequestRejectedError) as caught, database.session() as session:
             add(session)
-        assert refused.value.code == "name_taken"
+        message = caught.value.message
+        assert (caught.value.code, message.code) == ("name_taken", "name_too_similar")
+        assert (message.values["existing"], message.values["name"]) == ("Brief", alike)
     add_both("Briefly")
     with database.session() as session:
         assert experiments.add(session, "Brief", "other", "Ana").version == 2

@@ -28,6 +28,7 @@ from backend.storage.runs import EndState, NewRun, RunKind
 from plant.interface import NAME_MAX
 from plant.parameters import load_parameters
 from tests.models.earlier_identifications import ACTUATOR
+from tests.refusals import refused
 
 # Each gain in use can be walked back to the samples and parameters it came from.
 
@@ -146,11 +147,11 @@ def test_runs_are_found_newest_first_by_kind_and_end(database: Database) -> None
 
 def test_unknown_numbers_are_refused(database: Database) -> None:
     with database.reading() as session:
-        with pytest.raises(UnknownRecordError, match="no run 7"):
+        with refused(UnknownRecordError, "record_not_found", record="run", number=7):
             runs.get(session, 7)
-        with pytest.raises(UnknownRecordError, match="no bank 7"):
+        with refused(UnknownRecordError, "record_not_found", record="bank", number=7):
             banks.get(session, 7)
-        with pytest.raises(UnknownRecordError, match="no identification 7"):
+        with refused(UnknownRecordError, "record_not_found", record="identification", number=7):
             identifications.get(session, 7)
 
 

@@ -40,11 +40,13 @@ from backend.storage.orm import RunIndexRow, UnknownRecordError
 from backend.storage.recordings import Chunk
 from backend.storage.results import NewResult
 from backend.storage.runs import EndState
-from backend.storage.search import QueryError, parse_query
+from backend.storage.search import parse_query
 from backend.storage.search_index import ValueSource
 from backend.storage.stations import HeldStation, StationTakenError, assign_unowned_rows
 from tests.exports.stored import tracked
 from tests.postgres import new_database
+from tests.refusals import refused
+from tests.storage.refused_search import refused_search
 from tests.storage.test_lineage import METRICS, NEW_IDENTIFICATION, NEW_RUN
 
 # Several stations on one database: what one of them writes, no other takes for its own.
@@ -144,7 +146,7 @@ def test_what_keeps_house_leaves_other_stations_alone(stations: tuple[Database, 
     rule = RetentionRule(max_bytes=1, keep_days=0)
     assert [one.run_id for one in retention.summarise_retention(a, rule).may_go] == numbers[:1]
     assert retention.summarise_retention(a, rule).total_bytes == 100
-    with pytest.raises(NotRemovableError, match=f"runs that may not be deleted: {numbers[1]}"):
+    with refused(NotRemovableError, "runs_not_removable", refused=[numbers[1]]):
         retention.delete_recordings(a, rule, [numbers[1]], "Ana")
     retention.delete_recordings(a, rule, [numbers[0]], "Ana")
     with a.session() as session:
@@ -190,7 +192,7 @@ def test_capitals_tell_stations_apart_where_nothing_else_does(database: Database
     with database.reading() as session:
         for query, expected in (("station = Rig", 1), ("station = rig", 2), ("station = lab", 3)):
             assert search.search(session, parse_query(query), everywhere=True, limit=9).run_ids == (expected,)
-        with pytest.raises(QueryError, match="'RIG' may be several stations: write Rig or rig"):
+        with refused_search(11, "station_ambiguous", name="RIG", stations=["Rig", "rig"]):
             search.search(session, parse_query("station = RIG"), everywhere=True, limit=9)
 
 
@@ -205,7 +207,8 @@ def test_what_is_said_of_a_run_is_changed_at_its_station(stations: tuple[Databas
         lambda session: runs.set_note(session, run, "overwritten"),
     )
     for change in changes:
-        with pytest.raises(UnknownRecordError, match="run 1 belongs to station rig-a"), b.session() as session:
+        expected = refused(UnknownRecordError, "run_of_another_station", run_id=run, station="rig-a")
+        with expected, b.session() as session:
             change(session)
     with a.reading() as session:
         assert (runs.get(session, run).note, tags.of_runs(session, [run])) == ("", {run: ["worn"]})
@@ -218,7 +221,7 @@ def test_a_bank_of_another_station_is_read_but_not_driven_by(stations: tuple[Dat
         assert banks.own(session, bank.id) == bank
     with b.reading() as session:
         assert banks.get(session, bank.id) == bank
-        with pytest.raises(UnknownRecordError, match=r"belongs to station rig-a: export it there and import it here"):
+        with refused(UnknownRecordError, "bank_of_another_station", bank_id=bank.id, station="rig-a"):
             banks.own(session, bank.id)
 
 
@@ -239,7 +242,7 @@ def test_what_was_of_no_station_is_given_to_one(database: Database, tmp_path: Pa
         assert assign_unowned_rows(session, "rig-a") == 1
     with (
         database.session() as session,
-        pytest.raises(RequestRejectedError, match="rig-a has 1 rows of table run already"),
+        refused(RequestRejectedError, "station_has_rows", station="rig-a", rows=1, table="run"),
     ):
         assign_unowned_rows(session, "rig-a")
     with closing(open_database(tmp_path / "a", url, station="rig-a")) as station, station.reading() as session:
@@ -288,7 +291,7 @@ def test_names_of_stations_stay_as_they_are(name: str) -> None:
 def test_one_service_for_each_station_of_a_server(postgres: str) -> None:
     engines = [create_engine(postgres, poolclass=NullPool) for _ in range(3)]
     first, other = HeldStation(engines[0], "rig-a"), HeldStation(engines[1], "rig-b")
-    with pytest.raises(StationTakenError, match="another service uses this database as station rig-a"):
+    with refused(StationTakenError, "station_taken", service="another service", station="rig-a"):
         HeldStation(engines[2], "rig-a")
     first.release()
     HeldStation(engines[2], "rig-a").release()

@@ -2,12 +2,11 @@
 
 from pathlib import Path
 
-import pytest
-
 from backend.storage import studies
 from backend.storage.database import Database, open_database
 from backend.storage.orm import UnknownRecordError
 from backend.storage.studies import NewStudy, StudyPoint
+from tests.refusals import refused
 
 NEW = NewStudy("map", "Map", "format: 1", {"software": "1.0.0"}, 3, "Ana")
 FIRST = StudyPoint(0, "completed", "", True, {"lam_q": 0.1 + 0.2, "seed": 3}, {"rmse_q": 1e-300, "reach_q_s": None})
@@ -64,7 +63,7 @@ def test_a_study_is_its_stations_own(database: Database, tmp_path: Path) -> None
     other = open_database(tmp_path / "other", url, station="rig-b")
     with other.session() as session:
         assert studies.newest(session, 10) == []
-        with pytest.raises(UnknownRecordError, match=f"there is no study {study}"):
+        with refused(UnknownRecordError, "record_not_found", record="study", number=study):
             studies.get(session, study)
     other.close()
     with database.reading() as session:

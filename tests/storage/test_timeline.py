@@ -1,5 +1,6 @@
 """Everything that happened in one list: nothing twice, nothing left out at the edge of a page, each at its second."""
 
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
@@ -17,6 +18,7 @@ from backend.storage.recordings import Chunk
 from backend.storage.tags import TagError
 from backend.storage.timeline import LogEntry, LogQuery
 from backend.units import AngleUnit
+from tests.refusals import refused
 from tests.storage.test_search import NEW
 
 NOON = datetime(2026, 3, 31, 12, tzinfo=UTC)
@@ -193,13 +195,15 @@ def test_a_bad_remark_is_refused_and_the_one_before_stays(database: Database) ->
     with database.session() as session:
         stop = events.add(session, EventKind.FAULT, "STOP", at=NOON)
         timeline.remark(session, stop.id, "kept", [], "Ana")
-    for number, note, tags, refusal in (
-        (stop.id, "x" * (timeline.NOTE_MAX + 1), [], RequestRejectedError),
-        (stop.id, "", ["two words"], TagError),
-        (stop.id, "", [f"t{n}" for n in range(timeline.TAGS_MAX + 1)], RequestRejectedError),
-        (stop.id + 1, "of what", [], UnknownRecordError),
-    ):
-        with pytest.raises(refusal), database.session() as session:
+    after, long, many = stop.id + 1, "x" * (timeline.NOTE_MAX + 1), [f"t{n}" for n in range(timeline.TAGS_MAX + 1)]
+    refusals: tuple[tuple[int, str, list[str], AbstractContextManager[None]], ...] = (
+        (stop.id, long, [], refused(RequestRejectedError, "remark_too_long", length=len(long), tags=0)),
+        (stop.id, "", ["two words"], refused(TagError, "invalid_tag", tag="two words")),
+        (stop.id, "", many, refused(RequestRejectedError, "remark_too_long", length=0, tags=len(many))),
+        (after, "of what", [], refused(UnknownRecordError, "record_not_found", record="event", number=after)),
+    )
+    for number, note, tags, refusal in refusals:
+        with refusal, database.session() as session:
             timeline.remark(session, number, note, tags, "Bo")
     assert [one.note for one in all_of(database)] == ["kept"]
 
@@ -209,5 +213,6 @@ def test_another_station_has_a_log_of_its_own(sqlite: Database) -> None:
         here = events.add(session, EventKind.NOTE, "here", at=NOON)
     elsewhere = Database(sqlite.engine, station="elsewhere")
     assert all_of(elsewhere) == []
-    with pytest.raises(UnknownRecordError), elsewhere.session() as session:
+    missing = refused(UnknownRecordError, "record_not_found", record="event", number=here.id)
+    with missing, elsewhere.session() as session:
         timeline.remark(session, here.id, "theirs", [], "Bo")

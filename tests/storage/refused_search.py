@@ -1,0 +1,23 @@
+"""A search that is refused: the place, and the code and the values of the reason."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from backend.storage.search import QueryError
+from plant import Message
+
+
+@contextmanager
+def refused_search(place: int, code: str, **values: object) -> Iterator[pytest.ExceptionInfo[QueryError]]:
+    """Expect a query to be refused at this character, from 1, for a reason with this code and these of its values."""
+    with pytest.raises(QueryError) as caught:
+        yield caught
+    message = caught.value.message
+    reason = message.values["reason"]
+    assert isinstance(reason, Message)
+    assert (message.code, reason.code) == ("invalid_search", code), message
+    assert {name: reason.values.get(name) for name in values} == values, message
+    assert caught.value.place == message.values["place"] == place - 1
+    assert f"character {place}: " in message
