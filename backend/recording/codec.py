@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.recording import messages
 from backend.storage import Session, recordings
 from plant import SinewError
 
@@ -53,7 +54,7 @@ def unpack_alike(packed: Sequence[bytes], columns: int, chosen: Sequence[int]) -
     """
     inflated = [_inflate(one, columns) for one in packed]
     if len({len(one) for one in inflated}) != 1:
-        raise CodecError("damaged samples: tables that must have the same length differ in length")
+        raise CodecError(messages.tables_differ_in_length())
     shuffled = np.frombuffer(b"".join(inflated), np.uint8).reshape(len(packed), _WIDTH, columns, -1)
     picked = np.moveaxis(shuffled[:, :, list(chosen)], 1, -1)
     values = np.ascontiguousarray(picked).view(_LITTLE_ENDIAN)[..., 0]
@@ -64,9 +65,9 @@ def _inflate(packed: bytes, columns: int) -> bytes:
     try:
         raw = zlib.decompress(packed)
     except zlib.error as error:
-        raise CodecError(f"damaged samples: {error}") from error
+        raise CodecError(messages.samples_not_unpacked(reason=str(error))) from error
     if len(raw) % (columns * _WIDTH):
-        raise CodecError(f"damaged samples: {len(raw)} bytes are not a table of {columns} columns")
+        raise CodecError(messages.samples_are_no_table(size_bytes=len(raw), columns=columns))
     return raw
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from backend.faults import Fault, describe_fault
 from backend.realtime import Event, LoopExited, Ring, Stopped
+from backend.recording import messages
 from backend.recording.codec import pack_table, unpack
 from backend.recording.reader import Columns
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
@@ -154,7 +155,7 @@ class FlightRecorder:
                 try:
                     self._store(trip)
                 except StorageError as error:
-                    self.problem = f"the flight record of a trip cannot be stored: {error}"
+                    self.problem = messages.flight_record_not_stored(reason=error.message)
                     _LOG.error(self.problem)
                     return
                 with self._list_lock:

@@ -8,6 +8,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from backend.errors import OutOfRangeError, check_range
+from backend.recording import messages
 from backend.recording.derived_signals import compute_signal, load_geometry_lengths
 from backend.recording.reader import read_samples
 from backend.sample import COMBINED_SIGNAL_BY_NAME
@@ -158,7 +159,7 @@ def find_tick_range(session: Session, run_id: int, from_s: float = 0.0, to_s: fl
     last = span.end_tick - span.first_tick - 1
     last_s = last * period_s
     slack_s = _EXACT * period_s
-    within = f"the recording of run {run_id} ends at {last_s:.3f} s: choose a range within it"
+    within = messages.range_beyond_recording(run_id=run_id, end_s=last_s)
     if not -slack_s <= from_s <= last_s + slack_s:
         check_range("from", from_s, minimum=0.0, maximum=last_s, unit="s", remedy=within, label="start of the range")
     if to_s is None:
@@ -168,14 +169,13 @@ def find_tick_range(session: Session, run_id: int, from_s: float = 0.0, to_s: fl
     begin = int(np.ceil(from_s / period_s - _EXACT))
     end = int(np.floor(to_s / period_s + _EXACT)) + 1
     if end <= begin:
-        remedy = "choose a longer range: this one lies between two samples"
         raise OutOfRangeError(
             quantity="range",
             value=to_s - from_s,
             minimum=period_s,
             maximum=None,
             unit="s",
-            remedy=remedy,
+            remedy=messages.range_between_samples(),
             label="length of the range",
         )
     return TickInterval(run_id, begin, min(end, last + 1), period_s)

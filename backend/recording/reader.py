@@ -8,6 +8,7 @@ from itertools import groupby, islice
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.recording import messages
 from backend.recording.codec import BUCKET_TICKS, Table, unpack_alike
 from backend.recording.derived_signals import (
     ComputedSignal,
@@ -219,9 +220,7 @@ def read_envelope(
 def _columns(recording: Recording, names: Sequence[str]) -> list[tuple[str, int]]:
     unknown = [name for name in names if name not in recording.fields and name not in ADDED_LATER]
     if unknown:
-        raise UnknownSignalError(
-            f"no signal {', '.join(unknown)} in this recording; it has {', '.join(recording.fields)}"
-        )
+        raise UnknownSignalError(messages.signals_not_recorded(signals=unknown, recorded=recording.fields))
     return [(name, recording.fields.index(name)) for name in names or recording.fields if name in recording.fields]
 
 

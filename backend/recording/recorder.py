@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from backend.faults import Fault
 from backend.models import StoredWall, build_stored_wall
 from backend.realtime import Event, LoopExited, Ring, RunEnded, WallChanged
+from backend.recording import messages
 from backend.recording.codec import Table, pack_table, summarise_buckets
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
 from backend.storage import (
@@ -208,12 +209,12 @@ class Recorder:
             with self._one_at_a_time:
                 step()
         except GoneError as error:
-            self._report(f"samples cannot be stored: {error}")
+            self._report(messages.samples_not_stored(reason=error.message))
         except StorageError as error:
-            self._report(f"samples cannot be stored: {error}; free space on the disk or make the database writable")
+            self._report(messages.database_takes_no_samples(reason=error.message))
         except Exception as error:
             _LOG.exception("The recorder failed.")
-            self._report(f"samples cannot be stored: {error}")
+            self._report(messages.samples_not_stored(reason=str(error)))
         else:
             self.problem = ""
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
+from backend.recording import messages
 from backend.storage import Database, EventKind, RetentionEntry, events, recordings
 from backend.units import format_count
 from plant import ErrorCode, SinewError
@@ -87,11 +88,7 @@ def delete_recordings(database: Database, rule: RetentionRule, run_ids: Sequence
     may_go = {run.run_id: run for run in summarise_retention(database, rule).may_go}
     others = sorted(set(run_ids) - set(may_go))
     if others or not run_ids:
-        named = ", ".join(map(str, others)) or "none"
-        raise NotRemovableError(
-            f"runs that may not be deleted: {named}; these may be deleted: "
-            f"{', '.join(map(str, may_go)) or 'none'}; nothing was deleted: reload the list and choose runs from it"
-        )
+        raise NotRemovableError(messages.runs_not_removable(refused=others, removable=list(may_go)))
     for run_id in sorted(set(run_ids)):
         _remove(database, may_go[run_id], who)
     return summarise_retention(database, rule)
@@ -101,7 +98,7 @@ def _remove(database: Database, run: RetentionEntry, who: str) -> None:
     day = datetime.now(UTC).date().isoformat()
     with database.session() as session:
         if next((held.in_use for held in recordings.load_held(session) if held.run_id == run.run_id), True):
-            raise NotRemovableError(f"run {run.run_id} has come into use in the meantime; its samples are kept")
+            raise NotRemovableError(messages.run_came_into_use(run_id=run.run_id))
         recordings.mark_removed(session, run.run_id, f"the samples were deleted by {who} on {day} to make room")
         text = f"samples of run {run.run_id} deleted to make room, {_gigabytes(run.size_bytes)}"
         events.add(session, EventKind.RETENTION, text, who=who, run_id=run.run_id)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from backend.event_bus import EventBus, StateChanged
 from backend.realtime import Ring
+from backend.recording import messages
 from backend.recording.codec import pack_table
 from backend.recording.derived_signals import Derived, compute_signal, find_source_columns
 from backend.recording.flight import Quota, compute_sample_time, enforce_quota, get_run_number
@@ -390,7 +391,7 @@ class Trigger:
                 try:
                     self._store(self._waiting[0])
                 except StorageError as error:
-                    self.problem = f"the capture of a trigger cannot be stored: {error}"
+                    self.problem = messages.capture_not_stored(reason=error.message)
                     _LOG.error(self.problem)
                     return
                 del self._waiting[0]

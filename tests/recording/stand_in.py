@@ -14,6 +14,7 @@ from backend.sample import INDEX
 from backend.storage import runs
 from backend.storage.database import Database
 from backend.storage.runs import NewRun, Run, RunKind
+from plant import Message
 
 Rows = NDArray[np.float64]
 
@@ -70,3 +71,11 @@ def new_run(database: Database) -> Run:
 def stored_run(database: Database, run_id: int) -> Run:
     with database.reading() as session:
         return runs.get(session, run_id)
+
+
+def read_problem(problem: str) -> tuple[str, Message]:
+    """Return the code of a problem, and its reason."""
+    assert isinstance(problem, Message)
+    reason = problem.values["reason"]
+    assert isinstance(reason, Message)
+    return problem.code, reason

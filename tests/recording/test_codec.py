@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 from backend.recording.codec import BUCKET_TICKS, CodecError, pack_table, summarise_buckets, unpack
+from tests.refusals import refused
 
 TABLES = npst.arrays(np.float32, npst.array_shapes(min_dims=2, max_dims=2, min_side=1, max_side=130))
 
@@ -45,10 +46,11 @@ def test_summary_holds_every_number_and_no_other(table: np.ndarray[tuple[int, ..
 
 @given(st.binary(max_size=200), st.integers(1, 40))
 def test_damaged_bytes_are_refused(damaged: bytes, columns: int) -> None:
-    with pytest.raises(CodecError, match="damaged"):
+    with pytest.raises(CodecError) as caught:
         unpack(damaged, columns)
+    assert caught.value.message.code in ("samples_not_unpacked", "samples_are_no_table")
 
 
 def test_wrong_number_of_columns_is_refused() -> None:
-    with pytest.raises(CodecError, match="not a table of 5 columns"):
+    with refused(CodecError, "samples_are_no_table", size_bytes=24, columns=5):
         unpack(pack_table(np.zeros((3, 2), np.float32)), 5)

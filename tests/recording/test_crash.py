@@ -19,7 +19,8 @@ from backend.sample import INDEX
 from backend.storage import recordings, runs
 from backend.storage.database import Database, Session, find_database_errors, open_database
 from backend.storage.runs import EndState
-from tests.recording.stand_in import Writer, new_run, recorder_of, stored_run
+from tests.recording.stand_in import Writer, new_run, read_problem, recorder_of, stored_run
+from tests.refusals import refused
 
 # A recorder killed while it writes loses nothing that was committed, and leaves nothing half-written.
 
@@ -153,7 +154,9 @@ def repair(database: Database) -> None:
     _for_all_connections(database, "PRAGMA max_page_count=1073741823")
 
 
-@pytest.mark.parametrize(("breaks", "words"), [(fill, "disk is full"), (make_read_only, "readonly database")])
+@pytest.mark.parametrize(
+    ("breaks", "words"), [(fill, "database or disk is full"), (make_read_only, "attempt to write a readonly database")]
+)
 def test_samples_wait_in_the_ring_and_none_is_lost(
     database: Database, writer: Writer, breaks: Callable[[Database], None], words: str
 ) -> None:
@@ -165,8 +168,7 @@ def test_samples_wait_in_the_ring_and_none_is_lost(
     for _ in range(4):
         rows.append(writer.write(1000, run.id))
         recorder.drain()
-        assert words in recorder.problem
-        assert "free space" in recorder.problem
+        assert read_problem(recorder.problem) == ("database_takes_no_samples", words)
     with database.reading() as session:
         assert recordings.extent(session, run.id).count == 1000
         assert recordings.get(session, run.id).missed == 0
@@ -207,7 +209,8 @@ def test_a_recorder_that_ends_with_samples_unstored_says_so(database: Database, 
     recorder = recorder_of(writer, database)
     writer.write(500, run.id)
     make_read_only(database)
-    with pytest.raises(RecordingError, match="readonly"):
+    reason = "attempt to write a readonly database"
+    with refused(RecordingError, "database_takes_no_samples", reason=reason):
         recorder.close()
     assert stored_run(database, run.id).end_state == EndState.RUNNING
     repair(database)
@@ -225,8 +228,8 @@ def test_a_run_whose_folder_is_gone_is_not_called_complete_and_goes_on_once_it_i
     rows.append(writer.write(1000, run.id))
     writer.write(1)  # the run has ended in the loop
     recorder.drain()
-    assert "samples cannot be stored" in recorder.problem
-    assert "Put it back" in recorder.problem
+    code, reason = read_problem(recorder.problem)
+    assert (code, reason.code) == ("samples_not_stored", "database_file_replaced")
     assert stored_run(database, run.id).end_state == EndState.RUNNING
     aside.rename(tmp_path)
     recorder.drain()

@@ -33,6 +33,7 @@ from backend.storage.runs import NewRun, RunKind
 from backend.workers import WorkerProcess
 from plant.interface import T_s
 from tests.recording.stand_in import Rows, Writer, recorder_of
+from tests.refusals import refused
 
 # Signals that are not stored: their envelopes are those of the sums themselves, and nan where there is none.
 
@@ -108,7 +109,7 @@ def test_what_cannot_be_had_is_nan(recorded: tuple[Database, int, Rows]) -> None
 
 def test_exports_know_columns_only(recorded: tuple[Database, int, Rows]) -> None:
     database, run, _ = recorded
-    with database.reading() as session, pytest.raises(UnknownSignalError, match="no signal q - q_ref"):
+    with database.reading() as session, refused(UnknownSignalError, "signals_not_recorded", signals=["q - q_ref"]):
         read_samples(session, run, ["q - q_ref"])
 
 

@@ -18,7 +18,8 @@ from backend.sample import INDEX
 from backend.storage import events, flights
 from backend.storage.database import Database
 from backend.storage.orm import StorageError, UnknownRecordError
-from tests.recording.stand_in import Writer, new_run
+from tests.recording.stand_in import Writer, new_run, read_problem
+from tests.refusals import refused
 
 QUOTA = Quota(100, 10**9)
 
@@ -168,7 +169,7 @@ def test_a_record_that_cannot_be_stored_is_told_and_tried_again(
     with monkeypatch.context() as full:
         full.setattr(flights, "add", _disk_full)
         recorder.drain()
-        assert "disk is full" in recorder.problem
+        assert read_problem(recorder.problem) == ("flight_record_not_stored", "database or disk is full")
         assert stored(database) == []
     recorder.drain()
     assert recorder.problem == ""
@@ -222,5 +223,5 @@ def test_what_waits_is_stored_when_the_service_ends(database: Database, writer: 
 
 
 def test_an_unknown_record_is_told(database: Database) -> None:
-    with pytest.raises(UnknownRecordError, match="flight record 7"):
+    with refused(UnknownRecordError, "record_not_found", record="flight record", number=7):
         read_flight_columns(database, 7)

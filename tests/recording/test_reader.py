@@ -20,6 +20,7 @@ from backend.sample import ADDED_LATER, INDEX, STORED_NAMES
 from backend.storage.database import Database, open_database
 from backend.storage.orm import UnknownRecordError
 from tests.recording.stand_in import Rows, Writer, new_run, recorder_of
+from tests.refusals import refused
 
 # Slices and envelopes agree with what was written, drawn together by a plain loop.
 
@@ -120,9 +121,9 @@ def test_no_names_means_all_signals(recorded: Recorded) -> None:
 
 def test_what_cannot_be_read_is_refused(recorded: Recorded) -> None:
     with recorded.database.reading() as session:
-        with pytest.raises(UnknownSignalError, match=r"no signal Q.*mode, run, q"):
+        with refused(UnknownSignalError, "signals_not_recorded", signals=["Q"], recorded=list(STORED_NAMES)):
             read_samples(session, recorded.run_id, ["Q"])
-        with pytest.raises(UnknownRecordError, match="recording of run 99"):
+        with refused(UnknownRecordError, "record_not_found", record="recording of run", number=99):
             read_samples(session, 99)
         with pytest.raises(ValueError, match="points = 0"):
             read_envelope(session, recorded.run_id, 0)
@@ -130,7 +131,8 @@ def test_what_cannot_be_read_is_refused(recorded: Recorded) -> None:
 
 def test_a_run_without_samples_yet_has_no_recording(recorded: Recorded) -> None:
     run = new_run(recorded.database)
-    with recorded.database.reading() as session, pytest.raises(UnknownRecordError, match=f"run {run.id}"):
+    refusal = refused(UnknownRecordError, "record_not_found", record="recording of run", number=run.id)
+    with recorded.database.reading() as session, refusal:
         read_samples(session, run.id)
 
 

@@ -17,6 +17,7 @@ from backend.storage.recordings import Chunk
 from backend.storage.results import NewResult
 from backend.storage.runs import EndState
 from tests.recording.stand_in import new_run
+from tests.refusals import refused
 from tests.storage.test_lineage import NEW_IDENTIFICATION
 
 CHUNKS, BYTES = 450, 450 * 110
@@ -46,7 +47,7 @@ def test_under_the_limit_nothing_may_go(database: Database) -> None:
     run = recorded(database)
     found = summarise_retention(database, RetentionRule(BYTES, 30))
     assert (found.total_bytes, found.may_go, found.describe) == (BYTES, (), "")
-    with pytest.raises(NotRemovableError, match=f"may not be deleted: {run}; these may be deleted: none"):
+    with refused(NotRemovableError, "runs_not_removable", refused=[run], removable=[]):
         delete_recordings(database, RetentionRule(BYTES, 30), [run], "Ana")
 
 
@@ -87,7 +88,7 @@ def test_what_a_model_or_result_came_from_never_goes(database: Database, use: Ca
     with database.session() as session:
         use(session, used)
     assert ids(database, RetentionRule(1, 0)) == [unused]
-    with pytest.raises(NotRemovableError, match=f"may not be deleted: {used}; these may be deleted: {unused}"):
+    with refused(NotRemovableError, "runs_not_removable", refused=[used], removable=[unused]):
         delete_recordings(database, RetentionRule(1, 0), [used, unused], "Ana")
     with database.reading() as session:
         assert recordings.extent(session, unused).count == CHUNKS * 1000, "refused as a whole"
@@ -97,7 +98,7 @@ def test_what_a_model_or_result_came_from_never_goes(database: Database, use: Ca
 @pytest.mark.parametrize("named", [[], [999]])
 def test_only_runs_of_the_list_can_be_named(database: Database, named: list[int]) -> None:
     run = recorded(database)
-    with pytest.raises(NotRemovableError, match="nothing was deleted"):
+    with refused(NotRemovableError, "runs_not_removable", refused=named):
         delete_recordings(database, RetentionRule(1, 30), named, "Ana")
     assert ids(database, RetentionRule(1, 30)) == [run]
 
@@ -112,7 +113,8 @@ def test_the_samples_go_and_the_run_stays_and_says_so(database: Database) -> Non
         recording = recordings.get(session, gone)
         assert recording.removed_at is not None
         assert recording.size_bytes == 0
-        with pytest.raises(UnknownRecordError, match="any more: the samples were deleted by Ana on 20"):
+        assert recording.problem.startswith("the samples were deleted by Ana on 20")
+        with refused(UnknownRecordError, "recording_removed", run_id=gone, reason=recording.problem):
             read_samples(session, gone)
         (told,) = events.find(session, kind="retention")
         assert (told.run_id, told.who) == (gone, "Ana")

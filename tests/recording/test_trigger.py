@@ -19,7 +19,7 @@ from backend.storage import events, flights
 from backend.storage.database import Database
 from backend.storage.orm import StorageError
 from plant.quantity import Angle
-from tests.recording.stand_in import Writer, new_run
+from tests.recording.stand_in import Writer, new_run, read_problem
 from tests.recording.test_flight import stored, trip
 
 # The tick at which a condition is met, against signals whose crossings follow from a formula.
@@ -372,7 +372,7 @@ def test_a_capture_that_cannot_be_stored_is_told_and_tried_again(
     with monkeypatch.context() as patched:
         patched.setattr(flights, "add", full)
         trigger.drain()
-        assert "disk is full" in trigger.problem
+        assert read_problem(trigger.problem) == ("capture_not_stored", "database or disk is full")
         assert stored(database) == []
     trigger.drain()
     assert (trigger.problem, len(stored(database))) == ("", 1)
