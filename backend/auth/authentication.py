@@ -12,12 +12,13 @@ from datetime import UTC, datetime
 
 from itsdangerous import BadData, URLSafeSerializer
 
+from backend.auth import messages
 from backend.auth.sessions import Sessions, TokenFiles, Tokens
 from backend.errors import RequestRejectedError
 from backend.event_bus import EventBus
 from backend.schemas import PersonView, Role
 from backend.supervision import Part
-from plant import ErrorCode
+from plant import ErrorCode, Message
 
 # Attempts ------------------------------------------------------------------------------------------
 # Limits wrong tokens and new sessions per address. Requests with a right token are always answered,
@@ -38,11 +39,12 @@ ADDRESSES = 1000
 class AttemptLimiter:
     """Limits attempts per address within ATTEMPTS_WINDOW_S."""
 
-    def __init__(
-        self, clock: Callable[[], float] = time.monotonic, *, limit: int = ATTEMPTS, what: str = "wrong tokens"
-    ) -> None:
-        """Allow ``limit`` attempts per address; ``what`` names them in the message."""
-        self._clock, self._limit, self._what = clock, limit, what
+    def __init__(self, clock: Callable[[], float], limit: int, build_message: Callable[[int], Message]) -> None:
+        """Allow ``limit`` attempts per address.
+
+        ``build_message`` returns the refusal of a further one, from the time to wait [s].
+        """
+        self._clock, self._limit, self._build_message = clock, limit, build_message
         self._attempts: dict[str, deque[float]] = {}
 
     def count(self, address: str) -> None:
@@ -50,9 +52,7 @@ class AttemptLimiter:
         recent = self._list_recent(address)
         if len(recent) >= self._limit:
             wait_s = int(recent[0] + ATTEMPTS_WINDOW_S - self._clock()) + 1
-            raise RequestRejectedError(
-                ErrorCode.TOO_MANY, f"too many {self._what}; try again in {wait_s} s", retry_after_s=wait_s
-            )
+            raise RequestRejectedError(ErrorCode.TOO_MANY, self._build_message(wait_s), retry_after_s=wait_s)
         recent.append(self._clock())
 
     def _list_recent(self, address: str) -> deque[float]:
@@ -184,14 +184,10 @@ class ActiveUsers:
         invalid name.
         """
         if user.session in (BEARER, OPEN):
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "a script is named after its role: only a signed-in browser can change its name"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.script_cannot_be_renamed())
         given_name = clean_name(name)
         if given_name == "" or given_name.casefold() in set(Role):
-            raise RequestRejectedError(
-                ErrorCode.BAD_VALUE, "a name must not be empty or the name of a role: enter your own name"
-            )
+            raise RequestRejectedError(ErrorCode.BAD_VALUE, messages.name_not_allowed())
         renamed = replace(user, name=self.make_display_name(given_name, user.role, user.session), given_name=given_name)
         for connection in self._connections.values():
             if connection.user.session == user.session:
@@ -285,8 +281,8 @@ class Authentication:
         self._events = events or EventBus()
         self._files = files
         self._clock = clock
-        self._attempts = AttemptLimiter(clock)
-        self._sign_ins = AttemptLimiter(clock, limit=SIGN_INS, what="new sessions from this address")
+        self._attempts = AttemptLimiter(clock, ATTEMPTS, lambda wait_s: messages.too_many_wrong_tokens(wait_s=wait_s))
+        self._sign_ins = AttemptLimiter(clock, SIGN_INS, lambda wait_s: messages.too_many_sign_ins(wait_s=wait_s))
         self._previous: _PreviousTokens | None = None
         self._rotation_lock = asyncio.Lock()
         self.sessions = sessions or Sessions()
@@ -303,9 +299,7 @@ class Authentication:
         role = self._files.tokens.find_role(token[:MAX_TOKEN_LENGTH])
         if role is None:
             self._count_wrong_token(credentials)
-            raise RequestRejectedError(
-                ErrorCode.NOT_SIGNED_IN, "wrong token; use the sign-in link that the service printed at its start"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, messages.wrong_token_at_sign_in())
         given_name, before = clean_name(name), self._find_cookie_user(credentials)
         if before is not None and before.role is role and given_name in ("", before.given_name):
             return before
@@ -368,17 +362,14 @@ class Authentication:
         the old tokens remain valid.
         """
         if self._files is None:
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "this service runs without tokens: it has no tokens to replace"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.service_without_tokens())
         async with self._rotation_lock:
             self._previous = _PreviousTokens(self._files.tokens, user.session, self._clock() + GRACE_S)
             try:
                 await asyncio.to_thread(self._files.rotate, roles)
             except OSError as error:
-                raise RequestRejectedError(
-                    ErrorCode.UNAVAILABLE, f"the new tokens cannot be written: {error.strerror or error}"
-                ) from error
+                message = messages.tokens_not_written(reason=str(error.strerror or error))
+                raise RequestRejectedError(ErrorCode.UNAVAILABLE, message) from error
             await self._reload_tokens(except_session=user.session)
         self._events.publish(AccessChanged(f"replaced the tokens for {' and '.join(roles)}", user.name))
         await self.sessions.save()
@@ -428,7 +419,7 @@ class Authentication:
         role = self._files.tokens.find_role(token[:MAX_TOKEN_LENGTH]) if self._files else Role.OPERATOR
         if role is None:
             self._count_wrong_token(credentials)
-            raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, "wrong token; use the one in the data folder")
+            raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, messages.wrong_token())
         return User(role, role, BEARER)
 
     def _find_cookie_user(self, credentials: Credentials) -> User | None:

@@ -9,6 +9,7 @@ from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from backend.auth import messages
 from backend.auth.authentication import BEARER, OPEN, User
 from backend.errors import RequestRejectedError
 from backend.event_bus import EventBus
@@ -52,15 +53,11 @@ class CommandSequencer:
         Raises RequestRejectedError for an outdated command and if too many wait.
         """
         if number <= self._last_executed or number in self._waiting:
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW,
-                "nothing was done: the command is a repetition or older than one that was executed",
-                code="stale_command",
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.command_out_of_order(), code="stale_command")
         if len(self._waiting) >= WAITING:
             raise RequestRejectedError(
                 ErrorCode.TOO_MANY,
-                f"{WAITING} commands of this page are already waiting: nothing was done",
+                messages.too_many_commands(maximum=WAITING),
                 code="too_many_commands",
             )
         self._waiting.add(number)
@@ -182,7 +179,7 @@ def parse_command_token(text: str | None) -> CommandToken | None:
     if match is None:
         raise RequestRejectedError(
             ErrorCode.MALFORMED,
-            f"{CONTROL_HEADER} must be the key of the page, a dot and a whole number",
+            messages.invalid_command_token(header=CONTROL_HEADER),
             code="bad_stamp",
         )
     return CommandToken(match[1], int(match[2]))
@@ -236,7 +233,7 @@ class ControlLease:
         if holder is not None and not take_over and not holder.is_lost:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                f"{_describe_holder(holder, user)} holds control: take over control to send commands",
+                messages.control_held(holder=_describe_holder(holder, user)),
                 code="control_held",
             )
         self._epoch += 1
@@ -375,14 +372,11 @@ class ControlLease:
         self.require_consistent()
         holder = self.holder
         if holder is None:
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "no one holds control: take control first", code="control_lost"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.control_released(), code="control_lost")
         if not holder.is_at(user, page_key):
-            who = _describe_holder(holder, user)
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                f"this page no longer holds control, {who} does: nothing was done",
+                messages.control_taken_over(holder=_describe_holder(holder, user)),
                 code="control_lost",
             )
         return holder
@@ -396,7 +390,7 @@ class ControlLease:
         if user.session not in (BEARER, OPEN):
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                f"a page must take control first and send its command token ({CONTROL_HEADER})",
+                messages.command_without_token(header=CONTROL_HEADER),
                 code="control_needed",
             )
         self.require_consistent()
@@ -405,7 +399,7 @@ class ControlLease:
         if holder.is_page or holder.user != user:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                f"{_describe_holder(holder, user)} holds control: take over control to send commands",
+                messages.control_held(holder=_describe_holder(holder, user)),
                 code="control_held",
             )
         holder.silent_s = 0.0

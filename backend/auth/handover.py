@@ -12,6 +12,7 @@ import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from backend.auth import messages
 from backend.auth.authentication import ActiveUsers, User
 from backend.auth.control_lease import CommandToken, ControlLease, LeaseHolder
 from backend.errors import RequestRejectedError
@@ -107,9 +108,7 @@ class ControlHandover:
             self.update()
             other = self._active_users.find_by_name(to)
             if other is None or other.role is not Role.OPERATOR or other.session == user.session:
-                raise RequestRejectedError(
-                    ErrorCode.BAD_VALUE, f"{to} is not another operator with an open page: choose a connected operator"
-                )
+                raise RequestRejectedError(ErrorCode.BAD_VALUE, messages.recipient_not_connected(name=to))
             self._require_none_offered()
             self._require_no_handover(other)
             return self._open(other, user, HandoverStatus.OFFERED, reason, f"offered control to {other.name}")
@@ -139,7 +138,7 @@ class ControlHandover:
         self.update()
         handover = self._find_open(number)
         if handover.recipient.session != user.session or handover.status is HandoverStatus.ASKED:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "control was not handed over to this page: nothing was done")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.control_not_handed_over())
         why = f": {escape_quantities(handover.reason)}" if handover.reason else ""
         holder = self._control.take(
             user, is_page=True, take_over=True, handed=f"control handed over by {self._get_name(handover.giver)}{why}"
@@ -197,9 +196,7 @@ class ControlHandover:
     def _answer_as_recipient(self, handover: _Handover, answer: HandoverAnswer, reason: str) -> None:
         name = self._get_name(handover.recipient)
         if answer is HandoverAnswer.HAND_OVER:
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "only the holder of control can hand it over: nothing changed"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.only_holder_hands_over())
         if handover.status is not HandoverStatus.OFFERED:
             self._close(handover, HandoverStatus.WITHDRAWN, "withdrew the request for control", name)
             return
@@ -211,9 +208,7 @@ class ControlHandover:
         name, giver = self._get_name(handover.recipient), self._get_name(handover.giver)
         if handover.status is not HandoverStatus.ASKED:
             if answer is HandoverAnswer.HAND_OVER:
-                raise RequestRejectedError(
-                    ErrorCode.NOT_NOW, f"control is already being handed over to {name}: nothing changed"
-                )
+                raise RequestRejectedError(ErrorCode.NOT_NOW, messages.control_already_handed_over(recipient=name))
             text = f"withdrew the handover to {name}"
             self._close(handover, HandoverStatus.WITHDRAWN, text, giver)
         elif answer is HandoverAnswer.HAND_OVER:
@@ -228,9 +223,7 @@ class ControlHandover:
 
     def _open(self, recipient: User, giver: User, status: HandoverStatus, reason: str, text: str) -> HandoverView:
         if sum(handover.status in _OPEN for handover in self._handovers.values()) >= WAITING:
-            raise RequestRejectedError(
-                ErrorCode.TOO_MANY, f"{WAITING} requests for control are already open: try again later"
-            )
+            raise RequestRejectedError(ErrorCode.TOO_MANY, messages.too_many_requests(maximum=WAITING))
         now = self._clock()
         handover = _Handover(
             number=next(self._numbers),
@@ -257,45 +250,34 @@ class ControlHandover:
     def _find_holder_to_ask(self, user: User) -> LeaseHolder:
         holder = self._control.holder
         if not self._active_users.has_page(user.session):
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "only a session with an open page can request control: nothing changed"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.session_without_page())
         if holder is None or holder.is_lost:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "no one holds control: take control directly")
-        if not holder.is_page or holder.user.session == user.session:
-            whose = "another of your pages" if holder.is_page else "a script"
-            raise RequestRejectedError(ErrorCode.NOT_NOW, f"{whose} holds control: take it over")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.control_is_free())
+        if not holder.is_page:
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.script_holds_control())
+        if holder.user.session == user.session:
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.own_page_holds_control())
         return holder
 
     def _require_no_handover(self, user: User) -> None:
         """Raise RequestRejectedError if a handover to this user is open."""
         if any(one.status in _OPEN and one.recipient.session == user.session for one in self._handovers.values()):
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"{user.name} already has an open request or offer of control: answer that first"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.handover_already_open(name=user.name))
 
     def _require_none_offered(self) -> None:
         for handover in self._handovers.values():
             if handover.status in (HandoverStatus.HANDED, HandoverStatus.OFFERED):
                 name = self._get_name(handover.recipient)
-                raise RequestRejectedError(
-                    ErrorCode.NOT_NOW, f"control is being handed over to {name}: withdraw that first"
-                )
+                raise RequestRejectedError(ErrorCode.NOT_NOW, messages.handover_in_progress(recipient=name))
 
     def _require_command_token(self, command_token: CommandToken | None) -> None:
         if command_token is None:
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW,
-                "only the page that holds control can do this: take control first",
-                code="control_needed",
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.control_needed(), code="control_needed")
 
     def _find_open(self, number: int) -> _Handover:
         handover = self._handovers.get(number)
         if handover is None or handover.status not in _OPEN:
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "this request for control is closed: nothing was done", code="wish_over"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.handover_closed(), code="wish_over")
         return handover
 
     def _get_name(self, user: User) -> str:
@@ -323,7 +305,7 @@ def _require_reason(reason: str) -> str:
     """Return the reason on one line. Raises RequestRejectedError for an empty one."""
     line = _to_one_line(reason)
     if not line:
-        raise RequestRejectedError(ErrorCode.BAD_VALUE, "a reason is required: enter a few words")
+        raise RequestRejectedError(ErrorCode.BAD_VALUE, messages.reason_missing())
     return line
 
 

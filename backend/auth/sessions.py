@@ -10,6 +10,7 @@ from collections.abc import Callable, Container, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from backend.auth import messages
 from backend.data_folder import write_private
 from backend.schemas import Role
 from plant import ErrorCode, SinewError
@@ -113,10 +114,7 @@ class Sessions:
             try:
                 await asyncio.to_thread(write_private, self._file, json.dumps(document))
             except OSError as error:
-                self.problem = (
-                    f"sessions cannot be written ({error.strerror or error}): "
-                    "users who sign out now are signed in again after a restart of the service"
-                )
+                self.problem = messages.sessions_not_written(reason=str(error.strerror or error))
                 _log.exception("The service cannot write the sessions to its file.")
             else:
                 self.problem = None
@@ -237,7 +235,7 @@ def _read_or_create(path: Path) -> str:
         path.chmod(0o600)
         token = _read_token(path)
         if token is None:
-            raise TokenError(f"{path} contains no usable token; delete the file and start again") from None
+            raise TokenError(messages.no_usable_token(file=str(path))) from None
         return token
     token = secrets.token_urlsafe(32)
     with os.fdopen(descriptor, "w") as file:

@@ -30,6 +30,7 @@ from tests.api.conftest import ended, once_told, problem, wait_for
 from tests.api.pages import Page, pages
 from tests.docs.faults_page import documented_ms
 from tests.e2e.service import Service
+from tests.refusals import refused
 
 ANA, VERA = User("Ana", Role.OPERATOR, "a"), User("Vera", Role.OPERATOR, "v")
 SCRIPT = User("operator", Role.OPERATOR, BEARER)
@@ -90,7 +91,7 @@ def test_commands_of_the_holder_pass_once_and_in_order() -> None:
 def test_control_is_taken_over_only_when_that_is_said() -> None:
     desk = Desk()
     first = desk.take(ANA).build_lease()
-    with pytest.raises(RequestRejectedError, match="Ana holds control"):
+    with refused(RequestRejectedError, "control_held", holder="Ana"):
         desk.take(VERA)
     second = desk.take(VERA, take_over=True).build_lease()
     assert second.epoch > first.epoch
@@ -143,7 +144,7 @@ def test_a_clock_that_goes_back_ends_control() -> None:
 def test_another_page_of_the_same_person_is_another_page() -> None:
     desk = Desk()
     first = desk.take(ANA).page_key
-    with pytest.raises(RequestRejectedError, match="another of your pages"):
+    with refused(RequestRejectedError, "control_held", holder="another of your pages"):
         desk.take(ANA)
     desk.take(ANA, take_over=True)
     assert desk.refusal(ANA, CommandToken(first, 1)) == "control_lost"
@@ -236,7 +237,7 @@ def test_a_service_that_stood_still_blames_no_page() -> None:
 def test_scripts_need_no_stamp_while_nobody_else_holds_control() -> None:
     desk = Desk()
     desk.command(SCRIPT, None)
-    with pytest.raises(RequestRejectedError, match="operator holds control"):
+    with refused(RequestRejectedError, "control_held", holder="operator"):
         desk.take(ANA)
     desk.wait(SCRIPT_S + 0.2)
     desk.take(ANA)
