@@ -26,6 +26,7 @@ from websockets.streams import StreamReader
 
 from backend.auth import BEARER, OPEN, User
 from backend.schemas import Role
+from backend.server import messages
 from backend.server.security import (
     HEADERS,
     LONGEST_HEAD,
@@ -33,7 +34,6 @@ from backend.server.security import (
     MOST_HEADERS,
     SHEETS,
     body_limit,
-    too_large_a_head,
 )
 
 # Connection limits ---------------------------------------------------------------------------------
@@ -707,7 +707,8 @@ class HttpProtocol(_LimitedProtocol, H11Protocol):
             self._refuse(400, "Bad Request", msg)
 
     def _refuse_head(self) -> None:
-        self._refuse(431, "Request Header Fields Too Large", too_large_a_head())
+        message = messages.head_too_large(maximum_bytes=LONGEST_HEAD, maximum_lines=MOST_HEADERS)
+        self._refuse(431, "Request Header Fields Too Large", message)
 
     def _refuse(self, status: int, reason: str, msg: str) -> None:
         if self.conn.our_state not in (h11.IDLE, h11.SEND_RESPONSE):

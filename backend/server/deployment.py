@@ -9,6 +9,8 @@ from starlette.types import Scope
 
 from backend.public_url import PublicUrl, parse_public_url
 from backend.schemas import ErrorDetail
+from backend.server import messages
+from plant import Message
 
 # Reverse proxy -------------------------------------------------------------------------------------
 # Effects of a reverse proxy on a request: path prefix, client address, cookie path.
@@ -98,55 +100,34 @@ def _find_client(forwarded: list[str], public: PublicUrl) -> str | None:
 # Problems between a browser and the service, and their remedies, as messages for log and page.
 
 
-NGINX_UPGRADE = 'proxy_http_version 1.1; proxy_set_header Upgrade $http_upgrade; proxy_set_header Connection "upgrade";'
-"""Settings that nginx needs for websockets."""
-
 _SHOWN = 200
 
 
-def unknown_host(host: str, public: PublicUrl | None) -> str:
+def unknown_host(host: str, public: PublicUrl | None) -> Message:
     """Return the message for a rejected Host header."""
-    known = "" if public is None else f" (started with --public-url {public}/)"
-    return (
-        f"this service does not accept the host name {_cut(host)!r}{known}. If a reverse proxy serves "
-        f"it, start it with --public-url and the address that people open; if {_cut(host)!r} is a name "
-        "of this machine, add it to SINEW_ALLOWED_HOSTS"
-    )
+    return messages.unknown_host(host=_cut(host), public_url=None if public is None else str(public))
 
 
-def foreign_origin(origin: str, host: str, public: PublicUrl | None) -> str:
+def foreign_origin(origin: str, host: str, public: PublicUrl | None) -> Message:
     """Return the message for a rejected command or websocket of a page."""
-    issue = f"the page is from {_cut(origin)!r}, but the request names the host {_cut(host)!r}"
+    shown_origin, shown_host = _cut(origin), _cut(host)
     if public is not None:
-        return (
-            f"{issue}; this service was started with --public-url {public}/: open that address, or start "
-            "the service with another one"
-        )
+        return messages.page_of_another_address(origin=shown_origin, host=shown_host, public_url=str(public))
     try:
         proxy = str(parse_public_url(origin))
     except ValueError:
-        return f"{issue}: pages of other sites are refused"
-    return (
-        f"{issue}: pages of other sites are refused. If {proxy} is a reverse proxy in front of this service, start it "
-        f"with --public-url {proxy}/ (with the path, if there is one), or let the proxy forward the Host header "
-        "(nginx: proxy_set_header Host $http_host;)"
-    )
+        return messages.page_of_another_site(origin=shown_origin, host=shown_host)
+    return messages.page_of_unknown_proxy(origin=shown_origin, host=shown_host, proxy=proxy)
 
 
-def upgrade_lost(path: str, origin: str | None) -> str:
+def upgrade_lost(path: str, origin: str | None) -> Message:
     """Return the message for a websocket handshake that arrived as a plain request."""
-    return (
-        f"a websocket was requested at {_cut(path)!r} by a page of {_cut(origin or 'no origin')!r}, but "
-        f"the header Upgrade is missing: the reverse proxy does not forward websockets. For nginx: {NGINX_UPGRADE}"
-    )
+    return messages.upgrade_missing(path=_cut(path), origin=_cut(origin or "no origin"))
 
 
-def missing_page_message(path: str) -> str:
+def missing_page_message(path: str) -> Message:
     """Return the message for an address without a page."""
-    return (
-        f"There is no page at {_cut(path)}. The dashboard is at /. If a reverse proxy serves it below a path, start "
-        "the service with --public-url and the whole address, such as https://rig.lab/sinew/."
-    )
+    return messages.page_not_found(path=_cut(path))
 
 
 def find_deployment_problems(page: str, public: PublicUrl | None, headers: Headers, peer: str) -> list[ErrorDetail]:

@@ -10,6 +10,7 @@ from types import FrameType
 
 import uvicorn
 
+from backend.server import messages
 from plant import ErrorCode, SinewError
 
 # Shutdown ------------------------------------------------------------------------------------------
@@ -101,10 +102,8 @@ def listening_socket(host: str, port: int) -> Iterator[socket.socket]:
     try:
         listening = socket.create_server((host, port), family=family, dualstack_ipv6=_is_dual_stack(host))
     except OSError as error:
-        reason = error.strerror or error
-        raise CannotListenError(
-            f"cannot listen on {host} port {port}: {reason}; choose another --host or --port"
-        ) from None
+        message = messages.cannot_listen(host=host, port=port, reason=str(error.strerror or error))
+        raise CannotListenError(message) from None
     with listening:
         yield listening
 

@@ -16,7 +16,8 @@ from fastapi.responses import HTMLResponse
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.responses import JSONResponse
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import Message as AsgiMessage
 from starlette.websockets import WebSocket
 
 from backend.auth import Authentication, Credentials, User
@@ -24,9 +25,9 @@ from backend.errors import RequestRejectedError
 from backend.plain_text import PlainTextError, check_plain_text, check_plain_texts
 from backend.public_url import PublicUrl
 from backend.schemas import LONGEST_SHEET, ErrorDetail, ErrorResponse
-from backend.server import deployment
+from backend.server import deployment, messages
 from backend.server.deployment import COOKIE_PATH, PUBLIC, apply_forwarded_headers, parse_host_name
-from plant import ErrorCode
+from plant import ErrorCode, Message
 
 # Request bodies ------------------------------------------------------------------------------------
 # Bodies of requests: read completely, and rejected if they are too large or contain values that cannot be stored.
@@ -57,7 +58,7 @@ async def read_body(receive: Receive, most: int) -> bytes:
             raise ClientDisconnect
         body += message.get("body", b"")
         if len(body) > most:
-            raise RequestRejectedError(ErrorCode.TOO_LARGE, f"the body is larger than {most} bytes")
+            raise RequestRejectedError(ErrorCode.TOO_LARGE, messages.body_too_large(maximum_bytes=most))
         if not message.get("more_body", False):
             break
     return bytes(body)
@@ -74,9 +75,11 @@ def require_valid_body(body: bytes) -> None:
         if any(mark in body for mark in _SUSPECT):
             check_plain_texts(document)
     except PlainTextError as error:
-        raise RequestRejectedError(ErrorCode.BAD_VALUE, f"body: {error}", code="bad_character") from None
+        message = messages.invalid_text_in_body(reason=error.message)
+        raise RequestRejectedError(ErrorCode.BAD_VALUE, message, code="bad_character") from None
     except ValueError as error:
-        raise RequestRejectedError(ErrorCode.BAD_VALUE, f"body: invalid JSON: {error}", code="json_invalid") from None
+        message = messages.body_is_not_json(reason=str(error))
+        raise RequestRejectedError(ErrorCode.BAD_VALUE, message, code="json_invalid") from None
 
 
 def _require_few(document: Any) -> None:
@@ -90,18 +93,17 @@ def _require_few(document: Any) -> None:
         names += len(part) if isinstance(part, dict) else 0
         count += len(part) if isinstance(part, list) else 0
         if names > MOST_NAMES or count > MOST_LISTED:
-            limits = f"{MOST_NAMES} named values, or {MOST_LISTED} in lists"
-            why = f"body: more than {limits}, the maximum of any request: send fewer values"
-            raise RequestRejectedError(ErrorCode.BAD_VALUE, why, code="too_many_parts")
+            message = messages.too_many_values(maximum_named=MOST_NAMES, maximum_listed=MOST_LISTED)
+            raise RequestRejectedError(ErrorCode.BAD_VALUE, message, code="too_many_parts")
         parts.extend(part.values() if isinstance(part, dict) else part if isinstance(part, list) else ())
 
 
 def replay_body(body: bytes, receive: Receive) -> Receive:
     """Return a ``receive`` that returns ``body`` first."""
-    messages: list[dict[str, Any]] = [{"type": "http.request", "body": body, "more_body": False}]
+    unread: list[dict[str, Any]] = [{"type": "http.request", "body": body, "more_body": False}]
 
-    async def again() -> Message:
-        return messages.pop() if messages else await receive()
+    async def again() -> AsgiMessage:
+        return unread.pop() if unread else await receive()
 
     return again
 
@@ -228,7 +230,7 @@ class SessionExpiryMiddleware:
 
 
 def _until(over: asyncio.Event, receive: Receive, send: Send) -> Receive:
-    async def receive_or_end() -> Message:
+    async def receive_or_end() -> AsgiMessage:
         message, ended = asyncio.ensure_future(receive()), asyncio.ensure_future(over.wait())
         try:
             await asyncio.wait((message, ended), return_when=asyncio.FIRST_COMPLETED)
@@ -346,7 +348,8 @@ class HostOriginMiddleware:
         headers = Headers(scope=scope)
         host = headers.get("host", "")
         if len(headers) > MOST_HEADERS or _head_bytes(scope) > LONGEST_HEAD:
-            return _refuse(scope, 431, "head_too_large", too_large_a_head())
+            message = messages.head_too_large(maximum_bytes=LONGEST_HEAD, maximum_lines=MOST_HEADERS)
+            return _refuse(scope, 431, "head_too_large", message)
         if not self._is_known(host):
             message = deployment.unknown_host(host, self._public)
             _log.warning("The service refused a request: %s", message)
@@ -366,7 +369,7 @@ class HostOriginMiddleware:
             for part in (scope.get("raw_path") or scope["path"], scope["query_string"]):
                 check_plain_text(unquote_to_bytes(part).decode("utf-8", "replace"))
         except PlainTextError as error:
-            return _refuse(scope, 400, "bad_character", f"the address: {error}")
+            return _refuse(scope, 400, "bad_character", messages.invalid_text_in_address(reason=error.message))
         return _refusal_of_length(scope, headers, body_limit(scope["path"]))
 
     def _is_known(self, host: str) -> bool:
@@ -417,20 +420,20 @@ def body_limit(path: str) -> int:
 def _refusal_of_length(scope: Scope, headers: Headers, most: int) -> Response | None:
     if "transfer-encoding" in headers:
         if "content-length" in headers:
-            return _refuse(scope, 400, "two_lengths", "send either a Content-Length or a Transfer-Encoding, not both")
-        return _refuse(scope, 411, "length_required", "send a Content-Length")
+            return _refuse(scope, 400, "two_lengths", messages.two_body_lengths())
+        return _refuse(scope, 411, "length_required", messages.body_length_missing())
     length = headers.get("content-length", "0")
     if not (length.isascii() and length.isdigit()):
-        return _refuse(scope, 400, "bad_length", "the Content-Length must be a whole number")
+        return _refuse(scope, 400, "bad_length", messages.invalid_body_length())
     if len(length) > 12 or int(length) > most:
-        return _refuse(scope, 413, "too_large", f"the body is larger than {most} bytes")
+        return _refuse(scope, 413, "too_large", messages.body_too_large(maximum_bytes=most))
     return None
 
 
 def _with_headers(scope: Scope, send: Send) -> Send:
     private = HTTPConnection(scope).url.path.startswith("/api")
 
-    async def send_with_headers(message: Message) -> None:
+    async def send_with_headers(message: AsgiMessage) -> None:
         if message["type"] in ("http.response.start", "websocket.http.response.start"):
             headers = MutableHeaders(scope=message)
             for name, value in HEADERS.items():
@@ -445,7 +448,7 @@ def _with_headers(scope: Scope, send: Send) -> Send:
 def _without_body(send: Send) -> Send:
     """Return a ``send`` for HEAD: the response of GET without its body."""
 
-    async def send_head(message: Message) -> None:
+    async def send_head(message: AsgiMessage) -> None:
         if message["type"] == "http.response.body":
             message = {**message, "body": b""}
         await send(message)
@@ -459,16 +462,7 @@ def _head_bytes(scope: Scope) -> int:
     return target + sum(len(name) + len(value) + 4 for name, value in scope["headers"])
 
 
-def too_large_a_head() -> str:
-    """Return why a head is rejected, and the remedy for a person at a browser."""
-    return (
-        f"the request headers have more than {LONGEST_HEAD // 1024} kB or {MOST_HEADERS} lines, probably "
-        "because other applications under this host name set too many cookies: delete the cookies of "
-        "this site, or open it under another host name"
-    )
-
-
-def _refuse(scope: Scope, status: int, code: str, message: str) -> Response:
+def _refuse(scope: Scope, status: int, code: str, message: Message) -> Response:
     """Return a rejection: a page for a browser, else the usual error body."""
     # The following data may be part of the request and must not be parsed as the next one. A body that is only too
     # large is read to its end: closing earlier would discard the response for a client that still sends.
@@ -477,5 +471,5 @@ def _refuse(scope: Scope, status: int, code: str, message: str) -> Response:
         page = render_message_page(status, message)
         page.headers.update(headers)
         return page
-    body = ErrorResponse(error=ErrorDetail(code=code, message=message))
+    body = ErrorResponse(error=ErrorDetail(code=code, message=message, message_code=message.code))
     return JSONResponse(body.model_dump(exclude_none=True), status_code=status, headers=headers)
