@@ -12,6 +12,7 @@ from fastapi.security import APIKeyCookie, HTTPBearer
 from pydantic import ValidationError
 from starlette.requests import HTTPConnection
 
+from backend.api import messages
 from backend.auth import BEARER, CONTROL_HEADER, OPEN, ControlHandover, ControlLease, User, parse_command_token
 from backend.errors import RequestRejectedError
 from backend.schemas import Ping, Pong, Role
@@ -67,14 +68,12 @@ __all__ = [
     "require_stop_permission",
 ]
 
-_SIGN_IN = "sign in again with the link that the service printed at its start, or with a token of the data folder"
-
 
 def require_signed_in(connection: HTTPConnection) -> User:
     """Return the signed-in user. Raises RequestRejectedError for anyone else."""
     person = find_authentication(connection).authenticate(read_credentials(connection))
     if person is None:
-        raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, f"not signed in: {_SIGN_IN}")
+        raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, messages.not_signed_in())
     return person
 
 
@@ -85,7 +84,7 @@ def require_stop_permission(connection: HTTPConnection) -> User:
     """
     person = find_authentication(connection).authenticate_for_stop(read_credentials(connection))
     if person is None:
-        raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, f"nothing was stopped, not signed in: {_SIGN_IN}")
+        raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, messages.stop_without_session())
     return person
 
 
@@ -120,9 +119,8 @@ async def _get_operator(request: Request, person: SignedInUser) -> User:
     if person.role is not Role.OPERATOR:
         if request.method not in ("GET", "HEAD"):
             request.state.commanding = person, b""  # for the log; values of viewers are not logged
-        raise RequestRejectedError(
-            ErrorCode.NOT_ALLOWED, f"{person.name} is signed in as {person.role}; this needs the operator's token"
-        )
+        message = messages.operator_needed(name=person.name, role=person.role)
+        raise RequestRejectedError(ErrorCode.NOT_ALLOWED, message)
     return person
 
 
@@ -169,7 +167,7 @@ async def _close_with_reason(websocket: WebSocket) -> None:
     """Close the websocket with a reason, after all other messages."""
     with suppress(TimeoutError, RuntimeError, WebSocketDisconnect):
         async with asyncio.timeout(SEND_TIMEOUT_S):
-            await websocket.close(1008, "this connection accepts only pings and needs them regularly")
+            await websocket.close(1008, messages.pings_missing())
 
 
 async def _send(websocket: WebSocket, client: StreamClient, first: Iterable[str | bytes]) -> None:

@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from backend.api import messages
 from backend.api.dependencies import Service, get_service, require_signed_in
 from backend.api.errors import build_response
 from backend.auth import User
@@ -84,7 +85,7 @@ class AuthenticationMiddleware:
         """
         pause_s = self._websocket_throttle.wait_s(f"{person.role} {person.session}", asyncio.get_running_loop().time())
         if pause_s is None:
-            message = "this session opens websockets too fast: try again in a few seconds"
+            message = messages.websockets_opened_too_fast()
             raise RequestRejectedError(ErrorCode.TOO_MANY, message, retry_after_s=math.ceil(LONGEST_WAIT_S))
         if pause_s > 0.0:
             await asyncio.sleep(pause_s)
@@ -137,11 +138,8 @@ def _authenticate(connection: HTTPConnection) -> User | None:
     limiter: ConnectionLimiter | None = state.get(CONNECTION_LIMITER)
     if limiter is None or slot is None or limiter.authenticate(slot, person, is_socket=is_socket) or not is_socket:
         return person
-    raise RequestRejectedError(
-        ErrorCode.UNAVAILABLE,
-        f"{person.name} has too many connections open: close other pages first",
-        code="too_many_connections",
-    )
+    message = messages.too_many_connections(name=person.name)
+    raise RequestRejectedError(ErrorCode.UNAVAILABLE, message, code="too_many_connections")
 
 
 # Rejected commands ---------------------------------------------------------------------------------

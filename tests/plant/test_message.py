@@ -52,7 +52,7 @@ def test_each_entry_of_a_catalogue_takes_keywords_and_is_raised_somewhere() -> N
     for module in found:
         package = importlib.import_module(module.__name__.rpartition(".")[0])
         sources = "".join(
-            path.read_text(encoding="utf-8") for folder in package.__path__ for path in Path(folder).glob("*.py")
+            path.read_text(encoding="utf-8") for folder in package.__path__ for path in Path(folder).rglob("*.py")
         )
         entries = [item for item in vars(module).values() if inspect.isfunction(item) and hasattr(item, "__wrapped__")]
         assert entries

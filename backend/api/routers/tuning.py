@@ -4,6 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Request
 
+from backend.api import messages
 from backend.api.dependencies import ActuatorOperator, CurrentService, Operator, RowId, SignedInUser
 from backend.errors import RequestRejectedError
 from backend.schemas import (
@@ -112,7 +113,7 @@ async def activate_bank(id: RowId, service: CurrentService, person: ActuatorOper
 
 def _require_one(other: int | None, run: list[int] | None) -> None:
     if (other is None) == (not run):
-        raise RequestRejectedError(ErrorCode.BAD_VALUE, "give either another bank or runs that identified points again")
+        raise RequestRejectedError(ErrorCode.BAD_VALUE, messages.bank_or_runs_needed())
 
 
 # Tuning --------------------------------------------------------------------------------------------
@@ -184,9 +185,9 @@ async def save_tuning(service: CurrentService, person: Operator) -> SavedTuning:
     """Save the active tuning for the active bank; rejected during a trial or a run's tuning."""
     live_state = service.actuator.live_state
     if live_state.overridden_tuning is not None:
-        raise RequestRejectedError(ErrorCode.NOT_NOW, "a run has applied a temporary tuning: save after the run")
+        raise RequestRejectedError(ErrorCode.NOT_NOW, messages.temporary_tuning_active())
     if service.actuator.tuning_service.view_trial() is not None:
-        raise RequestRejectedError(ErrorCode.NOT_NOW, "a trial is in progress: keep or revert the tuning before saving")
+        raise RequestRejectedError(ErrorCode.NOT_NOW, messages.trial_in_progress())
     return await in_thread(service.saved_tunings.save, live_state.tuning, person.name)
 
 
