@@ -18,7 +18,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import foxglove
 import numpy as np
-from foxglove import messages
+from foxglove import messages as foxglove_messages
 from foxglove.websocket import StatusLevel
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.asyncio.server import Server, ServerConnection, serve
@@ -28,10 +28,11 @@ from websockets.typing import Subprotocol
 
 from backend import wire
 from backend.exports import ORDER, TOPIC, describe_columns, writers
+from backend.foxglove import messages
 from backend.sample import STORED_NAMES
 from backend.schemas import EventMessage, LayoutMessage, MarkKind, StateMessage
 from backend.units import AngleUnit, format_text
-from plant import ErrorCode, SinewError, T_s
+from plant import ErrorCode, Message, SinewError, T_s
 
 # Message substitutes -------------------------------------------------------------------------------
 # Substitutes for messages: the vendor's server is given numbers that only this process can replace by the messages.
@@ -128,22 +129,19 @@ class Gateway:
         """Accept ``key`` from now on; clients with the previous key are disconnected."""
         if key != self._key:
             self._key = key
-            why = "the token was replaced: use the new address"
+            why = messages.token_replaced()
             await asyncio.gather(*(_disconnect(client, POLICY_VIOLATION, why) for client in tuple(self._clients)))
 
     def _check_request(self, connection: ServerConnection, request: Request) -> Response | None:
         refused = self._find_rejection(request)
         return connection.respond(refused[0], f"{refused[1]}\n") if refused else None
 
-    def _find_rejection(self, request: Request) -> tuple[HTTPStatus, str] | None:
+    def _find_rejection(self, request: Request) -> tuple[HTTPStatus, Message] | None:
         token = parse_qs(urlsplit(request.path).query, errors="replace").get("token", [""])[-1]
         if self._key is None or not secrets.compare_digest(token.encode(errors="replace"), self._key.encode()):
-            return (
-                HTTPStatus.UNAUTHORIZED,
-                "the address needs ?token= with the viewer's token, as sinew foxglove prints it",
-            )
+            return HTTPStatus.UNAUTHORIZED, messages.token_missing()
         if len(self._clients) >= MOST_CLIENTS:
-            return HTTPStatus.SERVICE_UNAVAILABLE, f"{MOST_CLIENTS} clients are already connected"
+            return HTTPStatus.SERVICE_UNAVAILABLE, messages.too_many_clients(maximum=MOST_CLIENTS)
         return None
 
     async def _relay(self, client: ServerConnection) -> None:
@@ -158,7 +156,7 @@ class Gateway:
             ) as server:
                 await _run_until_first(self._show(server, client), _forward_requests(client, server))
         except (OSError, InvalidHandshake):
-            await _disconnect(client, FAILED, "the vendor's server has ended: start sinew foxglove again")
+            await _disconnect(client, FAILED, messages.vendor_server_ended())
         finally:
             self._clients.discard(client)
 
@@ -176,7 +174,7 @@ async def _forward_requests(client: ServerConnection, server: ClientConnection) 
         try:
             asked = json.loads(message) if isinstance(message, str) else {}
         except (ValueError, RecursionError):
-            await _disconnect(client, POLICY_VIOLATION, "this is not JSON")
+            await _disconnect(client, POLICY_VIOLATION, messages.request_is_not_json())
             return
         if isinstance(asked, dict) and asked.get("op") in FORWARDED_OPERATIONS:
             await server.send(message)
@@ -239,7 +237,7 @@ _ASTRAY_NS = 50_000_000
 """Deviation after which times are recomputed: the machine's clock was set, or the loop was paused."""
 
 _SERVICE_STATUS = "service"
-_LEVELS = {MarkKind.FAULT: messages.LogLevel.Error, MarkKind.TRIP: messages.LogLevel.Error}
+_LEVELS = {MarkKind.FAULT: foxglove_messages.LogLevel.Error, MarkKind.TRIP: foxglove_messages.LogLevel.Error}
 
 
 class OtherVersionError(SinewError):
@@ -267,7 +265,7 @@ class Publisher:
             context=context,
         )
         self._log = foxglove.Channel(
-            LOG_TOPIC, schema=messages.Log.get_schema(), message_encoding="protobuf", context=context
+            LOG_TOPIC, schema=foxglove_messages.Log.get_schema(), message_encoding="protobuf", context=context
         )
         # No capability: clients cannot send anything to the actuator.
         self._server = foxglove.start_server(
@@ -291,7 +289,9 @@ class Publisher:
                 self._note(StateMessage.model_validate(content))
             case "event":
                 mark = EventMessage.model_validate(content)
-                self._log_message(mark.text, _LEVELS.get(mark.kind, messages.LogLevel.Info), mark.kind, mark.tick)
+                self._log_message(
+                    mark.text, _LEVELS.get(mark.kind, foxglove_messages.LogLevel.Info), mark.kind, mark.tick
+                )
             case _:  # pongs, but no ping is sent
                 pass
 
@@ -306,9 +306,7 @@ class Publisher:
     def _begin(self, layout: LayoutMessage) -> None:
         names = tuple(field.name for field in layout.fields)
         if names != STORED_NAMES or layout.period_s != T_s:
-            raise OtherVersionError(
-                "the service streams signals that this version does not support: use the same version of both"
-            )
+            raise OtherVersionError(messages.service_of_another_version())
         self._server.remove_status([_SERVICE_STATUS])
         self._began_ns = None
 
@@ -321,7 +319,7 @@ class Publisher:
         now = set(state.problems)
         for problem in state.problems:
             if problem not in self._problems:
-                self._log_message(problem, messages.LogLevel.Warning, "problem", state.tick)
+                self._log_message(problem, foxglove_messages.LogLevel.Warning, "problem", state.tick)
         self._problems = now
 
     def _publish_samples(self, packed: bytes) -> None:
@@ -330,18 +328,20 @@ class Publisher:
             return
         if frame.missed:
             words = f"{frame.missed} samples before this one are missing here; the recording contains them"
-            self._log_message(words, messages.LogLevel.Warning, "stream", frame.first_tick)
+            self._log_message(words, foxglove_messages.LogLevel.Warning, "stream", frame.first_tick)
         ticks = np.arange(frame.first_tick, frame.first_tick + frame.columns.shape[1])
         batch = {"t": ticks * T_s, **dict(zip(STORED_NAMES, frame.columns, strict=True))}
         for tick, line in zip(ticks.tolist(), writers.lines(ORDER, batch), strict=True):
             self._samples.log(self._tickets.ticket_for(line), log_time=self._began_ns + tick * _PERIOD_NS)
 
-    def _log_message(self, words: str, level: messages.LogLevel, name: str, tick: int) -> None:
+    def _log_message(self, words: str, level: foxglove_messages.LogLevel, name: str, tick: int) -> None:
         if self._began_ns is None or not self._log.has_sinks():
             return
         at_ns = self._began_ns + tick * _PERIOD_NS
-        stamp = messages.Timestamp(*divmod(at_ns, 10**9))
-        entry = messages.Log(timestamp=stamp, level=level, message=format_text(words, AngleUnit.RADIANS), name=name)
+        stamp = foxglove_messages.Timestamp(*divmod(at_ns, 10**9))
+        entry = foxglove_messages.Log(
+            timestamp=stamp, level=level, message=format_text(words, AngleUnit.RADIANS), name=name
+        )
         self._log.log(self._tickets.ticket_for(entry.encode()), log_time=at_ns)
 
 

@@ -15,6 +15,7 @@ import viser
 from numpy.typing import NDArray
 
 from backend.sample import NAMES
+from backend.scene import messages
 from backend.scene.server import PortlessServer, SceneEndedError, Send
 from backend.supervision import Part
 from plant import Obstacle, PlantParameters, Spring
@@ -703,7 +704,7 @@ class SceneMirror:
     def server(self) -> PortlessServer:
         """Server of the current scene. Raises SceneEndedError if there is none."""
         if self._scene is None:
-            raise SceneEndedError("there is no 3D view")
+            raise SceneEndedError(messages.no_view())
         return self._scene[0]
 
     async def show(self, send: Send) -> None:
@@ -750,7 +751,7 @@ class SceneMirror:
             due = max(due + 1.0 / RATE_HZ, time.monotonic())
             if not server.is_alive:
                 server.clear_up()
-                raise SceneEndedError("viser's thread has ended")
+                raise SceneEndedError(messages.viewer_thread_ended())
             if server.viewers:
                 self._step(stage)
 

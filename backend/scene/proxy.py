@@ -13,6 +13,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from starlette.requests import HTTPConnection
 from starlette.websockets import WebSocketDisconnect, WebSocketDisconnected
 
+from backend.scene import messages
 from backend.scene.model import SceneMirror
 from backend.scene.server import PROTOCOL, SceneEndedError
 from plant import SinewError
@@ -154,11 +155,13 @@ class InboundLimiter:
         self._left = min(MOST_AT_ONCE, self._left + MOST_PER_S * (now_s - self._last_received_s)) - 1.0
         self._last_received_s = now_s
         if message is None:
-            raise DisconnectError(POLICY_VIOLATION, "text messages are not supported")
+            raise DisconnectError(POLICY_VIOLATION, messages.text_not_supported())
         if len(message) > MOST_BYTES:
-            raise DisconnectError(TOO_BIG, f"a message has {len(message)} bytes, at most {MOST_BYTES} are accepted")
+            raise DisconnectError(
+                TOO_BIG, messages.message_too_large(size_bytes=len(message), maximum_bytes=MOST_BYTES)
+            )
         if self._left < 0.0:
-            raise DisconnectError(POLICY_VIOLATION, f"more than {MOST_PER_S:g} messages a second")
+            raise DisconnectError(POLICY_VIOLATION, messages.too_many_messages(maximum_per_s=MOST_PER_S))
 
 
 def create_scene_router(
@@ -184,7 +187,7 @@ def create_scene_router(
 
     @routes.websocket(path)
     @routes.websocket(f"{path}/")
-    async def messages(websocket: WebSocket) -> None:
+    async def stream(websocket: WebSocket) -> None:
         authorise(websocket)
         await viewers.serve(websocket)
 
@@ -208,7 +211,7 @@ class _SceneViewers:
             return
         await websocket.accept(subprotocol=PROTOCOL)
         if self._viewer_count >= MOST_VIEWERS:
-            await websocket.close(LATER, f"{MOST_VIEWERS} viewers have the scene open already")
+            await websocket.close(LATER, messages.too_many_viewers(maximum=MOST_VIEWERS))
             return
         self._viewer_count += 1
         try:
@@ -252,7 +255,7 @@ async def _refuse_version(websocket: WebSocket, offered: list[str]) -> None:
     pages = [name for name in offered if VERSION.fullmatch(name)]
     if pages:
         await websocket.accept(subprotocol=pages[0])
-    await websocket.close(WRONG_VERSION, "the page has another version: reload it")
+    await websocket.close(WRONG_VERSION, messages.page_of_another_version())
 
 
 async def _receive(websocket: WebSocket) -> None:
@@ -269,8 +272,8 @@ def _find_reason(ended: asyncio.Task[None]) -> DisconnectError | None:
         case DisconnectError():
             return error
         case TimeoutError():
-            return DisconnectError(POLICY_VIOLATION, f"the browser accepted no data for {SEND_TIMEOUT_S:g} s")
+            return DisconnectError(POLICY_VIOLATION, messages.no_data_accepted(timeout_s=SEND_TIMEOUT_S))
         case SceneEndedError():
-            return DisconnectError(LATER, "the 3D view has ended")
+            return DisconnectError(LATER, messages.view_ended())
         case _:
-            return DisconnectError(FAILED, f"the 3D view failed: {type(error).__name__}")
+            return DisconnectError(FAILED, messages.view_failed(error=type(error).__name__))

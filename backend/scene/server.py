@@ -20,6 +20,7 @@ import websockets.datastructures
 import websockets.exceptions
 from viser.infra import _infra
 
+from backend.scene import messages
 from plant import SinewError
 
 PROTOCOL = f"viser-v{viser.__version__}"
@@ -142,13 +143,13 @@ class _InProcessTransport:
     async def show(self, send: Send) -> None:
         loop = self._loop
         if loop is None:
-            raise SceneEndedError("the 3D view has ended")
+            raise SceneEndedError(messages.view_ended())
         shown = asyncio.run_coroutine_threadsafe(self._serve(_Viewer(send, asyncio.get_running_loop())), loop)
         await asyncio.wrap_future(shown)
 
     async def _serve(self, viewer: "_Viewer") -> None:
         if self._loop is None or self._handler is None:
-            raise SceneEndedError("the 3D view has ended")
+            raise SceneEndedError(messages.view_ended())
         task = self._loop.create_task(self._handler(viewer))
         self.viewers.add(task)
         task.add_done_callback(self.viewers.discard)

@@ -1,0 +1,53 @@
+"""Messages about the 3D view: it is not there, or the connection of a browser was closed."""
+
+from plant import catalogue_entry
+
+
+@catalogue_entry
+def no_view() -> str:
+    return "there is no 3D view"
+
+
+@catalogue_entry
+def viewer_thread_ended() -> str:
+    return "viser's thread has ended"
+
+
+@catalogue_entry
+def text_not_supported() -> str:
+    return "text messages are not supported"
+
+
+@catalogue_entry
+def message_too_large(*, size_bytes: int, maximum_bytes: int) -> str:
+    return f"a message has {size_bytes} bytes, at most {maximum_bytes} are accepted"
+
+
+@catalogue_entry
+def too_many_messages(*, maximum_per_s: float) -> str:
+    return f"more than {maximum_per_s:g} messages a second"
+
+
+@catalogue_entry
+def too_many_viewers(*, maximum: int) -> str:
+    return f"{maximum} viewers have the scene open already"
+
+
+@catalogue_entry
+def page_of_another_version() -> str:
+    return "the page has another version: reload it"
+
+
+@catalogue_entry
+def no_data_accepted(*, timeout_s: float) -> str:
+    return f"the browser accepted no data for {timeout_s:g} s"
+
+
+@catalogue_entry
+def view_ended() -> str:
+    return "the 3D view has ended"
+
+
+@catalogue_entry
+def view_failed(*, error: str) -> str:
+    return f"the 3D view failed: {error}"
