@@ -16,6 +16,7 @@ from backend.analysis import SETTLING_BAND, disturbance_metrics, frequency_metri
 from backend.commissioning import StepState
 from backend.errors import QUANTITY_LABELS
 from backend.faults import EXPLANATIONS, Fault, Limit
+from backend.glossary import messages
 from backend.identification import Grade, validation
 from backend.models import Outcome
 from backend.realtime import Cause, HomingEnd, Mode
@@ -291,7 +292,7 @@ def parse_concepts(page: str | None = None) -> list[GlossaryTerm]:
     for heading in re.findall(r"^## (.+)$", text, re.MULTILINE):
         for row in _parse_table(text, heading):
             if len(row) != 3 or not row[0] or not row[1]:
-                raise GlossaryError(f"docs/glossary.md, {heading}: a row has no term or no meaning")
+                raise GlossaryError(messages.term_or_meaning_missing(heading=heading))
             term, meaning, replaced = map(_strip_markup, row)
             more = (("Not used", replaced),) if replaced else ()
             concepts.append(GlossaryTerm(TermKind.CONCEPT, term, term, meaning, source="docs/glossary.md", more=more))
@@ -322,7 +323,7 @@ def parse_limits(page: str | None = None) -> list[GlossaryTerm]:
     meanings = {row[0].strip("`"): row[2] for row in _parse_table(text, "Limits")}
     missing = [str(limit.name) for limit in Limit if limit.name not in meanings]
     if missing:
-        raise GlossaryError(f"docs/reference/faults.md does not explain the limits {', '.join(missing)}")
+        raise GlossaryError(messages.limits_not_explained(limits=", ".join(missing)))
     return [
         GlossaryTerm(TermKind.LIMIT, name, _format_words(name), meanings[name], source="docs/reference/faults.md")
         for name in (str(limit.name) for limit in Limit)
@@ -337,7 +338,7 @@ def _parse_row(kind: TermKind, row: list[str]) -> list[GlossaryTerm]:
     symbol, code, unit, meaning, equation = row
     names = re.findall(r"`([\w.]+)`", code)
     if not names or not meaning:
-        raise GlossaryError(f"docs/reference/notation.md: {symbol or code!r} needs a code name and a meaning")
+        raise GlossaryError(messages.code_name_or_meaning_missing(symbol=symbol or code))
     symbols = symbol.split(", ") if len(names) > 1 else [symbol]
     units = unit.split(", ") if len(names) > 1 else [unit]
     found = _SOURCE.match(equation)
@@ -374,7 +375,7 @@ def _build_fault_term(fault: Fault, section: str) -> GlossaryTerm:
     parts = {part: re.search(rf"^- {part}: (.+)$", joined, re.MULTILINE) for part in _PARTS}
     more = tuple((part, _strip_markup(found[1])) for part, found in parts.items() if found)
     if len(more) != len(_PARTS):
-        raise GlossaryError(f"docs/reference/faults.md: {fault.value} needs {', '.join(_PARTS)}")
+        raise GlossaryError(messages.fault_not_explained(fault=fault.value, needed=", ".join(_PARTS)))
     name = fault.value
     return GlossaryTerm(
         TermKind.FAULT,
@@ -389,7 +390,7 @@ def _build_fault_term(fault: Fault, section: str) -> GlossaryTerm:
 def _parse_table(page: str, heading: str) -> list[list[str]]:
     """Return the cells of the table below a heading, without its header."""
     if f"\n## {heading}" not in page:
-        raise GlossaryError(f"there is no section {heading!r}")
+        raise GlossaryError(messages.section_missing(heading=heading))
     part = page.split(f"\n## {heading}", 1)[1].split("\n## ", 1)[0]
     lines = re.findall(r"^\|(.*)\|$", part, re.MULTILINE)
     return [[cell.strip() for cell in line.split("|")] for line in lines[2:]]
@@ -621,7 +622,7 @@ def build_glossary() -> dict[str, GlossaryTerm]:
     found: dict[str, GlossaryTerm] = {}
     for entry in listed:
         if found.setdefault(entry.key, entry) is not entry:
-            raise GlossaryError(f"{entry.key} is explained twice")
+            raise GlossaryError(messages.term_explained_twice(key=entry.key))
     return found
 
 

@@ -47,6 +47,7 @@ from backend.schemas.state import ChainLinkView
 from backend.services.jobs import describe_identification_kinds
 from backend.storage.runs import EndState
 from plant.parameters import SECTIONS
+from tests.refusals import refused
 
 # Every word that the page shows of signals, results, faults and states has its meaning, and one source.
 
@@ -72,7 +73,7 @@ def test_every_row_of_the_terms_is_explained_with_the_words_that_it_replaces() -
         term, meaning, replaced = (cell.strip().replace("`", "") for cell in row.strip("|").split("|"))
         assert concepts[term].meaning == meaning
         assert dict(concepts[term].more).get("Not used", "") == replaced
-    with pytest.raises(GlossaryError, match="a row has no term or no meaning"):
+    with refused(GlossaryError, "term_or_meaning_missing", heading="Actuator"):
         parse_concepts("\n## Actuator\n| Term | Meaning | Not |\n|---|---|---|\n| tendon |  | rope |\n")
 
 
@@ -150,11 +151,11 @@ def test_citations_of_the_paper_are_told_from_equations() -> None:
 
 def test_what_a_page_does_not_explain_is_refused_by_name() -> None:
     page = (ROOT / "docs" / "reference" / "faults.md").read_text(encoding="utf-8")
-    with pytest.raises(GlossaryError, match="slack needs Cause, Reaction, Within, Remedy"):
+    with refused(GlossaryError, "fault_not_explained", fault="slack", needed="Cause, Reaction, Within, Remedy"):
         parse_faults(page.replace("### `slack`", "### `slacker`"))
-    with pytest.raises(GlossaryError, match="limits GOVERNOR"):
+    with refused(GlossaryError, "limits_not_explained", limits="GOVERNOR"):
         parse_limits(page.replace("| `GOVERNOR` |", "| `GOVERNED` |"))
-    with pytest.raises(GlossaryError, match="no section 'Signals'"):
+    with refused(GlossaryError, "section_missing", heading="Signals"):
         parse_notation("# nothing\n")
 
 
