@@ -10,8 +10,9 @@ from pydantic import BaseModel, ConfigDict, Field, Tag
 from pydantic.fields import FieldInfo
 
 from backend.errors import QUANTITY_LABELS, InvalidValueError, Path, describe_out_of_range
+from backend.schemas import messages
 from backend.units import AngleUnit, get_display_unit
-from plant import SinewError
+from plant import Message, SinewError
 
 # Base ----------------------------------------------------------------------------------------------
 
@@ -84,18 +85,6 @@ MAX_SHOWN_CHARACTERS = 40
 _ITEM_NAMES = {"tensions_N": "tension", "identifications": "run", "entries": "entry", "runs": "run"}
 """Name of one item of a list, by the name of the field."""
 
-_MESSAGES = {
-    "missing": "it is missing",
-    "extra_forbidden": "this name is unknown: remove it",
-    "string_type": "a text is required",
-    "list_type": "a list is required",
-    "dict_type": "an object with named values is required",
-    "model_type": "an object with named values is required",
-    "model_attributes_type": "an object with named values is required",
-    "string_pattern_mismatch": "it contains characters that are not allowed",
-    "int_parsing_size": "the number is too long",
-}
-
 
 @dataclass(frozen=True)
 class _DeclaredValue:
@@ -120,12 +109,14 @@ def build_request_error(error: Mapping[str, Any], body: Any, angles: AngleUnit) 
     minimum, maximum = (_find_bound(context, *keys) for keys in (("ge", "gt"), ("le", "lt")))
     number = _parse_number(value)
     if (minimum, maximum) != (None, None) and number is not None:
-        problem = "; ".join(describe_out_of_range(number, minimum, maximum, declared.unit or "1", angles))
+        fault, remedy = describe_out_of_range(number, minimum, maximum, declared.unit or "1", angles)
+        message = messages.value_out_of_range(label=declared.label, fault=fault, remedy=remedy)
     else:
-        problem = _describe_problem(kind, value, context, declared, angles)
+        message = _build_message(error, value, declared, angles)
     return ErrorDetail(
         code=kind,
-        message=f"{declared.label}: {problem or str(error['msg'])}",
+        message=message,
+        message_code=message.code,
         quantity=next((part for part in reversed(path) if isinstance(part, str)), "body"),
         words=declared.label,
         path=list(path) or None,
@@ -146,41 +137,68 @@ def _parse_number(value: object) -> float | None:
         return None
 
 
-def _describe_problem(
-    kind: str, value: object, context: Mapping[str, Any], declared: _DeclaredValue, angles: AngleUnit
-) -> str:
-    """Return what is wrong and what is expected.
-
-    An empty text stands for the message of pydantic.
-    """
-    if kind == "value_error":
-        return str(context["error"])
-    if kind in _MESSAGES:
-        return _MESSAGES[kind]
+def _build_message(error: Mapping[str, Any], value: object, declared: _DeclaredValue, angles: AngleUnit) -> Message:
+    """Return what is wrong with a value and what is expected; for other errors the message of pydantic."""
+    kind, context, label = str(error["type"]), error.get("ctx", {}), declared.label
+    if (message := _build_form_message(kind, label)) is not None:
+        return message
     if kind in ("literal_error", "enum", "union_tag_invalid"):
         legal = declared.legal or str(context.get("expected_tags", "")).replace("'", "").split(", ")
-        return f"{_format_value(value)} is not allowed; choose one of {', '.join(legal)}"
+        return messages.unknown_choice(label=label, value=_format_value(value), legal=", ".join(legal))
     if kind.startswith(("float", "int", "finite")):
-        whole = "whole " if kind.startswith("int") else ""
-        unit = "" if declared.unit in (None, "1") else f" in {get_display_unit(declared.unit, angles).unit}"
-        if value is None or isinstance(value, list | dict):
-            return f"a {whole}number is needed{unit}"
-        return f"{_format_value(value)} is not a {whole}number; give one{unit}"
+        return _build_number_message(value, declared, angles, is_whole=kind.startswith("int"))
     if kind.startswith("bool"):
-        return f"{_format_value(value)} is neither true nor false"
+        return messages.not_a_boolean(label=label, value=_format_value(value))
     if kind.endswith(("too_long", "too_short")):
-        return _describe_length(value, context)
-    return ""
+        return _build_length_message(value, context, label)
+    reason = str(context["error"]) if kind == "value_error" else ""
+    return messages.invalid_value(label=label, reason=reason or str(error["msg"]))
 
 
-def _describe_length(value: object, context: Mapping[str, Any]) -> str:
+def _build_form_message(kind: str, label: str) -> Message | None:
+    match kind:
+        case "missing":
+            return messages.value_missing(label=label)
+        case "extra_forbidden":
+            return messages.unknown_name(label=label)
+        case "string_type":
+            return messages.text_required(label=label)
+        case "list_type":
+            return messages.list_required(label=label)
+        case "dict_type" | "model_type" | "model_attributes_type":
+            return messages.object_required(label=label)
+        case "string_pattern_mismatch":
+            return messages.character_not_allowed(label=label)
+        case "int_parsing_size":
+            return messages.number_too_long(label=label)
+    return None
+
+
+def _build_number_message(value: object, declared: _DeclaredValue, angles: AngleUnit, *, is_whole: bool) -> Message:
+    label = declared.label
+    unit = "" if declared.unit in (None, "1") else get_display_unit(declared.unit, angles).unit
+    if value is None or isinstance(value, list | dict):
+        if is_whole:
+            return messages.whole_number_required(label=label, unit=unit)
+        return messages.number_required(label=label, unit=unit)
+    if is_whole:
+        return messages.not_a_whole_number(label=label, value=_format_value(value), unit=unit)
+    return messages.not_a_number(label=label, value=_format_value(value), unit=unit)
+
+
+def _build_length_message(value: object, context: Mapping[str, Any], label: str) -> Message:
     length = len(value) if isinstance(value, str | list | dict) else int(context.get("actual_length", 0))
-    items = " characters" if isinstance(value, str) else ""
     if "max_length" in context:
-        return f"{length}{items} are too many; {context['max_length']} at most"
-    if length == 0 and isinstance(value, str):
-        return "it must not be empty"
-    return f"{length}{items} are too few; {context['min_length']} at least"
+        maximum = context["max_length"]
+        if isinstance(value, str):
+            return messages.too_many_characters(label=label, length=length, maximum=maximum)
+        return messages.too_many_items(label=label, length=length, maximum=maximum)
+    minimum = context["min_length"]
+    if not isinstance(value, str):
+        return messages.too_few_items(label=label, length=length, minimum=minimum)
+    if length == 0:
+        return messages.empty_text(label=label)
+    return messages.too_few_characters(label=label, length=length, minimum=minimum)
 
 
 def _find_declared(body: Any, path: Path, *, known: bool) -> _DeclaredValue:

@@ -1,17 +1,18 @@
 """Schemas of chart layouts and of a person's preferences for the page."""
 
 from collections import Counter
-from collections.abc import Collection
-from typing import Annotated, Literal
+from collections.abc import Collection, Iterable
+from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
 from backend.errors import RequestRejectedError
 from backend.plain_text import ONE_LINE
 from backend.sample import UNIT_BY_SIGNAL
+from backend.schemas import messages
 from backend.schemas.base import Schema, quantity
 from backend.units import AngleUnit
-from plant import ErrorCode
+from plant import ErrorCode, Message
 
 # Chart layouts -------------------------------------------------------------------------------------
 
@@ -46,38 +47,48 @@ def check_preferences(layouts: list[ChartLayout], formulas: Collection[str] = ()
     ``formulas`` are the names of derived signals, including deleted ones; the page checks their units. Raises
     RequestRejectedError.
     """
-    _require_unique([layout.name for layout in layouts], "layout of the charts")
+    if duplicate := _find_duplicate(layout.name for layout in layouts):
+        raise _build_error(messages.duplicate_layout(layout=duplicate.name, count=duplicate.occurrences))
     for layout in layouts:
-        _require_unique([panel.title for panel in layout.panels], f"panel of layout “{layout.name}”")
+        if duplicate := _find_duplicate(panel.title for panel in layout.panels):
+            raise _build_error(
+                messages.duplicate_panel(layout=layout.name, panel=duplicate.name, count=duplicate.occurrences)
+            )
         for panel in layout.panels:
             _check_panel(panel, layout.name, formulas)
         if all(panel.over is not None for panel in layout.panels):
-            raise _build_error(
-                f"layout “{layout.name}” has no panel over time: add one, because its time axis applies to all panels"
-            )
+            raise _build_error(messages.no_panel_over_time(layout=layout.name))
 
 
 def _check_panel(panel: ChartPanel, layout: str, formulas: Collection[str]) -> None:
-    where = f"panel “{panel.title}” of layout “{layout}”"
     for name in (*panel.signals, *filter(None, [panel.over])):
         if name not in UNIT_BY_SIGNAL and name not in formulas:
-            raise _build_error(f"{where}: there is no signal {name}", legal=UNIT_BY_SIGNAL)
-    _require_unique(panel.signals, f"signal in {where}")
+            message = messages.unknown_signal(layout=layout, panel=panel.title, signal=name)
+            raise _build_error(message, legal=UNIT_BY_SIGNAL)
+    if duplicate := _find_duplicate(panel.signals):
+        raise _build_error(
+            messages.duplicate_signal(
+                layout=layout, panel=panel.title, signal=duplicate.name, count=duplicate.occurrences
+            )
+        )
     units = {UNIT_BY_SIGNAL[name]: name for name in reversed(panel.signals) if name in UNIT_BY_SIGNAL}
     if len(units) > 1:
         signals = " and ".join(f"{name} in {unit}" for unit, name in reversed(units.items()))
-        raise _build_error(
-            f"{where} has {signals}: all signals of a panel must have the same unit; move them to separate panels"
-        )
+        raise _build_error(messages.several_units(layout=layout, panel=panel.title, signals=signals))
 
 
-def _require_unique(names: list[str], label: str) -> None:
+class _Duplicate(NamedTuple):
+    name: str
+    occurrences: int
+
+
+def _find_duplicate(names: Iterable[str]) -> _Duplicate | None:
+    """Return the most frequent name, None if each occurs once."""
     name, count = max(Counter(names).items(), key=lambda item: item[1], default=("", 0))
-    if count > 1:
-        raise _build_error(f"{label}: “{name}” occurs {count} times: remove the duplicates")
+    return _Duplicate(name, count) if count > 1 else None
 
 
-def _build_error(message: str, legal: dict[str, str] | None = None) -> RequestRejectedError:
+def _build_error(message: Message, legal: dict[str, str] | None = None) -> RequestRejectedError:
     return RequestRejectedError(ErrorCode.BAD_VALUE, message, code="bad_layout", legal=legal)
 
 

@@ -13,9 +13,10 @@ from starlette.requests import HTTPConnection
 
 from backend.api.errors import install_handlers
 from backend.api.export import build_openapi_schema
-from backend.errors import OutOfRangeError
+from backend.errors import OutOfRangeError, describe_out_of_range
 from backend.experiments.library import IDENTIFICATIONS
 from backend.models.settings import describe_settings
+from backend.schemas import messages
 from backend.schemas.identification import (
     ActuatorRequest,
     IdentificationRequest,
@@ -29,6 +30,7 @@ from backend.schemas.state import Ping, PushRequest, References
 from backend.schemas.tuning import BankFile, BankRequest, TrialRequest
 from backend.services.jobs import build_plans
 from backend.units import AngleUnit
+from plant import Message
 from tests.api.test_operate import CODE_NAME, SYMBOL
 
 # Nothing is taken in without a bound: every number, text, list and set of names of every request.
@@ -113,83 +115,130 @@ BODIES = {
     "preferences": Preferences,
 }
 
-REFUSED: list[tuple[str, Any, list[str | int] | None, str]] = [
-    ("trial", {"duration_s": 0.2}, ["duration_s"], "duration of the trial: 0.2 s is less than 1 s; choose 1 s at"),
+
+def too_small(label: str, value: float, minimum: float, unit: str = "1") -> Message:
+    fault, remedy = describe_out_of_range(value, minimum, None, unit, AngleUnit.DEGREES)
+    return messages.value_out_of_range(label=label, fault=fault, remedy=remedy)
+
+
+TRIAL_TIME = "duration of the trial"
+INTERPOLATE = "whether gains are interpolated between bank entries instead of switched"
+CAMERA = {**DEFAULT_PREFERENCES.model_dump(mode="json"), "camera": "from above"}
+
+REFUSED: list[tuple[str, Any, list[str | int] | None, Message]] = [
+    ("trial", {"duration_s": 0.2}, ["duration_s"], too_small(TRIAL_TIME, 0.2, 1.0, "s")),
+    ("trial", {"duration_s": "0.2"}, ["duration_s"], too_small(TRIAL_TIME, 0.2, 1.0, "s")),
     (
-        "trial",
-        {"duration_s": "0.2"},
-        ["duration_s"],
-        "duration of the trial: 0.2 s is less than 1 s; choose 1 s at",
+        "build",
+        {"name": "n", "identifications": ["9" * 5000]},
+        ["identifications", 0],
+        messages.number_too_long(label="run 1"),
     ),
-    ("build", {"name": "n", "identifications": ["9" * 5000]}, ["identifications", 0], "run 1: the number is too long"),
-    (
-        "preferences",
-        {**DEFAULT_PREFERENCES.model_dump(mode="json"), "camera": "from above"},
-        ["camera"],
-        "name of the camera of the 3D view: it contains characters that are not allowed",
-    ),
-    ("trial", {"duration_s": "x"}, ["duration_s"], "duration of the trial: “x” is not a number; give one in s"),
+    ("preferences", CAMERA, ["camera"], messages.character_not_allowed(label="name of the camera of the 3D view")),
+    ("trial", {"duration_s": "x"}, ["duration_s"], messages.not_a_number(label=TRIAL_TIME, value="“x”", unit="s")),
     (
         "trial",
         {"duration_s": 5, "interpolate": "maybe"},
         ["interpolate"],
-        "whether gains are interpolated between bank entries instead of switched: “may",
+        messages.not_a_boolean(label=INTERPOLATE, value="“maybe”"),
     ),
-    ("push", {"F_push": 1, "duration_s": None}, ["duration_s"], "time after which the loop releases the joint: a numb"),
-    ("references", {"q_ref": 1}, ["S_ref"], "joint stiffness reference: it is missing"),
+    (
+        "push",
+        {"F_push": 1, "duration_s": None},
+        ["duration_s"],
+        messages.number_required(label="time after which the loop releases the joint", unit="s"),
+    ),
+    ("references", {"q_ref": 1}, ["S_ref"], messages.value_missing(label="joint stiffness reference")),
     (
         "references",
         {"q_ref": "1 turn", "S_ref": 9},
         ["q_ref"],
-        "joint position reference: “1 turn” is not a number; give o",
+        messages.not_a_number(label="joint position reference", value="“1 turn”", unit="°"),
     ),
-    ("bank", [1], None, "the request: an object with named values is required"),
-    ("bank", {"entries": [ENTRY]}, ["name"], "name of the bank: it is missing"),
+    ("bank", [1], None, messages.object_required(label="the request")),
+    ("bank", {"entries": [ENTRY]}, ["name"], messages.value_missing(label="name of the bank")),
     (
         "bank",
         {"name": "n" * 61, "entries": [ENTRY]},
         ["name"],
-        "name of the bank: 61 characters are too many; 60 at mo",
+        messages.too_many_characters(label="name of the bank", length=61, maximum=60),
     ),
-    ("bank", {"name": "", "entries": [ENTRY]}, ["name"], "name of the bank: it must not be empty"),
-    ("bank", {"name": "n", "entries": []}, ["entries"], "entries: 0 are too few; 1 at least"),
-    ("bank", {"name": "n", "entries": [ENTRY] * 21}, ["entries"], "entries: 21 are too many; 20 at most"),
+    ("bank", {"name": "", "entries": [ENTRY]}, ["name"], messages.empty_text(label="name of the bank")),
+    (
+        "bank",
+        {"name": "n", "entries": []},
+        ["entries"],
+        messages.too_few_items(label="entries", length=0, minimum=1),
+    ),
+    (
+        "bank",
+        {"name": "n", "entries": [ENTRY] * 21},
+        ["entries"],
+        messages.too_many_items(label="entries", length=21, maximum=20),
+    ),
     (
         "bank",
         {"name": "n", "entries": [ENTRY, ENTRY | {"K_q": "a"}]},
         ["entries", 1, "K_q"],
-        "entry 2, K of G_q: “a” is",
+        messages.not_a_number(label="entry 2, K of G_q", value="“a”", unit=""),
     ),
-    ("bank", {"name": "n", "entries": [{"S_nominal": 10}]}, ["entries", 0, "K_q"], "entry 1, K of G_q: it is missing"),
-    ("bank", {"name": "n", "entries": [ENTRY | {"q": 2}]}, ["entries", 0, "q"], "entry 1, “q”: this name is unknown"),
     (
-        "build",
-        {"name": "n", "identifications": [0]},
-        ["identifications", 0],
-        "run 1: 0 is less than 1; choose 1 at least",
+        "bank",
+        {"name": "n", "entries": [{"S_nominal": 10}]},
+        ["entries", 0, "K_q"],
+        messages.value_missing(label="entry 1, K of G_q"),
     ),
-    ("note", {"note": "x" * 4001}, ["note"], "note: 4001 characters are too many; 4000 at most"),
+    (
+        "bank",
+        {"name": "n", "entries": [ENTRY | {"q": 2}]},
+        ["entries", 0, "q"],
+        messages.unknown_name(label="entry 1, “q”"),
+    ),
+    ("build", {"name": "n", "identifications": [0]}, ["identifications", 0], too_small("run 1", 0, 1)),
+    (
+        "note",
+        {"note": "x" * 4001},
+        ["note"],
+        messages.too_many_characters(label="note", length=4001, maximum=4000),
+    ),
     (
         "table",
         {"name": "a", "table": "x" * 400_001},
         ["table"],
-        "table of the file: 400001 characters are too many; 400000 at most",
+        messages.too_many_characters(label="table of the file", length=400_001, maximum=400_000),
     ),
-    ("identification", {"tensions_N": [10, "a"]}, ["tensions_N", 1], "tension 2: “a” is not a number; give one in N"),
+    (
+        "identification",
+        {"tensions_N": [10, "a"]},
+        ["tensions_N", 1],
+        messages.not_a_number(label="tension 2", value="“a”", unit="N"),
+    ),
     (
         "identification",
         {"tensions_N": []},
         ["tensions_N"],
-        "tensions of several consecutive runs: 0 are too few; 1 at le",
+        messages.too_few_items(label="tensions of several consecutive runs", length=0, minimum=1),
     ),
     (
         "identification",
         {"estimator": "foo"},
         ["estimator"],
-        "method that estimates the models from the recording: “foo” is not allowed; c",
+        messages.unknown_choice(
+            label="method that estimates the models from the recording", value="“foo”", legal="default, arx"
+        ),
     ),
-    ("identification", {"bits": 7.5}, ["bits"], "length of the shift register: 7.5 is not a whole number; give"),
-    ("identification", {"kind": "x"}, ["kind"], "kind: “x” is not allowed; choose one of actuator, motor, spring"),
+    (
+        "identification",
+        {"bits": 7.5},
+        ["bits"],
+        messages.not_a_whole_number(label="length of the shift register", value="7.5", unit=""),
+    ),
+    (
+        "identification",
+        {"kind": "x"},
+        ["kind"],
+        messages.unknown_choice(label="kind", value="“x”", legal="actuator, motor, spring"),
+    ),
 ]
 
 
@@ -218,12 +267,15 @@ def answers(path: str, body: Any) -> dict[str, Any]:
     return dict(answer.json()["error"])
 
 
-@pytest.mark.parametrize(("path", "body", "place", "said"), REFUSED)
-def test_it_is_told_in_words_and_at_its_place(path: str, body: Any, place: list[str | int] | None, said: str) -> None:
+@pytest.mark.parametrize(("path", "body", "place", "wanted"), REFUSED)
+def test_it_is_told_in_words_and_at_its_place(
+    path: str, body: Any, place: list[str | int] | None, wanted: Message
+) -> None:
     """No name of the code, no word of a parser, no unit of another quantity of the same name."""
     refusal = answers(path, body)
     message = refusal["message"]
-    assert message.startswith(said), message
+    assert (refusal["message_code"], message) == (wanted.code, wanted)
+    assert refusal["words"] == wanted.values["label"]
     assert refusal.get("path", [])[-len(place or []) :] == (place or []), refusal
     assert not CODE_NAME.search(SYMBOL.sub("", message).replace("G_q", "").replace("G_S", "")), message
     assert not re.search(r"input|string|valid|extra|tag\b|<|field", message, re.IGNORECASE), message
