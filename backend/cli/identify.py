@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from backend.cli import messages
 from backend.cli.experiments import (
     BaseTuning,
     CombineRuns,
@@ -171,44 +172,42 @@ def _read_columns(file: Path, header: int | None, decimal: "DecimalMark | None")
         return read_csv(decode_text(file.read_bytes(), file.name), header=header, decimal=decimal)
     if header is not None or decimal is not None:
         raise DataFileError(
-            f"{file.name} is not a text table, which --header and --decimal require",
+            messages.not_a_text_table(file=file.name),
             FileFault.OPTION,
             option="--header" if header is not None else "--decimal",
         )
     if suffix in (".mat", ".parquet"):
         with file.open("rb") as stream:
             return read_mat(stream) if suffix == ".mat" else read_parquet(stream)
-    raise DataFileError(
-        f"{file} is neither .csv, .mat nor .parquet: save the columns as one of these", FileFault.FORMAT
-    )
+    raise DataFileError(messages.unknown_file_format(file=str(file)), FileFault.FORMAT)
 
 
 def parse_decimal_mark(option: str | None) -> "DecimalMark | None":
     """Return the decimal mark of the option ``--decimal``. Raises DataFileError."""
     from backend.identification import DataFileError, DecimalMark, FileFault
 
+    if option is None:
+        return None
     try:
-        return None if option is None else DecimalMark(option)
+        return DecimalMark(option)
     except ValueError:
-        raise DataFileError(f"--decimal {option}: write point or comma", FileFault.OPTION, option="--decimal") from None
+        message = messages.unknown_decimal_mark(value=option)
+        raise DataFileError(message, FileFault.OPTION, option="--decimal") from None
 
 
 def _parse_range(option: str | None) -> tuple[float, float]:
     """Return start and end [s] of the option ``--range``. Raises DataFileError."""
     from backend.identification import DataFileError, FileFault
 
+    times = option or ":"
     try:
-        first, last = (option or ":").split(":")
+        first, last = times.split(":")
         start_s, end_s = float(first or 0.0), float(last or math.inf)
         if not end_s > start_s:
             raise ValueError
         return start_s, end_s
     except ValueError:
-        raise DataFileError(
-            f"--range {option}: write two times in seconds FROM:TO, for example 2:30 or 2:",
-            FileFault.OPTION,
-            option="--range",
-        ) from None
+        raise DataFileError(messages.invalid_range(value=times), FileFault.OPTION, option="--range") from None
 
 
 def _parse_controller(option: str) -> "Controller":
@@ -217,11 +216,8 @@ def _parse_controller(option: str) -> "Controller":
     try:
         k_p, k_i = (float(gain) for gain in option.split(","))
     except ValueError:
-        raise DataFileError(
-            f"--controller {option}: write two numbers kp,ki, for example 200,256",
-            FileFault.OPTION,
-            option="--controller",
-        ) from None
+        message = messages.invalid_controller(value=option)
+        raise DataFileError(message, FileFault.OPTION, option="--controller") from None
     return Controller(k_p, k_i)
 
 
@@ -231,7 +227,7 @@ def _parse_method(name: str) -> Any:
     try:
         return Method(name)
     except ValueError:
-        raise StructureError(f"method '{name}' does not exist: choose one of {METHODS}") from None
+        raise StructureError(messages.unknown_method(name=name, known=METHODS)) from None
 
 
 def _print_import(summary: "ImportSummary") -> None:

@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 import typer
 from pydantic import BaseModel, ValidationError
 
+from backend.cli import messages
 from backend.cli.output import error_console, fail
 from backend.settings import Settings, load_environment_settings
 
@@ -149,10 +150,7 @@ def _open_migrated(settings: Settings, *, owns_folder: bool) -> "Database":
 
     with nullcontext(True) if owns_folder or settings.database_url else lock_if_unused(settings.data) as is_free:
         if not is_free:
-            raise SchemaError(
-                f"a service or command of another version works on {settings.data}, and this version "
-                "would migrate its database: stop the other one first"
-            )
+            raise SchemaError(messages.folder_used_by_another_version(folder=str(settings.data)))
         return open_database(
             settings.data, settings.database_url, settings.database_password(), settings.station, outdated="migrate"
         )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from backend.cli import messages
 from backend.cli.options import DataFolder, StationName, has_database, load_settings, open_configured_database
 from backend.cli.output import AsJson, angle_unit, console, error_console, fail, print_json
 from backend.settings import Settings
@@ -246,7 +247,7 @@ def _require_regular_file(file: Path) -> None:
     from backend.reports import EvidenceError
 
     if file.exists() and not file.is_file():
-        raise EvidenceError(f"{file} is not a regular file")
+        raise EvidenceError(messages.not_a_regular_file(file=str(file)))
 
 
 def _read_page(file: Path) -> bytes:
@@ -261,7 +262,7 @@ def _read_page(file: Path) -> bytes:
         return file.read_bytes()
     page = file.with_suffix(".html")
     if not page.exists():
-        raise EvidenceError(f"a PDF has no report manifest, and its page {page.name} is not in the same folder")
+        raise EvidenceError(messages.page_of_pdf_missing(page=page.name))
     _require_regular_file(page)
     return page.read_bytes()
 
@@ -275,9 +276,7 @@ def _verify_against_database(page: str, settings: Settings) -> "Verified":
         return verify_series_report(page, manifest, lambda run: _load_stored_samples(settings, run)[0])
     columns, _ = _load_stored_samples(settings, manifest)
     if columns is None:
-        raise EvidenceError(
-            "its run is not stored in this data folder: sign the report on the installation that stores the run"
-        )
+        raise EvidenceError(messages.run_not_stored())
     return verify_report(page, columns)
 
 
@@ -291,10 +290,7 @@ def _verify(file: Path, page: str, samples: Path | None, settings: Settings) -> 
     manifest = read_manifest(page)
     if isinstance(manifest, SeriesEvidence):
         if is_pdf or samples is not None:
-            raise EvidenceError(
-                "a report of several runs is verified from its page and the stored runs: "
-                "specify the .html file and no samples"
-            )
+            raise EvidenceError(messages.page_of_several_runs_needed())
         found = verify_series_report(page, manifest, lambda run: _load_stored_samples(settings, run)[0])
         return found, "its stored runs", ("its stored runs",)
     sources = _find_samples(file, samples, settings, manifest)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from backend.cli import messages
 from backend.cli.experiments import current_user
 from backend.cli.options import (
     CardAddress,
@@ -77,9 +78,9 @@ class Terminal:
         line = None if self._ended else await self._lines.get()
         if line is None:
             self._ended = True
-            raise AbandonedError("no answer: standard input has ended")
+            raise AbandonedError(messages.input_ended())
         if line.lower() == QUIT_KEY:
-            raise AbandonedError("given up")
+            raise AbandonedError(messages.given_up())
         return line
 
     def show_phase(self, name: str) -> None:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from backend.cli import messages
 from backend.cli.experiments import current_user
 from backend.cli.options import (
     CardAddress,
@@ -320,11 +321,11 @@ def restore(
 
     settings = load_settings(data=data)
     if settings.database_url is not None:
-        raise BackupError("restore a database given by SINEW_DATABASE_URL with the tools of its database server")
+        raise BackupError(messages.database_is_on_a_server())
     with lock_for_service(settings.data):
         target = (settings.data / FILE_NAME).resolve()
         if target.exists() and (holder := _describe_claim_holder(settings)):
-            raise BackupError(f"{holder} works on {target}, from another folder: stop it first; nothing was changed")
+            raise BackupError(messages.database_in_use(holder=holder, file=str(target)))
         restore_database(file, target)
     console.print(f"restored {file}", highlight=False, markup=False)
 

@@ -12,11 +12,13 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from backend.auth import messages as auth_messages
 from backend.auth.sessions import Tokens, load_tokens
 from backend.cli import main
 from backend.cli.server import link
 from backend.data_folder import lock_for_service, read_service_address, read_service_addresses
 from backend.public_url import LOOPBACK, PublicUrl, parse_networks, parse_public_url
+from backend.server import messages as server_messages
 from backend.server.listening import describe_served_addresses, listening_socket
 from backend.settings import Settings
 
@@ -228,13 +230,13 @@ def a_log_without_its_database(data: Path) -> None:
 @pytest.mark.parametrize(
     ("breaks", "words"),
     [
-        (an_empty_token, "token contains no usable token; delete the file"),
-        (a_short_token, "viewer-token contains no usable token; delete the file"),
-        (a_token_of_random_bytes, "token contains no usable token; delete the file"),
-        (a_folder_for_a_token, "token"),
-        (an_empty_database, "sinew db restore"),
-        (something_else_for_a_database, "sinew db restore"),
-        (a_log_without_its_database, "sinew db restore"),
+        (an_empty_token, lambda data: auth_messages.no_usable_token(file=f"{data}/token")),
+        (a_short_token, lambda data: auth_messages.no_usable_token(file=f"{data}/viewer-token")),
+        (a_token_of_random_bytes, lambda data: auth_messages.no_usable_token(file=f"{data}/token")),
+        (a_folder_for_a_token, lambda _: "token"),
+        (an_empty_database, lambda _: "sinew db restore"),
+        (something_else_for_a_database, lambda _: "sinew db restore"),
+        (a_log_without_its_database, lambda _: "sinew db restore"),
     ],
 )
 def test_a_broken_data_folder_is_told_with_the_way_back(
@@ -242,12 +244,12 @@ def test_a_broken_data_folder_is_told_with_the_way_back(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     breaks: Callable[[Path], None],
-    words: str,
+    words: Callable[[Path], str],
 ) -> None:
     breaks(tmp_path)
     before = {path: path.stat().st_size for path in tmp_path.iterdir() if path.is_file()}
     line = said_by(["serve", "--port", "0", "--data", str(tmp_path)], monkeypatch, capsys)
-    assert words in line
+    assert words(tmp_path) in line
     assert str(tmp_path) in line
     assert {path: path.stat().st_size for path in before} == before
 
@@ -278,7 +280,10 @@ def test_a_port_in_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: 
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
         line = said_by(["serve", "--port", port, "--data", str(tmp_path)], monkeypatch, capsys)
-    assert f"cannot listen on 127.0.0.1 port {port}" in line
+        with pytest.raises(OSError, match=port) as in_use:
+            socket.create_server(("127.0.0.1", int(port)))
+    reason = str(in_use.value.strerror)
+    assert server_messages.cannot_listen(host="127.0.0.1", port=int(port), reason=reason) in line
 
 
 _WITHOUT_NIDAQMX = "import sys; sys.modules['nidaqmx'] = None; from backend.cli import main; main()"
