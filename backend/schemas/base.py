@@ -171,7 +171,8 @@ def _build_form_message(kind: str, label: str) -> Message | None:
             return messages.character_not_allowed(label=label)
         case "int_parsing_size":
             return messages.number_too_long(label=label)
-    return None
+        case _:
+            return None
 
 
 def _build_number_message(value: object, declared: _DeclaredValue, angles: AngleUnit, *, is_whole: bool) -> Message:
@@ -193,12 +194,12 @@ def _build_length_message(value: object, context: Mapping[str, Any], label: str)
         if isinstance(value, str):
             return messages.too_many_characters(label=label, length=length, maximum=maximum)
         return messages.too_many_items(label=label, length=length, maximum=maximum)
-    minimum = context["min_length"]
-    if not isinstance(value, str):
-        return messages.too_few_items(label=label, length=length, minimum=minimum)
-    if length == 0:
+    if length == 0 and isinstance(value, str):
         return messages.empty_text(label=label)
-    return messages.too_few_characters(label=label, length=length, minimum=minimum)
+    minimum = context["min_length"]
+    if isinstance(value, str):
+        return messages.too_few_characters(label=label, length=length, minimum=minimum)
+    return messages.too_few_items(label=label, length=length, minimum=minimum)
 
 
 def _find_declared(body: Any, path: Path, *, known: bool) -> _DeclaredValue:
