@@ -263,7 +263,7 @@ def test_a_stale_page_is_refused_after_take_over_and_may_still_stop(service: Ser
         assert off.get("/api/state").json()["holder"]["name"] == "Ana"
         assert vera.take(take_over=True).is_success
         refused = problem(ana.command("POST", "/api/mode", {"mode": "off"}))
-        assert refused["code"] == "control_lost"
+        assert (refused["code"], refused["message_code"]) == ("control_lost", "control_taken_over")
         assert "Vera" in str(refused["message"])
         assert off.get("/api/state").json()["mode"] == "pretension"
         assert problem(off.post("/api/mode", json={"mode": "off"}))["code"] == "control_held"

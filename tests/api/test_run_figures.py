@@ -13,6 +13,7 @@ import pytest
 from pypdf import PdfReader
 
 from backend.sample import STORED_NAMES
+from backend.server import messages
 from backend.server.security import MAX_BODY_BYTES, MAX_SHEET_BYTES, SHEETS
 from backend.storage.database import open_database
 from plant.interface import T_s
@@ -53,7 +54,7 @@ def test_what_is_no_sheet_is_refused_in_words(operator: httpx.Client) -> None:
 def test_a_sheet_that_is_too_large_is_refused_before_it_is_read(operator: httpx.Client) -> None:
     answer = operator.post(SHEETS, content=b"x" * (MAX_SHEET_BYTES + 1))
     assert answer.status_code == 413
-    assert f"larger than {MAX_SHEET_BYTES} bytes" in answer.json()["error"]["message"]
+    assert answer.json()["error"]["message"] == messages.body_too_large(maximum_bytes=MAX_SHEET_BYTES)
     elsewhere = operator.put("/api/preferences", content=b"x" * (MAX_BODY_BYTES + 1))
     assert elsewhere.status_code == 413
 

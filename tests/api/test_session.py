@@ -17,6 +17,7 @@ from websockets.exceptions import ConnectionClosed
 from backend.auth.authentication import ATTEMPTS, BEARER, ActiveUsers, User
 from backend.auth.control_lease import CONTROL_HEADER
 from backend.errors import RequestRejectedError
+from backend.schemas import messages
 from backend.schemas.preferences import ChartLayout, check_preferences
 from backend.schemas.session import Role
 from backend.server.security import COOKIE, OVER
@@ -24,6 +25,7 @@ from plant.errors import ErrorCode
 from tests.api.conftest import PATIENCE_S, problem, until
 from tests.api.patient import connect
 from tests.e2e.service import Service, running_service
+from tests.refusals import refused
 
 # Sign-in, roles and what is open, on the running service.
 
@@ -95,9 +97,9 @@ def test_a_viewer_watches_and_commands_nothing(
     viewer: httpx.Client, method: str, path: str, body: dict[str, object] | None
 ) -> None:
     assert viewer.get("/api/state").status_code == 200
-    refused = viewer.request(method, path, json=body)
-    assert refused.status_code == 403
-    assert "operator" in str(problem(refused)["message"])
+    answer = viewer.request(method, path, json=body)
+    assert answer.status_code == 403
+    assert problem(answer)["message_code"] == "operator_needed"
 
 
 def test_a_viewer_may_stop(viewer: httpx.Client, off: httpx.Client) -> None:
@@ -296,9 +298,9 @@ def test_marks_that_tell_persons_apart_cannot_be_typed() -> None:
 
 @pytest.mark.parametrize("name", ["operator", "Viewer", " ", "()", "\u202e"])
 def test_what_is_no_name_is_refused(name: str) -> None:
-    with pytest.raises(RequestRejectedError) as refused:
+    with pytest.raises(RequestRejectedError) as error:
         ActiveUsers().rename(newcomer("1"), name)
-    assert refused.value.category is ErrorCode.BAD_VALUE
+    assert (error.value.category, error.value.message.code) == (ErrorCode.BAD_VALUE, "name_not_allowed")
 
 
 def test_all_pages_of_a_person_are_counted_under_the_new_name() -> None:
@@ -337,9 +339,9 @@ def test_who_comes_back_while_another_has_their_name_is_told_apart_from_them() -
 
 
 def test_a_script_keeps_the_name_of_its_role() -> None:
-    with pytest.raises(RequestRejectedError) as refused:
+    with pytest.raises(RequestRejectedError) as error:
         ActiveUsers().rename(User("operator", Role.OPERATOR, BEARER), "Ana")
-    assert refused.value.category is ErrorCode.NOT_NOW
+    assert (error.value.category, error.value.message.code) == (ErrorCode.NOT_NOW, "script_cannot_be_renamed")
 
 
 # Layouts of the charts: kept for each person as they were sent, refused in words where no chart could show them.
@@ -353,28 +355,31 @@ def layout(*panels: dict[str, Any], name: str = "Mine") -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("layouts", "said"),
+    ("layouts", "code", "values"),
     [
         (
             [layout(ERRORS, {**ERRORS, "title": "Both", "signals": ["q", "S"]})],
-            "panel “Both” of layout “Mine” has q in rad and S in N·m/rad: all signals of a panel",
+            "several_units",
+            {"panel": "Both", "signals": "q in rad and S in N·m/rad"},
         ),
-        ([layout({**ERRORS, "signals": ["q_hat"]})], "panel “Errors” of layout “Mine”: there is no signal q_hat"),
-        ([layout({**ERRORS, "signals": ["q - S"]})], "there is no signal q - S"),
-        ([layout(ERRORS, {**PLANE, "over": "speed"})], "there is no signal speed"),
+        ([layout({**ERRORS, "signals": ["q_hat"]})], "unknown_signal", {"panel": "Errors", "signal": "q_hat"}),
+        ([layout({**ERRORS, "signals": ["q - S"]})], "unknown_signal", {"panel": "Errors", "signal": "q - S"}),
+        ([layout(ERRORS, {**PLANE, "over": "speed"})], "unknown_signal", {"panel": "S over q", "signal": "speed"}),
         (
             [layout({**ERRORS, "signals": ["q", "q"]})],
-            "signal in panel “Errors” of layout “Mine”: “q” occurs 2",
+            "duplicate_signal",
+            {"panel": "Errors", "signal": "q", "count": 2},
         ),
-        ([layout(ERRORS, ERRORS)], "panel of layout “Mine”: “Errors” occurs 2 times: remove the duplicates"),
-        ([layout(ERRORS), layout(PLANE, ERRORS)], "layout of the charts: “Mine” occurs 2 times: remove the duplicates"),
-        ([layout(PLANE)], "layout “Mine” has no panel over time: add one"),
+        ([layout(ERRORS, ERRORS)], "duplicate_panel", {"panel": "Errors", "count": 2}),
+        ([layout(ERRORS), layout(PLANE, ERRORS)], "duplicate_layout", {"count": 2}),
+        ([layout(PLANE)], "no_panel_over_time", {}),
     ],
 )
-def test_what_no_chart_can_show_is_refused_in_words(layouts: list[dict[str, Any]], said: str) -> None:
-    with pytest.raises(RequestRejectedError) as refused:
+def test_what_no_chart_can_show_is_refused_in_words(
+    layouts: list[dict[str, Any]], code: str, values: dict[str, object]
+) -> None:
+    with refused(RequestRejectedError, code, layout="Mine", **values):
         check_preferences([ChartLayout.model_validate(one) for one in layouts])
-    assert said in str(refused.value)
 
 
 def test_an_axis_may_have_another_unit_than_what_is_drawn_over_it() -> None:
@@ -389,10 +394,11 @@ def test_layouts_are_kept_for_a_person_and_a_refused_one_changes_nothing(
     wanted = {**before, "layout": "Mine", "layouts": [layout(ERRORS, PLANE)], "hidden": ["q - q_ref"], "clock": True}
     assert viewer.put("/api/preferences", json=wanted).raise_for_status().json() == wanted
     bad = {**wanted, "layouts": [layout({**ERRORS, "signals": ["F_A", "u_A"]})]}
-    refused = viewer.put("/api/preferences", json=bad)
-    assert refused.status_code == 422
-    assert refused.json()["error"]["code"] == "bad_layout"
-    assert "F_A in N and u_A in V" in refused.json()["error"]["message"]
+    answer = viewer.put("/api/preferences", json=bad)
+    assert answer.status_code == 422
+    error = answer.json()["error"]
+    assert error["code"] == "bad_layout"
+    assert error["message"] == messages.several_units(layout="Mine", panel="Errors", signals="F_A in N and u_A in V")
     assert viewer.get("/api/preferences").json() == wanted
     assert operator.get("/api/preferences").json() == theirs
     many = {**wanted, "layouts": [layout(ERRORS, name=f"n{number}") for number in range(21)]}

@@ -17,6 +17,7 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
+from backend.api import messages
 from backend.api.middleware import describe_values
 from backend.data_folder import AlreadyRunningError, lock_for_service
 from backend.event_bus import EventBus
@@ -424,7 +425,8 @@ def _check_refusals_in_log(off: httpx.Client, viewer: httpx.Client) -> None:
         return found if len(found) > len(reasons) and found[0]["who"] == "viewer" else []
 
     viewers, *others = until(refused)
-    assert viewers["text"].startswith("set references refused: viewer is signed in as viewer")
+    reason = messages.operator_needed(name="viewer", role="viewer")
+    assert viewers["text"].startswith(f"set references refused: {reason}")
     entries = others[: len(reasons)][::-1]
     assert [entry["who"] for entry in entries] == ["operator"] * len(reasons)
     texts = [entry["text"] for entry in entries]

@@ -51,12 +51,11 @@ def test_a_kept_or_replaced_trial_stays(off: httpx.Client) -> None:
 
 def test_nothing_is_saved_or_started_while_something_is_tried(off: httpx.Client) -> None:
     off.post("/api/tuning/trial", json={"lam_q": 0.7, "duration_s": 60.0}).raise_for_status()
-    for refused in (
-        off.put("/api/tuning/saved"),
-        off.post("/api/experiments", json={"name": "tracking"}),
-    ):
-        assert refused.status_code == 409
-        assert "trial" in str(problem(refused)["message"])
+    refused = off.put("/api/tuning/saved")
+    assert (refused.status_code, problem(refused)["message_code"]) == (409, "trial_in_progress")
+    refused = off.post("/api/experiments", json={"name": "tracking"})
+    assert refused.status_code == 409
+    assert "trial" in str(problem(refused)["message"])
     refused = off.post("/api/tuning/trial", json={"lam_q": 0.1, "duration_s": 5.0})
     assert problem(refused)["quantity"] == "lam_q"
 
