@@ -36,6 +36,7 @@ from backend.realtime import (
     wait_for_result,
 )
 from backend.schemas import MarkKind, PlayedRecording, PushRequest, References, StopProof, WallOrder, WallView
+from backend.services import messages
 from backend.services.contact import ContactService
 from backend.services.event_log import EventLog
 from backend.services.live_stream import build_mark
@@ -74,19 +75,16 @@ def require_legal(live_state: LiveState, wanted: Mode, *, loop_alive: bool) -> N
     if wanted in legal or (live_state.not_ready_reason and wanted in LEGAL[mode] and not paused) or not loop_alive:
         return
     if mode is Mode.TRIPPED:
-        reason = "a fault is latched: reset it first"
+        reason = messages.fault_is_latched()
     elif wanted in LEGAL[mode] and paused:
-        reason = (
-            "the current request is paused, and its next run starts from pretension: continue the "
-            "request, or abort it softly"
-        )
+        reason = messages.request_is_paused()
     elif wanted in LEGAL[mode]:
-        reason = f"{wanted} requires pretension in both tendons: wait until it is reached"
+        reason = messages.mode_needs_pretension(mode=wanted)
     else:
-        reason = f"{mode} cannot change directly to {wanted}"
+        reason = messages.no_direct_change_of_mode(before=mode, after=wanted)
     names = [str(choice) for choice in legal]
     raise RequestRejectedError(
-        ErrorCode.NOT_NOW, f"{reason}; legal now: {', '.join(names) or 'none'}", code="illegal_mode", legal=names
+        ErrorCode.NOT_NOW, messages.illegal_mode(reason=reason, legal=names), code="illegal_mode", legal=names
     )
 
 
@@ -269,9 +267,7 @@ class ActuatorService:
             await self._supervisor.send(commands.Stop(Fault.STOP_PRESSED, hard=True))
             stopped = await wait_for_result(waiter, STOP_PROOF_S)
         except TimeoutError:
-            raise RequestRejectedError(
-                ErrorCode.UNAVAILABLE, "the control loop has not confirmed zero volts: press the e-stop at the rig"
-            ) from None
+            raise RequestRejectedError(ErrorCode.UNAVAILABLE, messages.zero_volts_not_confirmed()) from None
         finally:
             self._stop_waiters.remove(waiter)
         if self.player.has_recording:
@@ -324,7 +320,7 @@ class ActuatorService:
         async with self._command_lock:
             if self.live_state.mode is not Mode.OFF:
                 raise RequestRejectedError(
-                    ErrorCode.NOT_NOW, f"{change} takes effect only in mode off; the mode is {self.live_state.mode}"
+                    ErrorCode.NOT_NOW, messages.change_needs_mode_off(change=change, mode=self.live_state.mode)
                 )
             apply_change()
             try:
@@ -332,7 +328,7 @@ class ActuatorService:
             except LoopExitedError as error:
                 self._event_log.add_mark(MarkKind.FAULT, f"the control loop did not start with {change}", 0, who)
                 raise LoopExitedError(
-                    f"{change} takes effect at the next start of the control loop: {error}"
+                    messages.change_takes_effect_at_next_start(change=change, reason=error.message)
                 ) from error
             finally:
                 self.publish_change()
@@ -382,9 +378,7 @@ class ActuatorService:
     def require_unoccupied(self) -> None:
         """Raise RequestRejectedError while a commissioning step occupies the rig."""
         if self.live_state.occupied_by:
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"{self.live_state.occupied_by}: wait until it ends, or cancel it"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.rig_is_occupied(reason=self.live_state.occupied_by))
 
     async def switch_drives(self, on: bool, who: str) -> None:
         """Disable the drives, or enable them in mode off.
@@ -425,8 +419,7 @@ class ActuatorService:
         """
         plant = self.live_state.plant
         if not plant.simulated:
-            by_hand = ": push it by hand" if plant.kind is PlantKind.RIG else ""
-            message = f"a commanded push requires a simulated plant, but the plant is the {plant.name}{by_hand}"
+            message = messages.push_needs_simulated_plant(plant=plant.name, is_rig=plant.kind is PlantKind.RIG)
             raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
         check_range("F_push", push.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
         remedy = "send it again to push for longer"
@@ -534,7 +527,7 @@ async def set_obstacle(actuator: ActuatorService, order: WallOrder, who: str) ->
     """
     plant = actuator.live_state.plant
     if not plant.simulated:
-        message = f"an obstacle requires a simulated plant, but the plant is the {plant.name}"
+        message = messages.obstacle_needs_simulated_plant(plant=plant.name)
         raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
     wall = None if order.wall is None else _build_obstacle(order.wall, actuator.live_state.parameters)
     await actuator.send_and_log(Obstruct(wall), describe_wall(wall), who)

@@ -13,6 +13,7 @@ from backend.banks import TuningSettings, list_point_models
 from backend.errors import RequestRejectedError
 from backend.reports import render_sheet_pdf
 from backend.schemas import Motion, MotorPreview, RobustTuning, Role, TuningPreview
+from backend.services import messages
 from backend.services.tuning_state import ActiveTuning
 from backend.storage import Bank
 from backend.tuning import TuningPreviewer
@@ -42,9 +43,7 @@ async def run_while_connected(work: Coroutine[Any, Any, T], is_disconnected: IsD
     try:
         while not (await asyncio.wait({task}, timeout=POLL_S))[0]:
             if await is_disconnected():
-                raise RequestRejectedError(
-                    ErrorCode.UNAVAILABLE, "the client disconnected: the computation was cancelled"
-                )
+                raise RequestRejectedError(ErrorCode.UNAVAILABLE, messages.computation_cancelled())
         return task.result()
     finally:
         task.cancel()
@@ -99,10 +98,9 @@ class WorkLimiter:
     def _require_capacity(self, user: User) -> None:
         own = sum(other.name == user.name and other.role == user.role for other in self._active)
         if own >= self._per_user:
-            number = f"{self._work} of yours is" if self._per_user == 1 else f"{own} {self._works} of yours are"
             raise RequestRejectedError(
                 ErrorCode.TOO_MANY,
-                f"{number} running or waiting, and the limit is {self._per_user}: wait until one ends, or cancel one",
+                messages.own_work_at_limit(work=self._work, works=self._works, count=own, maximum=self._per_user),
                 code="busy",
                 retry_after_s=RETRY_S,
             )
@@ -110,7 +108,7 @@ class WorkLimiter:
         if len(self._active) >= self._total or (not is_operator(user) and viewers >= self._viewers):
             raise RequestRejectedError(
                 ErrorCode.TOO_MANY,
-                f"{len(self._active)} {self._works} are running or waiting: try again later",
+                messages.work_at_limit(works=self._works, count=len(self._active)),
                 code="busy",
                 retry_after_s=RETRY_S,
             )
@@ -308,9 +306,7 @@ async def _acquire(lock: asyncio.Lock, is_disconnected: IsDisconnected) -> None:
     try:
         while not (await asyncio.wait({acquiring}, timeout=POLL_S))[0]:
             if await is_disconnected():
-                raise RequestRejectedError(
-                    ErrorCode.UNAVAILABLE, "the client disconnected: the computation was not started"
-                )
+                raise RequestRejectedError(ErrorCode.UNAVAILABLE, messages.computation_not_started())
     except BaseException:
         if not acquiring.cancel():  # the lock was acquired meanwhile
             lock.release()

@@ -27,6 +27,7 @@ from backend.errors import InvalidValueError, RequestRejectedError
 from backend.faults import Fault
 from backend.realtime import Event, LoopExited, LoopExitedError, Mode, ProveDirections, Stopped, Supervisor
 from backend.schemas import BringUpStep, BringUpView, EarlierLockout, RunningStep, StepFigure, StepResult
+from backend.services import messages
 from backend.services.actuator import ActuatorService
 from backend.storage import Database, StoredStepResult
 from plant import (
@@ -117,7 +118,7 @@ class CommissioningResultStore:
         plant = self._actuator.live_state.plant
         if plant.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
             return ""
-        return f"the bring-up requires a rig, but the plant is the {plant.name}"
+        return messages.plant_is_not_a_rig(plant=plant.name)
 
     async def close(self) -> None:
         """Wait until disproved directions are stored."""
@@ -174,7 +175,7 @@ class CommissioningResultStore:
         """
         if wiring_fingerprint(wiring) == self._supervisor.started_with.wired:
             return ""
-        return "the wiring file has changed since the control loop started: restart the service"
+        return messages.wiring_has_changed()
 
 
 # Commissioning service -----------------------------------------------------------------------------
@@ -240,7 +241,7 @@ class CommissioningService:
             wiring = await asyncio.to_thread(self._results.load_wiring)
             why_not = self._results.explain_changed_wiring(wiring)
         except PlantError as error:
-            why_not = str(error)
+            why_not = error.message
         stored = await asyncio.to_thread(status.load_results, self._database)
         statuses = self._determine_statuses(stored, wiring)
         steps = [
@@ -287,7 +288,7 @@ class CommissioningService:
         except ValueError as error:
             raise RequestRejectedError(ErrorCode.BAD_VALUE, str(error)) from None
         except PlantError as error:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, str(error)) from None
+            raise RequestRejectedError(ErrorCode.NOT_NOW, error.message) from None
         async with self._actuator.start_lock:
             stored = await asyncio.to_thread(status.load_results, self._database)
             blocked = self._results.explain_changed_wiring(wiring) or self._explain_blocked(
@@ -309,7 +310,7 @@ class CommissioningService:
         """
         running = self._running
         if running is None or running.confirmed is None or running.confirmed.done():
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "no step of the bring-up is waiting for a confirmation")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.no_step_waits_for_confirmation())
         running.confirmed.set_result(None)
         return await self.view()
 
@@ -320,12 +321,9 @@ class CommissioningService:
         """
         running = self._running
         if running is None or running.task is None:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "no step of the bring-up is in progress")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.no_step_in_progress())
         if running.is_over:  # a cancellation now could interrupt a restart of the control loop
-            title = STEP[running.step].title
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"{title} has ended, and the service is storing its result: wait a moment"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.step_is_being_stored(title=STEP[running.step].title))
         running.task.cancel()
         await asyncio.wait((running.task,))
         return await self.view()
@@ -418,7 +416,7 @@ class CommissioningService:
     def _set_occupied(self, running: _RunningStep | None) -> None:
         """Set in the live state which step occupies the rig, and which fault it provokes."""
         live_state = self._actuator.live_state
-        live_state.occupied_by = "" if running is None else f"{STEP[running.step].title} of the bring-up is in progress"
+        live_state.occupied_by = "" if running is None else messages.step_occupies_rig(title=STEP[running.step].title)
         provokes_trip = running is not None and running.step is StepId.SAFETY_MODULE
         live_state.provoked_fault = Fault.SAFETY_MODULE if provokes_trip else Fault.NONE
 
@@ -426,9 +424,9 @@ class CommissioningService:
         """Return why a step cannot start now; empty if it can."""
         live_state = self._actuator.live_state
         if self._running is not None:
-            return f"{STEP[self._running.step].title} is in progress"
+            return messages.other_step_in_progress(title=STEP[self._running.step].title)
         if live_state.task is not None:
-            return f"run {live_state.task.run} is in progress"
+            return messages.run_in_progress(run=live_state.task.run)
         if live_state.mode is not Mode.OFF:
-            return f"the mode is {live_state.mode}: switch to off first"
+            return messages.mode_is_not_off(mode=live_state.mode)
         return find_blocking_steps(step, statuses)

@@ -33,6 +33,7 @@ from backend.schemas import (
     RunComparison,
     RunDifference,
 )
+from backend.services import record_messages
 from backend.services.lineage import load_marks
 from backend.storage import (
     NONE,
@@ -81,7 +82,7 @@ def align_runs(session: Session, numbers: list[int], reference: int, query: Comp
     found = {}
     for number, (at_s, reason) in moments.items():
         if own is None and number != reference:
-            found[number] = Alignment(at_s, None, reason or f"the reference cannot be aligned: {why}")
+            found[number] = Alignment(at_s, None, reason or record_messages.reference_not_aligned(reason=why))
         else:
             offset_s = 0.0 if number == reference else None if at_s is None or own is None else own - at_s
             found[number] = Alignment(at_s, offset_s, reason)
@@ -94,30 +95,19 @@ def _find_moment(session: Session, run_id: int, query: ComparisonRequest) -> tup
     try:
         recordings.span(session, run_id)
     except UnknownRecordError:
-        return None, f"run {run_id} has no samples"
+        return None, record_messages.run_without_samples(run=run_id)
     match query.by:
         case AlignBy.BEGIN:
             return 0.0, ""
         case AlignBy.STEP:
             at_s, count = find_jump(session, run_id, query.step, query.number)
-            what = f"step of {query.step}"
+            too_few = record_messages.too_few_steps(run=run_id, signal=query.step, count=count, minimum=query.number)
         case AlignBy.EVENT:
             times = [mark.t for mark in load_marks(session, run_id).marks if mark.kind == query.event]
             count = len(times)
             at_s = times[query.number - 1] if count >= query.number else None
-            what = f"event of the kind {query.event}"
-    if at_s is not None:
-        return at_s, ""
-    return None, f"run {run_id} has {_format_count(count, what)}; alignment requires at least {query.number}"
-
-
-def _format_count(count: int, what: str) -> str:
-    return f"no {what}" if count == 0 else f"{count} {what}" if count == 1 else f"{count} {_plural(what)}"
-
-
-def _plural(what: str) -> str:
-    first, _, rest = what.partition(" ")
-    return f"{first}s {rest}"
+            too_few = record_messages.too_few_events(run=run_id, kind=query.event, count=count, minimum=query.number)
+    return (None, too_few) if at_s is None else (at_s, "")
 
 
 # Metrics -------------------------------------------------------------------------------------------
@@ -125,7 +115,6 @@ def _plural(what: str) -> str:
 
 MAX_RUNS = 20
 MAX_POINTS = 5000
-_ABSENT = "the run has no such metric"
 
 
 def select_runs(query: ComparisonRequest) -> tuple[list[int], int]:
@@ -147,7 +136,7 @@ def select_runs(query: ComparisonRequest) -> tuple[list[int], int]:
     if chosen not in numbers:
         raise RequestRejectedError(
             ErrorCode.BAD_VALUE,
-            f"reference: run {chosen} is not among the compared runs",
+            record_messages.reference_not_compared(run=chosen),
             legal=[str(number) for number in numbers],
         )
     return numbers, chosen
@@ -198,8 +187,8 @@ def _load_result(session: Session, run: Run) -> tuple[Result | None, str]:
     try:
         result = results.newest(session, run.id)
     except UnreadableDocumentError as error:
-        return None, str(error)
-    return result, "" if result is not None else run.evaluation_problem or "the run has not been evaluated"
+        return None, error.message
+    return result, "" if result is not None else run.evaluation_problem or record_messages.run_not_evaluated()
 
 
 def _list_figures(result: Result | None) -> dict[str, MeasuredFigure]:
@@ -249,10 +238,15 @@ def _build_value(
     figure: MeasuredFigure | None, reference: MeasuredFigure | None, unit: str, problem: str
 ) -> ComparedValue:
     if figure is None:
-        return ComparedValue(value=None, reason=problem or _ABSENT, difference=None, percent=None)
+        return ComparedValue(
+            value=None, reason=problem or record_messages.run_without_metric(), difference=None, percent=None
+        )
     if figure.unit != unit:
         return ComparedValue(
-            value=None, reason=f"it was measured in {figure.unit}, not in {unit}", difference=None, percent=None
+            value=None,
+            reason=record_messages.metric_in_other_unit(unit=figure.unit, expected=unit),
+            difference=None,
+            percent=None,
         )
     difference = percent = None
     if figure.value is not None and reference is not None and reference.value is not None:
@@ -273,7 +267,9 @@ def build_metric_history(session: Session, kind: str, metric: str, where: str, *
     chosen = next((one for one in known if one.name == metric or not metric), None)
     if chosen is None:
         if metric:
-            raise QueryError(0, f"runs of kind {kind} have no metric {metric!r}", [one.name for one in known], metric)
+            raise QueryError(
+                0, record_messages.unknown_metric(kind=kind, metric=metric), [one.name for one in known], metric
+            )
         return MetricHistory(kind=kind, metric=None, metrics=[], points=[], without=0, left_out=0)
     found = search.metric_points(session, query, chosen.name, everywhere=everywhere, limit=MAX_POINTS)
     return MetricHistory(
@@ -431,7 +427,7 @@ def compute_differences(database: Database, query: DifferencesRequest) -> Differ
 def _read_curve(session: Session, run_id: int, signal: str) -> Curve:
     samples = read_samples(session, run_id, [signal])
     if samples.t.size == 0:
-        raise UnknownRecordError(f"there is no recording of run {run_id}")
+        raise UnknownRecordError(record_messages.no_recording_of_run(run=run_id))
     period_s = recordings.get(session, run_id).period_s
     return Curve(samples.t, samples.columns[signal].astype(np.float64), period_s)
 
@@ -444,7 +440,7 @@ def _build_difference(
     outside = np.abs(difference) > band  # False for NaN
     left = np.flatnonzero(outside)
     largest = None if count == 0 else int(np.nanargmax(np.abs(difference)))
-    default_reason = "" if count else "the two runs have no samples at common times"
+    default_reason = "" if count else record_messages.no_common_times()
     return RunDifference(
         run=run,
         reason=found.reasons[run] or default_reason,

@@ -35,10 +35,11 @@ from backend.realtime import (
 )
 from backend.sample import INDEX
 from backend.schemas import ContactView, MarkKind, SweepView, TouchOrder, TouchPoint, TouchView
+from backend.services import messages
 from backend.services.event_log import EventLog
 from backend.services.state import LiveState
 from backend.units import format_number
-from plant import ErrorCode, Quantity, T_s
+from plant import ErrorCode, T_s
 
 # Rest ----------------------------------------------------------------------------------------------
 # Checks that the joint and the estimate of the external force are at rest, as a calibration of the
@@ -64,25 +65,25 @@ def explain_not_at_rest(rows: NDArray[np.float64], since: int) -> str:
 
     """
     if len(rows) < REST_TICKS or not np.all(np.isfinite(rows[:, INDEX["F_ext_hat"]])):
-        return "the external force is not available yet: start pretension, which sets the motors' zeros"
+        return messages.external_force_not_available()
     if set(rows[:, INDEX["mode"]].astype(int)) != {MODES.index(Mode.RUN)}:
-        return f"the joint must be held in mode run for {REST_TICKS / 1000:g} s"
+        return messages.not_held_in_mode_run(duration_s=REST_TICKS / 1000)
     if rows[0, INDEX["tick"]] < since:
-        return f"the bias or the references changed less than {REST_TICKS / 1000:g} s ago"
+        return messages.bias_or_references_changed(duration_s=REST_TICKS / 1000)
     input_acting = find_acting_input(rows)
     if input_acting:
         return input_acting
     if np.ptp(rows[:, INDEX["q"]]) > _MOVING_RAD or np.ptp(rows[:, INDEX["S"]]) > _MOVING_S:
-        return f"joint position and stiffness must be at rest for {REST_TICKS / 1000:g} s"
+        return messages.joint_not_at_rest(duration_s=REST_TICKS / 1000)
     return ""
 
 
 def find_acting_input(rows: NDArray[np.float64]) -> str:
     """Return which simulated input acts on the joint in these samples; empty for none."""
     if np.any(rows[:, INDEX["F_push"]] != 0.0):
-        return "the joint is pushed"
+        return messages.joint_is_pushed()
     if np.any(np.nan_to_num(rows[:, INDEX["F_wall"]]) != 0.0):  # NaN on a rig, which has no simulated obstacle
-        return "the joint presses against an obstacle"
+        return messages.joint_presses_obstacle()
     return ""
 
 
@@ -172,7 +173,7 @@ class BiasSweep:
         _, rows, _ = self._supervisor.ring.read(max(self._supervisor.ring.count - 1, 0), 1)
         why = self._explain_not_startable(rows)
         if why:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, f"the external-force bias cannot be calibrated over S: {why}")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.sweep_not_possible(reason=why))
         bounds = self._live_state.bounds
         points = np.linspace(bounds.S_min, bounds.S_max, SWEEP_POINTS).tolist()
         q_ref, S_ref = (float(rows[-1, INDEX[name]]) for name in ("q_ref", "S_ref"))
@@ -192,9 +193,7 @@ class BiasSweep:
         Raises RequestRejectedError if no sweep is in progress.
         """
         if not self.is_running:
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, "no calibration over S is in progress: there is nothing to stop"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.no_sweep_to_stop())
         self.abort("stopped on request", who)
         await self._restore_stiffness()
 
@@ -251,8 +250,7 @@ class BiasSweep:
             if not why:
                 return
         raise RequestRejectedError(
-            ErrorCode.NOT_NOW,
-            f"at {format_number(S_ref)} N·m/rad the bias could not be calibrated within {LONGEST_S:g} s: {why}",
+            ErrorCode.NOT_NOW, messages.no_rest_in_sweep(S_ref=S_ref, duration_s=LONGEST_S, reason=why)
         )
 
     async def _command_stiffness(
@@ -292,15 +290,15 @@ class BiasSweep:
         """Return why a sweep cannot start; empty if it can. ``rows`` is the newest sample."""
         task = self._live_state.task
         if self.is_running:
-            return "the calibration is in progress already"
+            return messages.sweep_in_progress_already()
         if task is not None:
-            return f"run {task.run}, {task.kind}, is in progress: wait for its end or abort it"
+            return messages.run_prevents_sweep(run=task.run, kind=task.kind)
         if self._live_state.mode is not Mode.RUN:
-            return f"the joint must be held in mode run, but the mode is {self._live_state.mode}"
+            return messages.sweep_needs_mode_run(mode=self._live_state.mode)
         if self._is_reaction_active():
-            return "contact reaction is armed: disable it first"
+            return messages.contact_reaction_is_armed()
         if not np.all(np.isfinite(rows[-1:, INDEX["F_ext_hat"]])):
-            return "the external force is not available yet: start pretension, which sets the motors' zeros"
+            return messages.external_force_not_available()
         return find_acting_input(rows)
 
 
@@ -311,9 +309,9 @@ def _explain_drift(rows: NDArray[np.float64], S_ref: float) -> str:
     """
     S, drift = float(rows[:, INDEX["S"]].mean()), compute_drift(rows)
     if not abs(S - S_ref) <= _NEAR_S:
-        return f"the stiffness does not reach S_ref, it remains at {S:.2f} N·m/rad"
+        return messages.stiffness_not_reached(S=S)
     if not drift <= DRIFT_N:
-        return f"the estimate drifts by {drift:.2f} N in half a second, more than the {DRIFT_N:g} N permitted at rest"
+        return messages.estimate_drifts(drift_N=drift, maximum_N=DRIFT_N)
     return ""
 
 
@@ -387,10 +385,7 @@ class ContactService:
         if order.sweep is not None:
             return await self._apply_sweep(order, who)
         if self.sweep.is_running:
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW,
-                "the external-force bias is being calibrated over S: wait until it ends, or stop it",
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.sweep_in_progress())
         async with self._command_lock:
             points = [] if order.forget else self._points
             if order.learn:
@@ -416,9 +411,7 @@ class ContactService:
 
     async def _apply_sweep(self, order: TouchOrder, who: str) -> TouchView:
         if order.learn or order.forget or order.contact_N is not None:
-            raise RequestRejectedError(
-                ErrorCode.BAD_VALUE, "sweep cannot be combined with another field: nothing was changed"
-            )
+            raise RequestRejectedError(ErrorCode.BAD_VALUE, messages.sweep_with_other_field())
         if order.sweep == "stop":
             await self.sweep.stop(who)
         else:
@@ -453,7 +446,7 @@ class ContactService:
         _, rows, _ = ring.read(max(ring.count - REST_TICKS, 0), REST_TICKS)
         why = explain_not_at_rest(rows, since)
         if why:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, f"the bias was not calibrated: {why}")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.bias_not_measured(reason=why))
         S, F = float(rows[:, INDEX["S"]].mean()), rows[:, INDEX["F_ext_hat"]]
         bias = np.array([(point.S, point.F) for point in self._points], dtype=np.float64).reshape(-1, 2)
         # The samples have the active bias subtracted.
@@ -490,17 +483,12 @@ def _insert_point(points: list[TouchPoint], new: TouchPoint) -> list[TouchPoint]
 def _require_calibrated(points: list[TouchPoint], contact_N: float) -> None:
     """Raise RequestRejectedError for a threshold that noise or bias could exceed."""
     if not points:
-        raise RequestRejectedError(
-            ErrorCode.NOT_NOW,
-            "the contact reaction requires a calibrated external-force bias: hold the "
-            "joint at rest and calibrate it first",
-        )
+        raise RequestRejectedError(ErrorCode.NOT_NOW, messages.contact_reaction_needs_bias())
     noise = max(point.std_N for point in points)
     if not math.isfinite(noise) or contact_N < SIGMAS * noise:
         raise RequestRejectedError(
             ErrorCode.NOT_NOW,
-            f"a contact threshold of {contact_N:g} N is refused: the estimate varies by {Quantity(noise, 'N'):.4g} "
-            f"(standard deviation), and the threshold must be at least {SIGMAS:g} times that",
+            messages.contact_threshold_within_noise(contact_N=contact_N, std_N=noise, factor=SIGMAS),
         )
 
 

@@ -28,6 +28,7 @@ from backend.plain_text import escape_line
 from backend.recording import AT_HAND_SAMPLES, read_flight_columns
 from backend.reports import RunData, load_series, load_source, render_report, render_series_report
 from backend.schemas import Differences, DifferencesRequest
+from backend.services import record_messages
 from backend.services.comparison import compute_differences, count_samples, stream_curves_file, stream_table_file
 from backend.storage import Database, EndState, Run, RunKind, results, runs
 from backend.units import AngleUnit
@@ -66,9 +67,7 @@ def check_run_settings(run: Run) -> None:
         LoopSettings.from_values(stored_settings.loop.get_known_values())
     except (ExperimentError, SettingError, OutOfRangeError, UnreadableDocumentError, KeyError) as error:
         raise ImportRefusedError(
-            f"its settings cannot be used: {escape_line(error)}; correct the experiment and run it "
-            "again, or export the run with "
-            f"Sinew {escape_line(run.software)}, which recorded it, and read the samples from the file"
+            record_messages.settings_not_usable(reason=str(error), software=run.software)
         ) from None
 
 
@@ -76,14 +75,14 @@ def _check_experiment(text: str) -> None:
     """Raise ExperimentError for an experiment that a request could not send."""
     if len(text) > _MAX_EXPERIMENT_CHARACTERS:
         raise ExperimentError(
-            f"the experiment has {len(text)} characters, but at most {_MAX_EXPERIMENT_CHARACTERS} are accepted"
+            record_messages.experiment_too_long(characters=len(text), maximum=_MAX_EXPERIMENT_CHARACTERS)
         )
     try:
         parser.build_experiment(json.loads(text), {})
     except (ValueError, RecursionError) as error:
         if isinstance(error, ExperimentError):
             raise
-        raise ExperimentError(f"the experiment is not JSON: {error}") from None
+        raise ExperimentError(record_messages.experiment_is_not_json(reason=str(error))) from None
 
 
 # Bundles -------------------------------------------------------------------------------------------
@@ -100,7 +99,7 @@ def stream_bundle(database: Database, run_id: int, folder: Path) -> Iterator[byt
         try:
             check_run_settings(run)
         except ImportRefusedError as error:
-            raise ExportError(f"run {run_id}: {error}") from None
+            raise ExportError(record_messages.run_not_exportable(run=run_id, reason=error.message)) from None
         settings = results.newest_report(session, run_id, "html")
     report = None if settings is None else settings.content
     if report is None:
@@ -203,7 +202,7 @@ class Downloads:
         if self._active_count >= MAX_DOWNLOADS:
             raise RequestRejectedError(
                 ErrorCode.TOO_MANY,
-                f"{MAX_DOWNLOADS} downloads are in progress: wait until one of them ends",
+                record_messages.too_many_downloads(maximum=MAX_DOWNLOADS),
                 retry_after_s=5,
             )
         stream = self._count_stream(stream_from_process(work, self._database, *arguments))
@@ -245,13 +244,9 @@ class Downloads:
     def _load_source(self, run_id: int, angles: AngleUnit) -> RunData:
         source = load_source(self._database, run_id, angles)
         if source.run.end_state == EndState.RUNNING:
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"run {run_id} is still in progress: its report is available after its end"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, record_messages.run_has_no_report_yet(run=run_id))
         if source.result is None and source.run.kind != RunKind.SESSION and _is_result_pending(source):
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"the result of run {run_id} is being computed: its report is available in a moment"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, record_messages.result_is_being_computed(run=run_id))
         return source
 
     def _store_report(self, run_id: int, kind: str, content: bytes) -> None:

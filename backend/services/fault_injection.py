@@ -4,6 +4,7 @@ from backend.auth import ControlLease
 from backend.errors import RequestRejectedError
 from backend.faults import EXPLANATIONS, FAULTS, Fault
 from backend.schemas import CardFault, FaultKind, FaultList, Injection, SilentPart
+from backend.services import messages
 from backend.services.actuator import ActuatorService
 from plant import ONLY_OF_A_CARD, ErrorCode, InjectedFault, InjectedFaultKind, PlantChoice, PlantKind, Sensor
 
@@ -50,8 +51,6 @@ MANUAL_CAUSES: dict[Fault, str] = {
 }
 """How the faults without injection are caused."""
 
-_CARD_NEEDED = "only with the virtual card: start with --plant rig --virtual-card"
-
 
 def describe_faults(plant: PlantChoice) -> FaultList:
     """Return all faults with explanation and the injection that leads to them."""
@@ -68,7 +67,7 @@ def describe_faults(plant: PlantChoice) -> FaultList:
                 message=EXPLANATIONS[fault].message,
                 remedy=EXPLANATIONS[fault].remedy,
                 injection=find_injection(fault),
-                by_hand="" if find_injection(fault) else MANUAL_CAUSES.get(fault, _CARD_NEEDED),
+                by_hand="" if find_injection(fault) else MANUAL_CAUSES.get(fault, messages.only_with_virtual_card()),
             )
             for fault in FAULTS
             if fault is not Fault.NONE
@@ -87,12 +86,11 @@ async def apply_fault(actuator: ActuatorService, control: ControlLease, injectio
     """
     plant = actuator.live_state.plant
     if not plant.simulated:
-        message = f"fault injection requires a simulated plant, but the plant is the {plant.name}"
+        message = messages.fault_injection_needs_simulated_plant(plant=plant.name)
         raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
     if _needs_card(injection) and plant.kind is not PlantKind.VIRTUAL_CARD:
-        raise RequestRejectedError(
-            ErrorCode.NOT_NOW, f"{_build_plant_fault(injection).words}: {_CARD_NEEDED}", code="no_virtual_card"
-        )
+        message = messages.fault_needs_virtual_card(fault=_build_plant_fault(injection).words)
+        raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="no_virtual_card")
     match injection.kind:
         case SilentPart.SERVICE_SILENT:
             actuator.suspend_heartbeat(SERVICE_SILENT_S, who)

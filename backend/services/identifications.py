@@ -20,6 +20,7 @@ from backend.schemas import (
     Trend,
     ValidationView,
 )
+from backend.services import record_messages
 from backend.services.banks import TuningContext
 from backend.services.runs import build_run_message
 from backend.storage import (
@@ -150,7 +151,9 @@ def _build_motor_estimate(found: MotorFit | MotorConstants, estimate: Identifica
 
 def _require_value(value: float | None, estimate: Identification, name: str) -> float:
     if value is None:
-        raise UnreadableDocumentError(f"run {estimate.run_id}: the estimate {estimate.id} has no value for {name}")
+        raise UnreadableDocumentError(
+            record_messages.estimate_without_value(run=estimate.run_id, estimate=estimate.id, name=name)
+        )
     return value
 
 
@@ -228,7 +231,7 @@ class StoredIdentifications:
         with self._database.reading() as session:
             run = runs.get(session, run_id)
             if run.kind not in IDENTIFICATION_KINDS:
-                raise UnknownRecordError(f"run {run_id} is not an identification, but of kind {run.kind}")
+                raise UnknownRecordError(record_messages.run_is_not_an_identification(run=run_id, kind=run.kind))
             estimates = identifications.find(session, run_id=run_id)
             result = results.newest(session, run_id)
         view = build_identification_view(run, estimates[0] if estimates else None, self._progress(run))
@@ -271,5 +274,5 @@ class StoredIdentifications:
         with self._database.reading() as session:
             found = identifications.get(session, number)
         if found.kind != "spring" or found.run_id is not None:
-            raise UnknownRecordError(f"identification {number} was not made from a spring table")
+            raise UnknownRecordError(record_messages.identification_not_from_table(identification=number))
         return found

@@ -74,6 +74,7 @@ from backend.schemas import (
     TaskView,
     TuningView,
 )
+from backend.services import messages
 from backend.services.actuator import ActuatorService, SafeStop
 from backend.services.background_work import Compute, IsDisconnected, TextWork
 from backend.services.banks import StoredBanks
@@ -313,9 +314,9 @@ def _limit_setting(setting: Setting, ranges: Mapping[str, tuple[float, float]]) 
 
 
 _REASONS_MOTORS_OFF = {
-    Mode.OFF: "the motors were switched off",
-    Mode.STOPPING: "the actuator was stopped softly",
-    Mode.TRIPPED: "a fault or STOP stopped the motors",
+    Mode.OFF: messages.motors_switched_off_in_pause(),
+    Mode.STOPPING: messages.stopped_softly_in_pause(),
+    Mode.TRIPPED: messages.tripped_in_pause(),
 }
 
 
@@ -339,10 +340,10 @@ class Pause:
     def request(self, is_requested: bool) -> None:
         """Let the next run wait, or start. Raises RequestRejectedError if no run remains."""
         task = self._live_state.task
-        if task is None or self.remaining_runs == 0:
-            what = "no run is in progress" if task is None else "no further run of this request follows"
-            remedy = "an identification with several tensions can be paused between two tensions"
-            raise RequestRejectedError(ErrorCode.NOT_NOW, f"{what}: {remedy}")
+        if task is None:
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.no_run_to_pause())
+        if self.remaining_runs == 0:
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.no_further_run_to_pause())
         self.is_requested = is_requested
         self._live_state.task = task.model_copy(update={"pause_wanted": is_requested})
         self._on_change()
@@ -357,7 +358,7 @@ class Pause:
             await loop.advance(SLICE_S)
             await asyncio.sleep(0)  # a simulated loop advances without waiting: let other tasks run
             if (why := _REASONS_MOTORS_OFF.get(mode := current_mode(loop))) is not None:
-                raise NotReadyError(f"{why} during the pause", mode)
+                raise NotReadyError(why, mode)
         # Before the next run is prepared: a pause after the last run cannot be requested.
         self.remaining_runs -= 1
 
@@ -710,10 +711,9 @@ class JobManager:
         """Raise RequestRejectedError during a commissioning step, a run or a trial."""
         self._actuator.require_unoccupied()
         if (task := self._actuator.live_state.task) is not None:
-            remedy = "wait until it ends, or stop it"
-            raise RequestRejectedError(ErrorCode.NOT_NOW, f"run {task.run}, {task.kind}, is in progress: {remedy}")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.run_prevents_start(run=task.run, kind=task.kind))
         if self._actuator.tuning_service.view_trial() is not None:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "a trial is in progress: keep or revert its tuning first")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.trial_in_progress())
 
     async def _start(self, bank: Bank | None, *requests: RunRequest) -> int:
         """Start runs one after the other and return the first.
@@ -817,8 +817,7 @@ class JobManager:
 
     def _require_seed(self, settings: LoopSettings) -> None:
         if settings.seed != self._seed:
-            remedy = f"the simulator of this service runs with seed {self._seed}; sinew experiment accepts any seed"
-            raise SettingError("seed", settings.seed, remedy)
+            raise SettingError("seed", settings.seed, messages.seed_of_another_simulator(seed=self._seed))
 
     async def _load_bank(self, settings: LoopSettings) -> Bank | None:
         return await asyncio.to_thread(self._banks.load_stored_bank, settings.bank) if settings.bank else None

@@ -44,7 +44,7 @@ from backend.schemas import (
     WrittenExperiment,
     check_preferences,
 )
-from backend.services import comparison
+from backend.services import comparison, record_messages
 from backend.services.runs import build_recorded_experiment
 from backend.storage import (
     ENDS,
@@ -184,8 +184,7 @@ class OwnExperiments:
             stored_item = self._load_stored(name)
         except UnknownRecordError:
             known = tuple(entry.name for entry in self.list_definitions())
-            reason = f"there is no such experiment; known: {', '.join(known)}"
-            raise SettingError("name", name, reason, legal=known) from None
+            raise SettingError("name", name, record_messages.unknown_experiment(known=known), legal=known) from None
         return _build_definition(stored_item)
 
     def check_and_store(
@@ -206,7 +205,7 @@ class OwnExperiments:
         """
         experiment, lines = parser.parse_experiment(text)
         if fold_name(experiment.name) in map(fold_name, experiments_by_name()):
-            reason = f"{experiment.name!r} is the name of a ready-made experiment: choose another name"
+            reason = record_messages.name_of_ready_made_experiment(name=experiment.name)
             raise ExperimentError(reason, ("name",), find_line(("name",), lines))
         entry = build_experiment_definition(experiment, lines)
         plan = entry.default_plan
@@ -226,7 +225,7 @@ class OwnExperiments:
     def _load_stored(self, name: str) -> StoredExperiment:
         base, at, number = name.partition("@")
         if at and not (number.isdecimal() and len(number) < 10):
-            raise UnknownRecordError(f"there is no experiment {name}")
+            raise UnknownRecordError(record_messages.no_experiment(name=name))
         with self._database.reading() as session:
             return stored.get(session, base, int(number) if at else None)
 
@@ -342,21 +341,21 @@ class RunLibrary:
         """Return the text of a saved search. Raises UnknownRecordError."""
         known = {one.name: one.where for one in self.list_saved_searches().searches}
         if name not in known:
-            raise UnknownRecordError(f"there is no saved search {name!r}; known: {', '.join(known) or 'none'}")
+            raise UnknownRecordError(record_messages.no_saved_search(name=name, known=list(known)))
         return known[name]
 
     def save_search(self, name: str, where: str, who: str) -> SavedSearchList:
         """Store a valid search under a name. Raises QueryError, RequestRejectedError."""
         shown_name = name.strip()
         if not 1 <= len(shown_name) <= SEARCH_NAME_MAX:
-            reason = f"{shown_name[:SEARCH_NAME_MAX]!r} does not have 1 to {SEARCH_NAME_MAX} characters"
-            raise RequestRejectedError(ErrorCode.BAD_VALUE, f"name of the search: {reason}")
+            raise RequestRejectedError(
+                ErrorCode.BAD_VALUE, record_messages.length_of_search_name(name=shown_name, maximum=SEARCH_NAME_MAX)
+            )
         try:
             check_single_line(shown_name)
         except PlainTextError as error:
-            raise RequestRejectedError(
-                ErrorCode.BAD_VALUE, f"name of the search: {error}", code="bad_character"
-            ) from None
+            message = record_messages.invalid_search_name(reason=error.message)
+            raise RequestRejectedError(ErrorCode.BAD_VALUE, message, code="bad_character") from None
         require_distinct_name("a saved search", shown_name, (one.name for one in self.list_saved_searches().searches))
         query = parse_query(where)
         with self._database.session() as session:

@@ -19,6 +19,7 @@ from backend.schemas import (
     RunMark,
     RunMarks,
 )
+from backend.services import record_messages
 from backend.storage import (
     Bank,
     Database,
@@ -246,17 +247,13 @@ class SampleDigests:
     def compute_digest(self, session: Session, run: Run) -> Digest:
         """Return the digest of a run's samples."""
         if run.end_state == EndState.RUNNING:
-            return None, "the run is still in progress"
+            return None, record_messages.run_still_in_progress()
         try:
             recording = recordings.get(session, run.id)
             key = run.id, recording.size_bytes
             if key not in self._known:
                 if recording.size_bytes > self._largest_bytes:
-                    return (
-                        None,
-                        "the service does not compute the digest of such a long recording: "
-                        f"sinew runs lineage {run.id} does",
-                    )
+                    return None, record_messages.recording_too_long_for_digest(run=run.id)
                 self._known[key] = compute_recording_digest(session, run.id)
                 if len(self._known) > _MAX_CACHED:
                     self._known.popitem(last=False)

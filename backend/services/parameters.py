@@ -13,6 +13,7 @@ from backend.event_bus import EventBus
 from backend.models import APPLIED, AppliedParameters, document_digest
 from backend.realtime import Mode, Supervisor
 from backend.schemas import ParameterChange, ParameterProposal, ParametersView, ParameterVersion
+from backend.services import messages
 from backend.services.actuator import ActuatorService
 from backend.services.tuning_state import ActiveTuning, TuningStore
 from backend.storage import Database, Identification, Session, identifications, settings
@@ -90,9 +91,9 @@ def build_proposal(base: PlantParameters, active: PlantParameters, found: Identi
     """
     named = f"run {found.run_id}" if found.run_id is not None else f"estimate {found.id}"
     if found.kind not in ("motor", "spring"):
-        raise NotApplicableError(f"{named} is an {found.kind} identification: build a bank from it")
+        raise NotApplicableError(messages.actuator_identification(identification=named, kind=found.kind))
     if not found.usable:
-        raise NotApplicableError(f"{named} is not usable: {found.verdict}")
+        raise NotApplicableError(messages.identification_not_usable(identification=named, verdict=found.verdict))
     source = f"{found.kind} identification of {named}"
     sections = select_identified_sections(active)
     for side in SIDES:
@@ -111,7 +112,7 @@ def build_proposal(base: PlantParameters, active: PlantParameters, found: Identi
     }
     applied = APPLIED.read(document, source)
     if not find_changes(active, _apply_to(base, applied)):
-        raise NotApplicableError(f"{named} equals the active values: nothing would change")
+        raise NotApplicableError(messages.values_are_active_already(identification=named))
     return applied
 
 
@@ -122,7 +123,7 @@ def build_undo(database: Database, base: PlantParameters) -> AppliedParameters:
     """
     found = list_parameter_versions(database, base)
     if len(found) == 1:
-        raise NotApplicableError("no identified values are applied to the parameter file: there is nothing to undo")
+        raise NotApplicableError(messages.no_parameters_to_undo())
     former = found[1].applied
     sections = {} if former is None else former.identified
     return AppliedParameters(
@@ -177,7 +178,7 @@ def _apply_to(base: PlantParameters, applied: AppliedParameters) -> PlantParamet
 def _iterate_motor_values(found: Identification, side: Side) -> Iterator[tuple[str, tuple[Any, str]]]:
     known = found.motors.side(side).model.parameters
     if known.K_m is None or known.T_m is None:
-        raise NotApplicableError(f"run {found.run_id} has no K_m and T_m of motor {side}: evaluate it again")
+        raise NotApplicableError(messages.identification_without_motor(run=found.run_id, side=side))
     yield "K_m", (known.K_m, "rad/(V·s)")
     yield "T_m", (known.T_m, "s")
 
@@ -186,7 +187,7 @@ def _iterate_spring_values(found: Identification, side: Side) -> Iterator[tuple[
     """Yield the polynomial of a spring; a table gives both springs the same."""
     spring = found.springs.get(side) or found.springs.get("table")
     if spring is None:
-        raise NotApplicableError(f"estimate {found.id} has no spring {side}")
+        raise NotApplicableError(messages.estimate_without_spring(estimate=found.id, side=side))
     yield "k", (list(next(fit.k for fit in spring.model.fits if fit.order == spring.model.recommended)), "N/m^i")
 
 
@@ -238,7 +239,7 @@ class ParameterService:
             found = list_parameter_versions(self._database, self._base)
         except ParameterError as error:
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"an applied version of the parameters is no longer accepted: {error}"
+                ErrorCode.NOT_NOW, messages.applied_version_not_accepted(reason=error.message)
             ) from None
         before = [*found[1:], found[-1]]
         return ParametersView(
@@ -273,16 +274,15 @@ class ParameterService:
     def _prepare_change(self, propose: Callable[[], AppliedParameters]) -> _PreparedChange:
         try:
             if load_parameters(self._supervisor.setup.parameters) != self._base:  # a loop reads it at its start
-                raise RequestRejectedError(
-                    ErrorCode.NOT_NOW, "the parameter file has changed: restart the service first"
-                )
+                raise RequestRejectedError(ErrorCode.NOT_NOW, messages.parameter_file_has_changed())
             applied, before = propose(), self._actuator.live_state.operator_tuning
             parameters = self._base.with_identified(build_identified_sections(applied))
             return _PreparedChange(
                 applied, parameters, before, self._tuning_store.choose_for_parameters(before, parameters)
             )
         except (NotApplicableError, ParameterError, TuningError) as error:
-            raise RequestRejectedError(ErrorCode.BAD_VALUE, f"the change cannot be applied: {error}") from None
+            message = messages.parameters_not_applicable(reason=error.message)
+            raise RequestRejectedError(ErrorCode.BAD_VALUE, message) from None
 
     async def _apply_change(self, change: _PreparedChange, who: str) -> None:
         applied, parameters, before, tuning = change
@@ -290,9 +290,7 @@ class ParameterService:
         def store_and_publish() -> None:
             self._require_idle(before)
             if not (applied.undone or self._supervisor.is_alive):
-                raise RequestRejectedError(
-                    ErrorCode.UNAVAILABLE, "the control loop is not running: press Reset to start it"
-                )
+                raise RequestRejectedError(ErrorCode.UNAVAILABLE, messages.loop_is_not_running())
             with self._database.session() as session:
                 store_parameters(session, applied, who)
             self._tuning_store.save(tuning, who)
@@ -320,21 +318,18 @@ class ParameterService:
         live_state = self._actuator.live_state
         self._actuator.require_unoccupied()
         if live_state.task is not None or live_state.overridden_tuning is not None:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "a run is in progress: change the parameters after its end")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.run_prevents_change_of_parameters())
         if self._actuator.tuning_service.view_trial() is not None:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "a trial is in progress: keep or revert its tuning first")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.trial_in_progress())
         if live_state.mode is not Mode.OFF:
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW,
-                f"parameters can be applied only in mode off; the mode is {live_state.mode}: switch to off first",
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.parameters_need_mode_off(mode=live_state.mode))
         if live_state.tuning is not tuning:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "the tuning was changed meanwhile: check it, then try again")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.tuning_changed_meanwhile())
 
     def _build_undo(self, version: int) -> AppliedParameters:
         newest = list_parameter_versions(self._database, self._base)[0].number
         if newest not in (0, version):
-            raise NotApplicableError(f"version {newest} is now active, not {version}: check its changes")
+            raise NotApplicableError(messages.other_version_is_active(active=newest, version=version))
         return build_undo(self._database, self._base)
 
     def _build_proposal(self, estimate: int) -> AppliedParameters:

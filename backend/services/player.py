@@ -13,6 +13,7 @@ from backend.exports import Facts, ImportRefusedError, writers
 from backend.faults import EXPLANATIONS, FAULTS
 from backend.realtime import MODES, SPEED_MAX, SPEED_MIN, Accepted, Command, PlayerMoved, PlayRecording
 from backend.schemas import PlayedRecording, PlayerOrder, PlayerView, RunMark
+from backend.services import messages
 from backend.services.lineage import load_marks
 from backend.storage import Database, EventKind, UnknownRecordError, runs
 from plant import ErrorCode, RecordedSamples, Signal, T_s, load_replay
@@ -100,11 +101,6 @@ def _build_mark(at: int, kind: EventKind, text: str) -> RunMark:
 # change of its motion.
 
 
-NO_COMMANDS = (
-    "the plant is a replay, which accepts no commands: use the player on Operate for play, pause, speed and position"
-)
-
-
 class RecordingPlayer:
     """Commands the player of a recording and shows its position."""
 
@@ -130,8 +126,7 @@ class RecordingPlayer:
     def recording(self) -> PlayedRecording:
         """The replayed recording. Raises RequestRejectedError for another plant."""
         if self._recording is None:
-            message = "the plant is not a replay: start one with sinew serve --plant replay --recording FILE"
-            raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="no_recording")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.plant_is_not_a_replay(), code="no_recording")
         return self._recording
 
     def handle_event(self, event: PlayerMoved) -> None:
@@ -182,4 +177,4 @@ class RecordingPlayer:
         It takes no commands except those of its player.
         """
         if self.has_recording:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, NO_COMMANDS, code="recording_played")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.replay_takes_no_commands(), code="recording_played")

@@ -13,6 +13,7 @@ from backend.errors import RequestRejectedError, check_range
 from backend.execution import RunPhase, RunRequest, dry_run, read_progress, warm_up_dry_run
 from backend.experiments import LoopSettings, list_setting_values
 from backend.schemas import DryRunProgress, DryRunView, ExperimentRequest, QueuedView, QueueView
+from backend.services import messages
 from backend.services.background_work import IsDisconnected, WorkLimiter, run_while_connected
 from backend.services.runs import build_dry_run_view
 from backend.services.tuning_state import RobustnessCache
@@ -202,7 +203,7 @@ class ExperimentQueue:
         an empty queue, and the errors of the start.
         """
         if not self._items:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "the queue is empty: add an experiment first")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.queue_is_empty())
         if not self._running:
             self._set_problem("")
             await self._start_first()
@@ -278,14 +279,12 @@ class ExperimentQueue:
     def _find_waiting(self, item_id: int) -> QueuedView:
         item = next((item for item in self._items if item.id == item_id), None)
         if item is None:
-            raise RequestRejectedError(ErrorCode.UNKNOWN, f"experiment {item_id} is not in the queue")
+            raise RequestRejectedError(ErrorCode.UNKNOWN, messages.not_in_the_queue(item=item_id))
         return item
 
     def _require_space(self) -> None:
         if len(self._items) >= LONGEST:
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"the queue is full: it holds {LONGEST} experiments; remove one first"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.queue_is_full(maximum=LONGEST))
 
     def _load(self) -> None:
         """Load the stored queue and pause it."""

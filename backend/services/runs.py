@@ -69,6 +69,7 @@ from backend.schemas import (
     TaskView,
     Timeline,
 )
+from backend.services import record_messages
 from backend.services.lineage import load_marks
 from backend.storage import (
     All,
@@ -146,9 +147,7 @@ class Evaluations:
         require_evaluable(await asyncio.to_thread(self._load_run, run_id))
         task = self._task()
         if self.is_evaluating(run_id) or (task is not None and task.run == run_id):
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"run {run_id} is being evaluated: its result is available in a moment"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, record_messages.run_is_being_evaluated(run=run_id))
         self._active.add(run_id)
         try:
             await self._worker.run(reevaluate_run, self._database, run_id)
@@ -776,13 +775,12 @@ class RunQuery:
         Raises RequestRejectedError for an unknown kind, QueryError.
         """
         for unknown in (one for one in self.kinds if one not in set(RunKind)):
-            raise RequestRejectedError(
-                ErrorCode.BAD_VALUE, f"there is no kind {unknown!r} of runs", legal=[str(known) for known in RunKind]
-            )
+            message = record_messages.unknown_kind_of_runs(kind=unknown)
+            raise RequestRejectedError(ErrorCode.BAD_VALUE, message, legal=[str(known) for known in RunKind])
         of_kind = [Compare(Value("kind", 0), Op.EQUAL, tuple(Value(kind, 0) for kind in self.kinds))]
         words = [Word(Value(word, 0)) for word in self.search.split()]
         if not all(word.value.text.isprintable() for word in words):
-            raise QueryError(0, "it contains a non-printable character: delete it")
+            raise QueryError(0, record_messages.non_printable_character())
         return All((*map(parse_query, self.where), *(of_kind if self.kinds else []), *words))
 
 

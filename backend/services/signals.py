@@ -45,6 +45,7 @@ from backend.schemas import (
     SpectraLine,
     StatisticsLine,
 )
+from backend.services import record_messages
 from backend.storage import Database, Formula, formulas, recordings
 from backend.workers import stream_from_process
 from plant import ErrorCode
@@ -123,9 +124,8 @@ class RangeAnalysis:
         All errors of the request are raised before.
         """
         if self._active_count >= MAX_RANGES:
-            raise RequestRejectedError(
-                ErrorCode.TOO_MANY, f"{MAX_RANGES} ranges are being read: wait until one of them ends", retry_after_s=2
-            )
+            message = record_messages.too_many_ranges(maximum=MAX_RANGES)
+            raise RequestRejectedError(ErrorCode.TOO_MANY, message, retry_after_s=2)
         most = AT_HAND_SAMPLES if in_process_samples is None else min(in_process_samples, AT_HAND_SAMPLES)
         stream = self._count_stream(lines, query, most)
         await anext(stream)
@@ -317,7 +317,7 @@ def _build_spectrum(unit: str, values: NDArray[np.float64], samples: int, period
     found, reason = welch_spectrum(values, period_s), ""
     finite_count = int(np.count_nonzero(np.isfinite(values)))
     if found is None:
-        reason = f"fewer than {LEAST_SAMPLES} consecutive samples have a value"
+        reason = record_messages.too_few_samples_for_spectrum(minimum=LEAST_SAMPLES)
         found = Spectrum(step_Hz=0.0, noise_bandwidth_Hz=0.0, segment=0, segments=0, used=0, density=np.empty(0))
     return SignalSpectrum(
         unit=unit,
@@ -364,18 +364,17 @@ class Formulas:
         try:
             derived = parse_derived_signal(name, text.unit, text.expression)
         except ExpressionError as error:
-            raise RequestRejectedError(ErrorCode.BAD_VALUE, str(error), code="bad_formula") from None
+            raise RequestRejectedError(ErrorCode.BAD_VALUE, error.message, code="bad_formula") from None
         with self._database.session() as session:
             others = [one.name for one in formulas.find(session) if one.name != name]
             if len(others) >= MAX_FORMULAS:
                 raise RequestRejectedError(
-                    ErrorCode.BAD_VALUE, f"a station has {MAX_FORMULAS} derived signals at most: remove one first"
+                    ErrorCode.BAD_VALUE, record_messages.too_many_derived_signals(maximum=MAX_FORMULAS)
                 )
             similar_name = next((one for one in others if one.lower() == name.lower()), None)
             if similar_name is not None:
-                raise RequestRejectedError(
-                    ErrorCode.BAD_VALUE, f"{name!r} differs from {similar_name!r} only in case", code="bad_formula"
-                )
+                message = record_messages.name_differs_only_in_case(name=name, other=similar_name)
+                raise RequestRejectedError(ErrorCode.BAD_VALUE, message, code="bad_formula")
             steps = [asdict(step) for step in derived.steps]
             return _build_view(
                 formulas.save(

@@ -15,6 +15,7 @@ from backend.experiments import LoopSettings, parser
 from backend.models import Value, describe_settings
 from backend.plain_text import escape_line
 from backend.schemas import CheckedStudy, PlantNumber, PlantNumbers, StudyAxis, StudyDetail, StudyList, StudyView
+from backend.services import record_messages
 from backend.services.background_work import IsDisconnected, TextWork
 from backend.services.library import OwnExperiments
 from backend.storage import Database, StoredStudy, StudyPoint, studies
@@ -326,9 +327,7 @@ class StudyScheduler:
 
     def _require_capacity(self) -> None:
         if len(self._waiting) + len(self._running) >= MAX_WAITING:
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"{MAX_WAITING} studies are running or waiting already: stop one of them first"
-            )
+            raise RequestRejectedError(ErrorCode.NOT_NOW, record_messages.too_many_studies(maximum=MAX_WAITING))
 
     def _schedule(self, study: StudyView) -> StudyView:
         if study.id not in self._waiting and study.state == "stopped":  # after its last attempt, where that only ends

@@ -7,6 +7,7 @@ from backend.errors import RequestRejectedError
 from backend.recording import WINDOWS, Armed, Condition, Derived, Trigger, build_derived_signal, load_armed_trigger
 from backend.sample import UNIT_BY_SIGNAL, find_nearest_name
 from backend.schemas import MarkKind, TriggerOrder, TriggerView
+from backend.services import messages
 from backend.services.actuator import ActuatorService
 from backend.services.event_log import EventLog
 from backend.storage import Database, EventKind, StorageError, formulas
@@ -65,8 +66,9 @@ class Triggers:
         async with self._command_lock:
             status = self._trigger.status
             if status is not None and self._trigger.is_armed:
-                reason = f"{status.armed.who} has armed it: {status.armed.condition.describe()}; disarm it first"
-                raise RequestRejectedError(ErrorCode.NOT_NOW, f"the trigger is armed. {reason}", code="trigger_armed")
+                armed = status.armed
+                message = messages.trigger_is_armed(who=armed.who, condition=armed.condition.describe())
+                raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="trigger_armed")
             before, after = round(order.before_s / T_s), round(order.after_s / T_s)
             self._trigger.arm(
                 Armed(
@@ -113,16 +115,15 @@ def _build_condition(order: TriggerOrder, derived: dict[str, Derived]) -> Condit
     Raises RequestRejectedError.
     """
     if order.signal not in UNIT_BY_SIGNAL and order.signal not in derived:
-        message = f"there is no signal {order.signal!r}; the closest name is {find_nearest_name(order.signal)}"
+        message = messages.unknown_signal(signal=order.signal, nearest=find_nearest_name(order.signal))
         raise RequestRejectedError(
             ErrorCode.BAD_VALUE, message, code="unknown_signal", legal=[*UNIT_BY_SIGNAL, *derived]
         )
     is_window = order.condition in WINDOWS
     if is_window and (order.upper is None or order.upper <= order.level):
-        message = "the upper end of the window must be above its lower end"
-        raise RequestRejectedError(ErrorCode.BAD_VALUE, message, code="bad_window")
+        raise RequestRejectedError(ErrorCode.BAD_VALUE, messages.window_without_width(), code="bad_window")
     if not is_window and order.upper is not None:
-        message = f"a condition {order.condition} has only one level: omit the upper end"
+        message = messages.upper_end_without_window(condition=order.condition)
         raise RequestRejectedError(ErrorCode.BAD_VALUE, message, code="bad_window")
     formula = None if order.signal in UNIT_BY_SIGNAL else derived[order.signal]
     return Condition(order.signal, order.condition, order.level, order.upper, formula)

@@ -26,7 +26,7 @@ from backend.schemas import (
     TuningRequest,
     TuningView,
 )
-from backend.services import background_work
+from backend.services import background_work, messages
 from backend.services.background_work import Compute, TuningSnapshot
 from backend.services.contact import BiasDiscarded, ContactService
 from backend.services.event_log import EventLog
@@ -35,7 +35,7 @@ from backend.services.tuning_state import ActiveTuning, ResolvedTuning, TuningSt
 from backend.storage import Bank, Database, StoredSetting, settings
 from backend.supervision import Supervision
 from backend.tuning import DEVIATIONS, UNSEEN_F
-from plant import ErrorCode, Quantity
+from plant import ErrorCode
 
 # Tuning service ------------------------------------------------------------------------------------
 # An operator changes the active tuning permanently or for a limited trial. A run can replace it by
@@ -109,7 +109,7 @@ class TuningService:
         """
         before = self._trial.before
         if before is None:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, "no trial is active: the active tuning is unchanged")
+            raise RequestRejectedError(ErrorCode.NOT_NOW, messages.no_trial_is_active())
         if keep:
             self._trial.clear()
             self._push_undo(before)
@@ -144,14 +144,12 @@ class TuningService:
         OutOfRangeError if that tuning is no longer safe.
         """
         stack, other = self._live_state.undo_stack, self._live_state.redo_stack
-        return await self._move_between_stacks(stack, other, "undone", "there is no change of the tuning to undo", who)
+        return await self._move_between_stacks(stack, other, "undone", messages.nothing_to_undo(), who)
 
     async def redo(self, who: str) -> TuningView:
         """Restore the tuning that the last undo has replaced. Raises like ``undo``."""
         stack, other = self._live_state.redo_stack, self._live_state.undo_stack
-        return await self._move_between_stacks(
-            stack, other, "done again", "there is no undone change of the tuning to redo", who
-        )
+        return await self._move_between_stacks(stack, other, "done again", messages.nothing_to_redo(), who)
 
     async def _move_between_stacks(
         self, stack: deque[ResolvedTuning], other: deque[ResolvedTuning], done: str, nothing: str, who: str
@@ -163,7 +161,7 @@ class TuningService:
         async with self._change_lock:
             self._require_no_override()
             if self._trial.before is not None:
-                raise RequestRejectedError(ErrorCode.NOT_NOW, "a trial is in progress: keep or revert its tuning first")
+                raise RequestRejectedError(ErrorCode.NOT_NOW, messages.trial_in_progress())
             if not stack:
                 raise RequestRejectedError(ErrorCode.NOT_NOW, nothing)
             step, before = stack[-1], self._live_state.tuning
@@ -184,7 +182,7 @@ class TuningService:
         async with self._change_lock:
             self._require_no_override()
             if self._trial.before is not None:
-                raise RequestRejectedError(ErrorCode.NOT_NOW, "a trial is in progress: keep or revert its tuning first")
+                raise RequestRejectedError(ErrorCode.NOT_NOW, messages.trial_in_progress())
             own = self._live_state.tuning
             if choice != own.choice:
                 temporary = await asyncio.to_thread(own.with_choice, choice, bank)
@@ -295,9 +293,7 @@ class TuningService:
         if not noise <= UNSEEN_F / DEVIATIONS:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                "disturbance rejection is refused: "
-                f"the estimate varies by {Quantity(noise, 'N'):.4g} (standard deviation), "
-                f"and the threshold of the rejection, {UNSEEN_F:g} N, must be at least {DEVIATIONS:g} times that",
+                messages.rejection_within_noise(std_N=noise, threshold_N=UNSEEN_F, factor=DEVIATIONS),
             )
 
     async def _retry_restore(self, what: str, tuning: ActiveTuning, restore: Callable[[], Awaitable[None]]) -> None:
@@ -359,8 +355,10 @@ class TuningService:
         if self._live_state.overridden_tuning is None:
             return
         task = self._live_state.task
-        what = "a run is being started" if task is None else f"{task.kind} is running"
-        raise RequestRejectedError(ErrorCode.NOT_NOW, f"{what} and its record contains the tuning: stop it first")
+        raise RequestRejectedError(
+            ErrorCode.NOT_NOW,
+            messages.starting_run_contains_tuning() if task is None else messages.run_contains_tuning(kind=task.kind),
+        )
 
     async def _store_active(self, who: str) -> None:
         """Store the operator's tuning for the next start of the service.

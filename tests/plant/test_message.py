@@ -25,7 +25,7 @@ class FarError(SinewError):
 def catalogues() -> Iterator[ModuleType]:
     for root in (plant, backend):
         for found in pkgutil.walk_packages(root.__path__, f"{root.__name__}."):
-            if found.name.rpartition(".")[2] == "messages":
+            if found.name.endswith("messages"):
                 yield importlib.import_module(found.name)
 
 
