@@ -12,6 +12,7 @@ import pytest
 from backend.commissioning import status
 from backend.commissioning.procedure import StepFinding
 from backend.commissioning.steps import StepId
+from backend.services import messages
 from backend.storage.database import open_database
 from plant.calibration import CellCalibration
 from plant.wiring import load_wiring
@@ -87,15 +88,16 @@ def test_the_wiring_test_is_played_confirmed_and_kept(rig: httpx.Client) -> None
     refused = problem(rig.post(f"{URL}/direction", json={"values": {}}))
     assert "Wiring test" in str(refused["message"])
     begin(rig, "wiring_test")
-    assert "in progress" in step_of(rig, "tare")["blocked"]
+    assert step_of(rig, "tare")["blocked"] == messages.other_step_in_progress(title="Wiring test")
     until(lambda: step_of(rig, "wiring_test")["running"]["confirm"])
     view = rig.get(URL).json()
     assert (view["drives_on"], view["drives_locked"]) == (False, True)
-    assert rig.get("/api/state").json()["unready"] == "Wiring test of the bring-up is in progress"
+    unready = messages.step_occupies_rig(title="Wiring test")
+    assert rig.get("/api/state").json()["unready"] == unready
     rig.post("/api/experiments/queue", json={"name": "tracking"}).raise_for_status()
     for order, body in STARTING:
         refused = problem(rig.post(order, json=body))
-        assert "Wiring test of the bring-up is in progress" in str(refused["message"]), order
+        assert (refused["message_code"], unready in refused["message"]) == ("rig_is_occupied", True), order
     step, read_problems = confirmed(rig, "wiring_test")
     assert (step["state"], step["result"]["passed"]) == ("current", True), step
     assert len(read_problems) >= 6

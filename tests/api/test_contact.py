@@ -18,12 +18,15 @@ from backend.realtime.supervisor import LoopExited
 from backend.sample import INDEX
 from backend.schemas.state import TouchOrder, TouchPoint, TouchView
 from backend.schemas.tuning import TrialRequest, TuningRequest
+from backend.services import messages
 from backend.storage import events, runs
 from backend.storage.database import Database, open_database
+from plant import Message
 from plant.dynamics import Obstacle
 from plant.interface import InjectedFault, InjectedFaultKind
 from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Parts, stepped
+from tests.refusals import refused
 
 # Contact detection through the service: calibration, threshold and contacts.
 
@@ -74,7 +77,9 @@ def test_calibrated_bias_is_subtracted_at_its_stiffness(database: Database) -> N
         both = (await contact.apply(TouchOrder(learn=True), WHO)).learned
         assert [round(one.S) for one in both] == [10, 14]
         assert both[0] == point
-        with pytest.raises(RequestRejectedError, match="less than 1 s ago"):
+        with refused(
+            RequestRejectedError, "bias_not_measured", reason=messages.bias_or_references_changed(duration_s=1.0)
+        ):
             await contact.apply(TouchOrder(learn=True), WHO)
         await parts.supervisor.advance(1.1)
         again = (await contact.apply(TouchOrder(learn=True), WHO)).learned
@@ -93,47 +98,50 @@ def test_calibrated_bias_is_subtracted_at_its_stiffness(database: Database) -> N
 
 
 def test_calibration_is_refused_while_an_input_acts_or_the_joint_moves(database: Database) -> None:
-    async def refused(parts: Parts) -> None:
+    async def moving(parts: Parts) -> None:
         async def why() -> str:
             with pytest.raises(RequestRejectedError) as told:
                 await parts.actuator.contact.apply(TouchOrder(learn=True, contact_N=2.0), WHO)
             assert parts.state().touch.learned == []
             assert parts.state().touch.contact_N == 0.0
-            return str(told.value)
+            reason = told.value.message.values["reason"]
+            assert isinstance(reason, Message)
+            assert told.value.message.code == "bias_not_measured"
+            return reason.code
 
-        assert "not available yet" in await why()
+        assert await why() == "external_force_not_available"
         await parts.actuator.set_mode(Mode.PRETENSION, WHO)
         await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
         await parts.supervisor.advance(1.5)
-        assert "held in mode run" in await why()
+        assert await why() == "not_held_in_mode_run"
         await at_rest(parts)
         await push(parts, 1.0, 0.5)
-        assert "pushed" in await why()
+        assert await why() == "joint_is_pushed"
         await parts.supervisor.send(Obstruct(Obstacle(1.0, 0.25, 5e3, 1.0)))
         await parts.actuator.set_references(0.27, 10.0, WHO)
         await parts.supervisor.advance(6.0)
-        assert "presses against an obstacle" in await why()
+        assert await why() == "joint_presses_obstacle"
         await parts.supervisor.send(Obstruct(None))
         await parts.actuator.set_references(0.6, 10.0, WHO)
         await parts.supervisor.advance(1.0)
-        assert "at rest" in await why()
+        assert await why() == "joint_not_at_rest"
 
-    stepped(database, load_parameters("lab"), refused)
+    stepped(database, load_parameters("lab"), moving)
 
 
 def test_contact_reaction_needs_calibration_and_low_noise(database: Database) -> None:
     async def arm(parts: Parts) -> None:
         contact = parts.actuator.contact
         await at_rest(parts)
-        with pytest.raises(RequestRejectedError, match="calibrate it first"):
+        with refused(RequestRejectedError, "contact_reaction_needs_bias"):
             await contact.apply(TouchOrder(contact_N=1.5), WHO)
         for contact_N in (0.5, 31.0, -1.0):
-            with pytest.raises(OutOfRangeError) as refused:
+            with pytest.raises(OutOfRangeError) as told:
                 await contact.apply(TouchOrder(learn=True, contact_N=contact_N), WHO)
-            assert refused.value.quantity == "contact_N"
+            assert told.value.quantity == "contact_N"
         armed = await contact.apply(TouchOrder(learn=True, contact_N=1.5), WHO)
         assert armed.contact_N == 1.5
-        with pytest.raises(RequestRejectedError, match="calibrate it first"):
+        with refused(RequestRejectedError, "contact_reaction_needs_bias"):
             await contact.apply(TouchOrder(forget=True), WHO)
         assert parts.state().touch == armed
         assert (await contact.apply(TouchOrder(forget=True, contact_N=0.0), WHO)).contact_N == 0.0
@@ -237,7 +245,7 @@ def test_rejection_is_refused_with_a_noisy_estimate(database: Database) -> None:
         await learned(parts)
         contact = parts.actuator.contact
         contact._points = [TouchPoint(S=10.0, F=0.0, std_N=0.2)]
-        with pytest.raises(RequestRejectedError, match=r"varies by 0\.2 N"):
+        with refused(RequestRejectedError, "rejection_within_noise", std_N=0.2):
             await parts.actuator.tuning_service.apply(TuningRequest(k_ext=0.5), WHO)
 
     stepped(database, load_parameters("lab"), operate)

@@ -2,7 +2,8 @@
 
 import asyncio
 import json
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,10 +20,11 @@ from backend.realtime.modes import Mode
 from backend.realtime.supervisor import LoopExited
 from backend.sample import INDEX
 from backend.schemas.state import PushRequest, SweepView, TaskView, TouchOrder
-from backend.services import contact
+from backend.services import contact, messages
 from backend.services.contact import SWEEP_POINTS
 from backend.storage import events
 from backend.storage.database import Database, open_database
+from plant import Message
 from plant.dynamics import Obstacle, spring_elongation, spring_slope, tendon_tension
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
@@ -32,6 +34,7 @@ from tests.api.test_contact import at_rest
 from tests.cli.test_report import sinew
 from tests.closed_loop.test_promises import unlike_sides
 from tests.e2e.service import Service
+from tests.refusals import refused
 
 # The sweep that calibrates the bias: its ends, refusals and failures.
 
@@ -73,7 +76,7 @@ def reference(parts: Parts) -> tuple[float, float | None]:
 
 def test_stop_restores_S_ref(database: Database) -> None:
     async def stop(parts: Parts) -> None:
-        with pytest.raises(RequestRejectedError, match="nothing to stop"):
+        with refused(RequestRejectedError, "no_sweep_to_stop"):
             await parts.actuator.contact.apply(STOP, WHO)
         await learned_two(parts)
         told = await parts.actuator.contact.apply(STOP, WHO)
@@ -109,7 +112,7 @@ def test_other_motion_aborts_the_sweep_and_keeps_its_points(database: Database) 
         for end, why, then in (
             (by_reference, "other references were set", (-0.1, 9.0)),
             (by_control, "no longer holds control", (0.2, 11.5)),
-            (by_push, "the joint is pushed", (0.2, 10.0)),
+            (by_push, messages.joint_is_pushed(), (0.2, 10.0)),
             (by_mode, "the mode is compliance now", None),
             (by_stop, "the mode is tripped now", None),
         ):
@@ -135,60 +138,74 @@ def test_other_motion_aborts_the_sweep_and_keeps_its_points(database: Database) 
 
 
 def test_sweep_is_refused_with_a_reason_and_excludes_other_calibration(database: Database) -> None:
-    async def refused(parts: Parts) -> None:
-        async def why(order: TouchOrder = BEGIN) -> str:
+    async def occupied(parts: Parts) -> None:
+        async def refusal(order: TouchOrder) -> Message:
             with pytest.raises(RequestRejectedError) as told:
                 await parts.actuator.contact.apply(order, WHO)
-            return str(told.value)
+            return told.value.message
 
-        assert "held in mode run, but the mode is off" in await why()
+        async def why() -> tuple[str, Mapping[str, object]]:
+            message = await refusal(BEGIN)
+            reason = message.values["reason"]
+            assert isinstance(reason, Message)
+            assert message.code == "sweep_not_possible"
+            return reason.code, reason.values
+
+        assert await why() == ("sweep_needs_mode_run", {"mode": Mode.OFF})
         await at_rest(parts)
-        assert "cannot be combined" in await why(TouchOrder(sweep="begin", learn=True))
+        assert (await refusal(TouchOrder(sweep="begin", learn=True))).code == "sweep_with_other_field"
         parts.live_state.task = TaskView(
             kind="tracking", run=4, elapsed_s=1.0, duration_s=9.0, phase=RunPhase.STARTING, part=None, number=1
         )
-        assert "run 4, tracking, is in progress" in await why()
+        assert await why() == ("run_prevents_sweep", {"run": 4, "kind": "tracking"})
         parts.live_state.task = None
         await parts.actuator.contact.apply(TouchOrder(learn=True, contact_N=2.0), WHO)
-        assert "contact reaction is armed" in await why()
+        assert await why() == ("contact_reaction_is_armed", {})
         await parts.actuator.contact.apply(TouchOrder(contact_N=0.0), WHO)
         await parts.supervisor.send(commands.ApplyPush(1.0, 0.5))
         await parts.supervisor.advance(0.1)
-        assert "pushed" in await why()
+        assert await why() == ("joint_is_pushed", {})
         await parts.supervisor.advance(2.0)
         await parts.supervisor.send(commands.Obstruct(Obstacle(1.0, 0.25, 5e3, 1.0)))
         await parts.actuator.set_references(0.27, 10.0, WHO)
         await parts.supervisor.advance(3.0)
-        assert "presses against an obstacle" in await why()
+        assert await why() == ("joint_presses_obstacle", {})
         await parts.supervisor.send(commands.Obstruct(None))
         await parts.supervisor.advance(2.0)
         assert parts.state().touch.sweep is None
         await parts.actuator.contact.apply(BEGIN, WHO)
-        assert "in progress already" in await why()
+        assert await why() == ("sweep_in_progress_already", {})
         assert (await parts.actuator.contact.apply(TouchOrder(), WHO)).sweep == sweep_of(parts)
         for order in (TouchOrder(learn=True), TouchOrder(forget=True), TouchOrder(contact_N=2.0)):
-            assert "wait until it ends, or stop it" in await why(order)
+            assert (await refusal(order)).code == "sweep_in_progress"
         assert (await until(parts)).why == ""
 
-    stepped(database, load_parameters("lab"), refused)
+    stepped(database, load_parameters("lab"), occupied)
 
 
 @pytest.mark.parametrize(
-    ("S", "F", "why"),
+    ("S", "F", "code", "values"),
     [
-        (8.0, 0.0, ""),
-        (8.6, 0.0, "the stiffness does not reach S_ref, it remains at 8.60"),
-        (8.0, 0.5, "the estimate drifts by 0.50 N"),
-        (8.0, float("nan"), "the estimate drifts by "),
+        (8.0, 0.0, "", {}),
+        (8.6, 0.0, "stiffness_not_reached", {"S": pytest.approx(8.6)}),
+        (8.0, 0.5, "estimate_drifts", {"drift_N": pytest.approx(0.5), "maximum_N": contact.DRIFT_N}),
+        (
+            8.0,
+            math.nan,
+            "estimate_drifts",
+            {"drift_N": pytest.approx(math.nan, nan_ok=True), "maximum_N": contact.DRIFT_N},
+        ),
     ],
 )
-def test_explain_drift_names_the_cause_and_rejects_nan(S: float, F: float, why: str) -> None:
+def test_explain_drift_names_the_cause_and_rejects_nan(
+    S: float, F: float, code: str, values: dict[str, object]
+) -> None:
     rows = np.zeros((1000, len(INDEX)))
     rows[:, INDEX["S"]] = S
     rows[500:, INDEX["F_ext_hat"]] = F
-    said = contact._explain_drift(rows, 8.0)
-    assert said.startswith(why)
-    assert bool(said) == bool(why)
+    why = contact._explain_drift(rows, 8.0)
+    assert bool(why) == bool(code)
+    assert not why or (isinstance(why, Message) and (why.code, why.values) == (code, values))
 
 
 def test_point_without_rest_ends_the_sweep(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -198,7 +215,8 @@ def test_point_without_rest_ends_the_sweep(database: Database, monkeypatch: pyte
         await parts.actuator.contact.apply(BEGIN, WHO)
         begun = parts.supervisor.ring.count
         sweep = await until(parts)
-        assert "at 8 N·m/rad the bias could not be calibrated within 20 s: the estimate drifts by 0.50 N" in sweep.why
+        drifts = messages.estimate_drifts(drift_N=0.5, maximum_N=contact.DRIFT_N)
+        assert sweep.why == messages.no_rest_in_sweep(S_ref=8.0, duration_s=20.0, reason=drifts)
         assert parts.supervisor.ring.count - begun == pytest.approx(20_000, abs=200)
         await parts.supervisor.advance(0.01)
         assert reference(parts) == pytest.approx((0.2, 10.0))

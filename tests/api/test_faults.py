@@ -56,7 +56,7 @@ def test_a_simulator_has_no_card_to_break(off: httpx.Client) -> None:
     refused = off.post("/api/faults/injection", json={"kind": "device_gone"})
     assert refused.status_code == 409
     assert problem(refused)["code"] == "no_virtual_card"
-    assert "--virtual-card" in str(problem(refused)["message"])
+    assert problem(refused)["message_code"] == "fault_needs_virtual_card"
 
 
 def test_the_list_tells_words_and_injections(viewer: httpx.Client) -> None:
@@ -136,9 +136,11 @@ class _RigActuator:
 @pytest.mark.parametrize("fault", INJECTIONS)
 def test_nothing_is_injected_into_a_rig(fault: Fault) -> None:
     rig, control = cast(ActuatorService, _RigActuator()), cast(ControlLease, None)
-    with pytest.raises(RequestRejectedError, match="requires a simulated plant, but the plant is the rig") as error:
+    with pytest.raises(RequestRejectedError) as error:
         asyncio.run(apply_fault(rig, control, INJECTIONS[fault], "Ana"))
     assert error.value.category is ErrorCode.NOT_NOW
+    message = error.value.message
+    assert (message.code, message.values) == ("fault_injection_needs_simulated_plant", {"plant": "rig"})
 
 
 def test_a_trip_leaves_a_flight_record(off: httpx.Client) -> None:

@@ -33,6 +33,7 @@ def test_an_identification_gives_models_and_a_bank_that_the_loop_uses(off: httpx
     run = started.json()["id"]
     second = off.post("/api/experiments", json={"name": "tracking"})
     assert second.status_code == 409
+    assert problem(second)["message_code"] == "run_prevents_start"
     assert str(run) in str(problem(second)["message"])
     view = finished(off, f"/api/identifications/{run}")
     assert view["status"] == "completed", view["message"]

@@ -37,6 +37,7 @@ from tests.api.stepped_service import OPERATOR, Parts, stepped
 from tests.cli.test_report import sinew
 from tests.e2e.service import Service
 from tests.recording.stand_in import new_run
+from tests.refusals import refused
 
 # A push on the joint by command: on a simulated plant only, and let go of when control is lost.
 
@@ -110,7 +111,7 @@ def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Data
 
 
 def test_a_push_is_bounded_and_refused_where_nothing_can_push(database: Database) -> None:
-    async def refused(parts: Parts) -> None:
+    async def not_possible(parts: Parts) -> None:
         with pytest.raises(RequestRejectedError, match="in run and compliance; the mode is off"):
             await parts.actuator.push(PushRequest(F_push=5.0), OPERATOR.name)
         await in_run(parts)
@@ -122,15 +123,15 @@ def test_a_push_is_bounded_and_refused_where_nothing_can_push(database: Database
                 await parts.actuator.push(push, OPERATOR.name)
             assert refused_value.value.quantity == quantity
         assert parts.state().limits.F_push_max == 30.0
-        for kind, words in ((PlantKind.REPLAY, "is the replay$"), (PlantKind.RIG, "is the rig: push it by hand$")):
+        for kind, is_rig in ((PlantKind.REPLAY, False), (PlantKind.RIG, True)):
             parts.supervisor.setup = replace(parts.supervisor.setup, plant=PlantChoice(kind))
-            with pytest.raises(RequestRejectedError, match=words):
+            with refused(RequestRejectedError, "push_needs_simulated_plant", plant=kind, is_rig=is_rig):
                 await parts.actuator.push(PushRequest(F_push=5.0), OPERATOR.name)
         assert parts.state().limits.F_push_max == 0.0
         await parts.supervisor.advance(0.01)
         assert pushed_by(parts) == 0.0
 
-    stepped(database, load_parameters("ideal"), refused)
+    stepped(database, load_parameters("ideal"), not_possible)
 
 
 # A wall in the simulated joint's way: ordered in flight, shown, taken away, refused where nothing is simulated.
@@ -209,15 +210,15 @@ def test_it_is_bounded_and_refused_where_nothing_is_simulated(database_wall: Dat
             (WallView(q_wall=0.5, c_wall=1.001 * limits.c_wall_max), "c_wall"),
             (WallView(q_wall=0.5, c_wall=-1.0), "c_wall"),
         ):
-            with pytest.raises(OutOfRangeError) as refused:
+            with pytest.raises(OutOfRangeError) as out_of_range:
                 await set_obstacle(parts.actuator, WallOrder(wall=wall), "Ana")
-            assert refused.value.path == ("wall", quantity)
+            assert out_of_range.value.path == ("wall", quantity)
         for kind in (PlantKind.REPLAY, PlantKind.RIG):
             parts.supervisor.setup = replace(parts.supervisor.setup, plant=PlantChoice(kind))
             offered = parts.state().limits
             assert (offered.k_wall_min, offered.k_wall_max, offered.c_wall_max) == (0.0, 0.0, 0.0)
             for order in (UP, WallOrder(wall=None)):
-                with pytest.raises(RequestRejectedError, match=f"a simulated plant, but the plant is the {kind}"):
+                with refused(RequestRejectedError, "obstacle_needs_simulated_plant", plant=kind):
                     await set_obstacle(parts.actuator, order, "Ana")
 
     stepped(database_wall, load_parameters("ideal"), session)

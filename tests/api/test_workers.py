@@ -222,7 +222,7 @@ def test_a_viewer_s_dry_run_holds_up_no_report_and_ends_when_the_viewer_leaves(
         assert off.get(f"/api/runs/{reported}/data.csv").is_success
         refused = viewer.post("/api/experiments/dry-run", json=SHORT)
         assert refused.status_code == 429
-        assert "of yours" in str(problem(refused)["message"])
+        assert problem(refused)["message_code"] == "own_work_at_limit"
         hanging.close()
 
         def answered() -> httpx.Response | None:

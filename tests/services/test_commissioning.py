@@ -25,7 +25,7 @@ from backend.realtime.supervisor import Supervisor
 from backend.realtime.timing import RealTimeStatus
 from backend.schemas.commissioning import BringUpStep
 from backend.schemas.identification import ActuatorRequest
-from backend.services import actuator
+from backend.services import actuator, messages
 from backend.services.commissioning import CommissioningService
 from backend.storage.commissioning import StoredStepResult
 from backend.storage.database import open_database
@@ -38,6 +38,7 @@ from plant.simulator import Simulator
 from plant.virtual_daq import VirtualRig
 from plant.wiring import load_wiring
 from tests.api.stepped_service import Parts, Stepped, stepped
+from tests.refusals import refused
 
 IDEAL = load_parameters("ideal")
 VIRTUAL = PlantChoice(PlantKind.VIRTUAL_CARD)
@@ -61,7 +62,7 @@ def test_a_step_whose_result_is_being_kept_is_over(tmp_path: Path, monkeypatch: 
         await bring_up.start(StepId.WIRING_TEST, {}, "Ada")  # it fails: a simulator has no drives to take away
         while (running := (await bring_up.view()).steps[0].running) and running.phase != "storing the result":
             await asyncio.sleep(0.0)
-        with pytest.raises(RequestRejectedError, match="Wiring test has ended, and the service is storing its result"):
+        with refused(RequestRejectedError, "step_is_being_stored", title="Wiring test"):
             await bring_up.cancel()
         closing_down = asyncio.create_task(bring_up.close())
         await asyncio.sleep(0.0)
@@ -105,8 +106,8 @@ def test_a_changed_wiring_file_is_tried_by_no_step_and_starts_unproven(
         await parts.actuator.reset("Ada")
         file.write_text(said.replace("gain = { value = 1.0", "gain = { value = -1.0", 1), encoding="utf-8")
         parts.supervisor.dead = False
-        assert "the wiring file has changed since the control loop started" in (await bring_up.view()).steps[0].blocked
-        with pytest.raises(RequestRejectedError, match="the wiring file has changed since the control loop started"):
+        assert (await bring_up.view()).steps[0].blocked == messages.wiring_has_changed()
+        with refused(RequestRejectedError, "wiring_has_changed"):
             await bring_up.start(StepId.WIRING_TEST, {}, "Ada")
         parts.supervisor.dead = True
         await parts.actuator.reset("Ada")
@@ -237,7 +238,7 @@ def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkey
         assert not mode.done()
         release.set()
         assert await run > 0
-        with pytest.raises(RequestRejectedError, match="run 1 is in progress"):
+        with refused(RequestRejectedError, "run_in_progress", run=1):
             await step
         await asyncio.gather(mode, return_exceptions=True)
         await parts.ordered_runs.close()

@@ -30,7 +30,7 @@ from backend.schemas.identification import ActuatorRequest, IdentificationReques
 from backend.schemas.run import PlannedSignals
 from backend.schemas.session import Role
 from backend.schemas.state import TaskView
-from backend.services import jobs
+from backend.services import jobs, messages
 from backend.services.banks import StoredBanks
 from backend.services.jobs import Pause, ScheduledRun, describe_runs_not_started, make_progress_callback
 from backend.services.queue import DryRuns
@@ -44,6 +44,7 @@ from backend.workers import WorkerProcess
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Here, Parts, stepped
+from tests.refusals import refused
 
 # What the service announces of an identification, against what its loop then does: length, progress, and the bank.
 
@@ -266,14 +267,14 @@ def test_the_next_tension_waits_for_a_pause_to_be_over_and_no_run_is_under_way_m
     async def ordered(parts: Parts) -> None:
         await pretension(parts)
         pause = parts.ordered_runs.pause
-        with pytest.raises(RequestRejectedError, match="no run is in progress"):
+        with refused(RequestRejectedError, "no_run_to_pause"):
             pause.request(True)
 
         def at_each(task: TaskView) -> None:
             if task.phase is RunPhase.PROGRAM and task.number == 1 and not task.pause_wanted:
                 pause.request(True)
             if task.phase is RunPhase.PROGRAM and task.number == 2:
-                with pytest.raises(RequestRejectedError, match="no further run of this request follows"):
+                with refused(RequestRejectedError, "no_further_run_to_pause"):
                     pause.request(True)
             state = parts.state()
             if task.phase is RunPhase.PAUSED:
@@ -288,8 +289,11 @@ def test_the_next_tension_waits_for_a_pause_to_be_over_and_no_run_is_under_way_m
             assert parts.live_state.task.phase is RunPhase.PAUSED
             assert parts.state().legal_modes == [Mode.STOPPING, Mode.OFF]
             for mode in (Mode.RUN, Mode.COMPLIANCE):
-                with pytest.raises(
-                    RequestRejectedError, match="continue the request, or abort it softly; legal now: stopping, off"
+                with refused(
+                    RequestRejectedError,
+                    "illegal_mode",
+                    reason=messages.request_is_paused(),
+                    legal=["stopping", "off"],
                 ):
                     await parts.actuator.set_mode(mode, OPERATOR.name)
             pause.request(False)
@@ -411,25 +415,26 @@ def test_next_run_starts_at_once_without_pause() -> None:
     pause.request(False)
     loop = FakeLoop()
     assert (wait(pause, loop), loop.advanced, pause.remaining_runs) == (0, 0, 0)
-    with pytest.raises(RequestRejectedError, match="no further run of this request follows"):
+    with refused(RequestRejectedError, "no_further_run_to_pause"):
         pause.request(True)  # the last run is being prepared: what is shown is still the one before it
     assert not pause.is_requested
 
 
 @pytest.mark.parametrize(
-    ("mode", "why"),
+    ("mode", "code"),
     [
-        (Mode.OFF, "the motors were switched off during the pause"),
-        (Mode.STOPPING, "the actuator was stopped softly during the pause"),
-        (Mode.TRIPPED, "a fault or STOP stopped the motors during the pause"),
+        (Mode.OFF, "motors_switched_off_in_pause"),
+        (Mode.STOPPING, "stopped_softly_in_pause"),
+        (Mode.TRIPPED, "tripped_in_pause"),
     ],
 )
-def test_pause_ends_the_request_if_the_motors_are_switched_off(mode: Mode, why: str) -> None:
+def test_pause_ends_the_request_if_the_motors_are_switched_off(mode: Mode, code: str) -> None:
     pause, _ = paused(2)
     loop = FakeLoop(Mode.PRETENSION, mode, Mode.PRETENSION)
-    with pytest.raises(NotReadyError, match=why) as ended:
+    with pytest.raises(NotReadyError) as ended:
         wait(pause, loop)
-    assert (ended.value.mode, loop.advanced, pause.remaining_runs) == (mode, 2, 2)
+    assert (ended.value.message.code, ended.value.mode) == (code, mode)
+    assert (loop.advanced, pause.remaining_runs) == (2, 2)
 
 
 def test_a_loop_that_dies_ends_it() -> None:
@@ -442,10 +447,10 @@ def test_pause_is_refused_without_a_remaining_run() -> None:
     pause, live_state = paused(1)
     pause.begin(0)
     assert not pause.is_requested
-    with pytest.raises(RequestRejectedError, match="no further run of this request follows"):
+    with refused(RequestRejectedError, "no_further_run_to_pause"):
         pause.request(True)
     live_state.task = None
-    with pytest.raises(RequestRejectedError, match="no run is in progress"):
+    with refused(RequestRejectedError, "no_run_to_pause"):
         pause.request(True)
 
 
@@ -581,7 +586,7 @@ def test_progress_is_that_of_ones_own_until_one_leaves() -> None:
         assert told.duration_s == order.plan.program().duration_s
         assert not (await dry_runs.progress(OTHER)).under_way
         left.set()
-        with pytest.raises(RequestRejectedError):
+        with refused(RequestRejectedError, "computation_cancelled"):
             await playing
         assert not (await dry_runs.progress(VIEWER)).under_way
 

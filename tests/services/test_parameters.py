@@ -27,10 +27,12 @@ from backend.services.tuning_state import ActiveTuning, make_active_tuning
 from backend.storage import banks
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database
+from plant import Message
 from plant.interface import SIMULATOR
 from plant.parameters import PlantParameters, load_parameters
 from tests.api.stepped_service import Parts, Stepped, stepped
 from tests.experiments.test_applied_parameters import K, motors, spring, stored
+from tests.refusals import refused
 
 Sample = NDArray[np.float64]
 
@@ -121,9 +123,7 @@ def test_nothing_changes_unless_the_actuator_is_off(database: Database, restarte
         applied = applied_with(parts, [])
         await parts.actuator.set_mode(Mode.PRETENSION, "Ana")
         before = parts.live_state.tuning
-        with pytest.raises(
-            RequestRejectedError, match=r"parameters can be applied only in mode off; the " r"mode is pretension"
-        ):
+        with refused(RequestRejectedError, "parameters_need_mode_off", mode=Mode.PRETENSION):
             await applied.apply(found.id, "Ana")
         assert len(applied.build_view().versions) == 1
         assert (parts.live_state.parameters, parts.live_state.tuning) == (IDEAL, before)
@@ -140,7 +140,7 @@ def test_a_value_outside_its_bounds_is_refused_by_name(database: Database, resta
         proposal = applied.build_view(beyond.id).proposal
         assert proposal is not None
         assert "identified_B.K_m = 2400 rad/(V·s) is outside 0.001 to 1000 rad/(V·s)" in proposal.problem
-        with pytest.raises(RequestRejectedError, match=r"identified_B.K_m = 2400"):
+        with refused(RequestRejectedError, "parameters_not_applicable", reason=proposal.problem):
             await applied.apply(beyond.id, "Ana")
         assert restarted == []
 
@@ -156,8 +156,8 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
     async def work(parts: Parts) -> None:
         live_state, applied = parts.live_state, applied_with(parts, [])
 
-        async def refused(why: str) -> None:
-            with pytest.raises(RequestRejectedError, match=why):
+        async def is_refused(code: str, **values: object) -> None:
+            with refused(RequestRejectedError, code, **values):
                 await applied.apply(found.id, "Ana")
             assert [one.number for one in applied.build_view().versions] == [0]
             assert (live_state.parameters, restarted) == (IDEAL, [])
@@ -165,13 +165,13 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
         homing = "Homing of the bring-up is in progress"
         with monkeypatch.context() as during:
             during.setattr(live_state, "occupied_by", homing)
-            await refused(homing)
+            await is_refused("rig_is_occupied", reason=homing)
         with monkeypatch.context() as during:
             during.setattr(live_state, "overridden_tuning", live_state.tuning)
-            await refused("a run is in progress: change the parameters after its end")
+            await is_refused("run_prevents_change_of_parameters")
         before = live_state.tuning
         await parts.actuator.tuning_service.start_trial(TrialRequest(lam_q=0.9, duration_s=60.0), "Ana")
-        await refused("a trial is in progress: keep or revert its tuning first")
+        await is_refused("trial_in_progress")
         await parts.actuator.tuning_service.end_trial(keep=False, who="Ana")
 
         choose_for_parameters = parts.tuning_store.choose_for_parameters
@@ -182,10 +182,10 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
 
         with monkeypatch.context() as during:
             during.setattr(parts.tuning_store, "choose_for_parameters", meanwhile)
-            await refused("the tuning was changed meanwhile")
+            await is_refused("tuning_changed_meanwhile")
         live_state.tuning = before
         parts.supervisor.dead = True
-        with pytest.raises(RequestRejectedError, match="the control loop is not running: press Reset to start it"):
+        with refused(RequestRejectedError, "loop_is_not_running"):
             await applied.apply(found.id, "Ana")
         assert restarted == []
 
@@ -199,11 +199,15 @@ def test_of_two_who_apply_or_undo_at_once_the_second_is_told(database: Database,
         applied = applied_with(parts, [])
         both = await asyncio.gather(*(applied.apply(found.id, who) for who in ("Ana", "Ben")), return_exceptions=True)
         (refusal,) = (one for one in both if isinstance(one, RequestRejectedError))
-        assert "equals the active values: nothing would change" in str(refusal)
+        reason = refusal.message.values["reason"]
+        assert isinstance(reason, Message)
+        assert (refusal.message.code, reason.code) == ("parameters_not_applicable", "values_are_active_already")
         assert [one.number for one in applied.build_view().versions] == [1, 0]
         both = await asyncio.gather(*(applied.undo(1, who) for who in ("Ana", "Ben")), return_exceptions=True)
         (refusal,) = (one for one in both if isinstance(one, RequestRejectedError))
-        assert "version 2 is now active, not 1: check its changes" in str(refusal)
+        reason = refusal.message.values["reason"]
+        assert isinstance(reason, Message)
+        assert (reason.code, reason.values) == ("other_version_is_active", {"active": 2, "version": 1})
         assert parts.live_state.parameters == IDEAL
         assert len(restarted) == 2
 
@@ -225,8 +229,10 @@ def test_a_loop_that_does_not_start_leaves_all_with_what_was_applied_and_undo_is
 
         with monkeypatch.context() as during:
             during.setattr(Supervisor, "restart", dies)
-            with pytest.raises(
-                LoopExitedError, match=r"takes effect at the next start of the control " r"loop: .* SIGKILL"
+            with refused(
+                LoopExitedError,
+                "change_takes_effect_at_next_start",
+                reason="the control loop is not running: killed by SIGKILL",
             ):
                 await applied.apply(found.id, "Ana")
         then = parts.live_state.parameters
@@ -258,7 +264,7 @@ def test_a_parameter_file_that_has_changed_is_told_now_and_at_the_next_start(
         await applied.apply(found.id, "Ana")
         file.write_text(said.replace("value = 2.86", "value = 2.87"), encoding="utf-8")
         assert load_parameters(file) != mine
-        with pytest.raises(RequestRejectedError, match="the parameter file has changed: restart the service first"):
+        with refused(RequestRejectedError, "parameter_file_has_changed"):
             await applied.undo(1, "Ana")
         assert len(restarted) == 1
 

@@ -31,6 +31,7 @@ from tests.api.conftest import client_with
 from tests.api.stepped_service import OPERATOR, Parts, stepped
 from tests.e2e.service import running_service
 from tests.experiments.parameter_files import weak_motors
+from tests.refusals import refused
 
 # The stored tuning is restored on the same plant.
 
@@ -195,7 +196,7 @@ def test_temporary_tuning_is_used_stored_and_reported_and_then_restored(database
         assert (shown.tuning.b, shown.tuning.bank) == (1.0, None)
         assert shown.own_tuning is not None
         assert (shown.own_tuning.b, shown.own_tuning.bank and shown.own_tuning.bank.id) == (0.0, bank_lent.id)
-        with pytest.raises(RequestRejectedError, match="its record contains the tuning"):
+        with refused(RequestRejectedError, "run_contains_tuning"):
             await parts.actuator.tuning_service.apply(TuningRequest(lam_q=0.9), WHO)
         await parts.ended()
         assert parts.live_state.tuning.choice == own(bank_lent)
@@ -307,7 +308,7 @@ def test_refused_tuning_changes_nothing(database: Database, bank_lent: Bank) -> 
                 await parts.ordered_runs.start_experiment(sequence(**each_settings), WHO)
             assert (parts.live_state.tuning.choice, parts.live_state.overridden_tuning) == (own(bank_lent), None)
         await parts.actuator.tuning_service.start_trial(TrialRequest(lam_q=0.9, duration_s=60.0), WHO)
-        with pytest.raises(RequestRejectedError, match="trial"):
+        with refused(RequestRejectedError, "trial_in_progress"):
             await parts.ordered_runs.start_experiment(sequence(), WHO)
         await parts.actuator.tuning_service.end_trial(False, WHO)
 
@@ -428,7 +429,7 @@ def test_undo_and_redo_of_each_part_of_a_tuning(database: Database, bank_walk: B
     async def work(parts: Parts) -> None:
         tuning_service = parts.actuator.tuning_service
         assert earlier(parts) is None
-        with pytest.raises(RequestRejectedError, match="no change of the tuning to undo"):
+        with refused(RequestRejectedError, "nothing_to_undo"):
             await tuning_service.undo(WHO)
         await tuning_service.use_bank(bank_walk, WHO)
         for change in CHANGES:
@@ -444,7 +445,7 @@ def test_undo_and_redo_of_each_part_of_a_tuning(database: Database, bank_walk: B
             assert (in_force(parts), later(parts)) == (before, changed)
             await tuning_service.redo(WHO)
             assert (in_force(parts), earlier(parts), later(parts)) == (changed, before, None)
-            with pytest.raises(RequestRejectedError, match="no undone change"):
+            with refused(RequestRejectedError, "nothing_to_redo"):
                 await tuning_service.redo(WHO)
 
     stepped(database, IDEAL, work)
@@ -511,7 +512,7 @@ def test_undo_after_a_trial_returns_to_before_it(database: Database, bank_walk: 
         for lam_q in (0.7, 0.8):
             await tuning_service.start_trial(TrialRequest(lam_q=lam_q, duration_s=60.0), WHO)
             assert earlier(parts) == DEFAULT
-            with pytest.raises(RequestRejectedError, match="in progress"):
+            with refused(RequestRejectedError, "trial_in_progress"):
                 await tuning_service.undo(WHO)
         await tuning_service.end_trial(True, WHO)
         assert earlier(parts) == replace(DEFAULT, lam_q=0.6)
@@ -530,7 +531,7 @@ def test_temporary_tuning_is_no_undo_step(database: Database, bank_walk: Bank) -
         tuning_service = parts.actuator.tuning_service
         await tuning_service.apply(TuningRequest(lam_q=0.6), WHO)
         await tuning_service.apply_temporary(TuningSettings(lam_q=0.9, b=1.0), None, WHO)
-        with pytest.raises(RequestRejectedError, match="its record contains the tuning"):
+        with refused(RequestRejectedError, "starting_run_contains_tuning"):
             await tuning_service.undo(WHO)
         await asyncio.gather(tuning_service.restore_operator_tuning(), tuning_service.restore_operator_tuning())
         assert (in_force(parts), earlier(parts)) == (replace(DEFAULT, lam_q=0.6), DEFAULT)
