@@ -127,6 +127,7 @@ RETIRED_IN_TEXTS = {
 
 TEXT_EXCEPTIONS: dict[tuple[str, str], str] = {
     ("backend/auth/handover.py", r"\bhanded over\b"): "the verb of the term handover",
+    ("backend/auth/messages.py", r"\bhanded over\b"): "the verb of the term handover",
     ("backend/banks/tuning_settings.py", r"\bin force\b"): "the key of a stored document",
     ("backend/experiments/forecast.py", r"\bon (?:its|the) way\b"): "the code of a stage, which the page translates",
     ("backend/scene/proxy.py", r"\btells?\b"): "JavaScript",

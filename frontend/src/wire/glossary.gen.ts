@@ -3950,7 +3950,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The outputs of the card were not written in time: the loop hung or died. The time is 0.5 s on the simulator and the virtual card; the wiring file of a rig sets it, to 50 ms at most. On the simulator, registers in shared memory and a separate watchdog process simulate the card: see decision 0012."
+        "The outputs of the card were not written for 0.5 s, on a rig for the time that its wiring file sets, 50 ms at most: the loop hung or died. On the simulator, registers in shared memory and a separate watchdog process simulate the card: see decision 0012."
       ],
       [
         "Reaction",
