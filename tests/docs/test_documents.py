@@ -59,7 +59,9 @@ LARGEST_API = 2_700
 def lines(folder: Path) -> int:
     """Count the lines of a package without its catalogues of messages, which have texts and no logic."""
     files = [*folder.rglob("*.py"), *folder.rglob("*.pyi")]
-    return sum(len(file.read_text(encoding="utf-8").splitlines()) for file in files if not file.name.endswith("messages.py"))
+    return sum(
+        len(file.read_text(encoding="utf-8").splitlines()) for file in files if not file.name.endswith("messages.py")
+    )
 
 
 def test_every_place_is_there() -> None:
