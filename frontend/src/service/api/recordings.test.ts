@@ -59,8 +59,8 @@ describe("trigger", () => {
     expect(describeTrigger({ ...ARMED, phase: "capturing", left_s: 1.25 })).toMatch(
       /^Recording: .*; 1\.[23] s left$/,
     );
-    expect(describeTrigger({ ...ARMED, phase: "ended", captured: 3, ended: "all captures are complete" })).toBe(
-      "Not armed: all captures are complete; 3 of 3 captured",
-    );
+    expect(
+      describeTrigger({ ...ARMED, phase: "ended", captured: 3, ended: "all captures are complete" }),
+    ).toBe("Not armed: all captures are complete; 3 of 3 captured");
   });
 });
