@@ -8,6 +8,7 @@ import asyncio
 import logging
 import threading
 import time
+import traceback
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -99,6 +100,8 @@ class Supervision:
         record.cause = cause
         delay_s = min(FIRST_RESTART_DELAY_S * 2.0 ** min(record.count - 1, 30), MAX_RESTART_DELAY_S)
         record.restart_at = now + delay_s
+        if error is not None:
+            _release_locals(error)
         _log.error("%s died: %s", part.name, cause, exc_info=error)
         if was_stable:
             self._notify(f"{part.name} failed ({cause}) and is being restarted.")
@@ -253,9 +256,18 @@ class SupervisedThread:
         try:
             self._work()
         except BaseException as error:  # SystemExit too: it would end the thread silently
+            _release_locals(error)
             self._error = error
         else:
             self._returned = True
+
+
+def _release_locals(error: BaseException) -> None:
+    """Clear the local variables of the frames that raised an error; its traceback remains printable.
+
+    Whoever keeps the error would keep them too: a cursor of a transaction that was cut short locks the database.
+    """
+    traceback.clear_frames(error.__traceback__)
 
 
 def _describe_cause(error: BaseException | None, otherwise: str) -> str:

@@ -5,9 +5,14 @@ import ctypes
 import threading
 import time
 from collections.abc import Awaitable, Callable
+from contextlib import closing
+from pathlib import Path
+from typing import Any
 
 import pytest
+from sqlalchemy import text
 
+from backend.storage.database import open_database
 from backend.supervision import FIRST_RESTART_DELAY_S, MAX_RESTART_DELAY_S, STABLE_AFTER_S, Part, Supervision
 
 PART = Part("The clerk", "Letters wait.")
@@ -110,6 +115,41 @@ def test_a_thread_that_is_killed_is_told_and_works_again() -> None:
         assert len(lives) == 2
 
     run(session)
+
+
+def test_a_thread_that_dies_in_a_transaction_leaves_the_database_writable(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The log keeps the error; with the frames that raised it, it would keep the cursor and its lock."""
+    database = open_database(tmp_path)
+    execute, lives = database.engine.dialect.do_execute, []
+
+    def die_after(cursor: Any, statement: str, parameters: Any, context: Any = None) -> None:
+        execute(cursor, statement, parameters, context)
+        if statement.startswith("SELECT 1"):
+            raise SystemExit
+
+    async def session(supervision: Supervision) -> None:
+        ending = threading.Event()
+
+        def work() -> None:
+            lives.append(threading.get_ident())
+            if len(lives) == 1:
+                with database.session() as opened:
+                    opened.execute(text("CREATE TABLE letters (number INTEGER)"))
+                    opened.execute(text("SELECT 1 UNION SELECT 2"))
+            ending.wait()
+
+        kept = supervision.start_thread(PART, work, ending.set)
+        await until(lambda: len(lives) == 2)
+        kept.end()
+
+    with pytest.MonkeyPatch.context() as patch, closing(database):
+        patch.setattr(database.engine.dialect, "do_execute", die_after)
+        run(session)
+        assert any(record.exc_info for record in caplog.records)
+        with database.session() as opened:
+            opened.execute(text("CREATE TABLE letters (number INTEGER)"))
 
 
 def test_the_pauses_grow_and_a_part_that_lives_long_is_well_again() -> None:
