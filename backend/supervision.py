@@ -100,8 +100,6 @@ class Supervision:
         record.cause = cause
         delay_s = min(FIRST_RESTART_DELAY_S * 2.0 ** min(record.count - 1, 30), MAX_RESTART_DELAY_S)
         record.restart_at = now + delay_s
-        if error is not None:
-            _release_locals(error)
         _log.error("%s died: %s", part.name, cause, exc_info=error)
         if was_stable:
             self._notify(f"{part.name} failed ({cause}) and is being restarted.")
@@ -192,6 +190,8 @@ class SupervisedTask:
 
     def _on_done(self, task: asyncio.Task[None]) -> None:
         error = None if task.cancelled() else task.exception()
+        if error is not None:
+            _release_locals(error)
         if self._ending or (error is None and not task.cancelled()):
             if error is not None:
                 _log.error("%s failed while it was ending.", self._part.name, exc_info=error)
