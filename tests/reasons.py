@@ -14,7 +14,7 @@ class Reason:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Message) or other.code != self.code:
             return False
-        return {name: other.values.get(name) for name in self.values} == self.values
+        return {name: other.values[name] for name in self.values if name in other.values} == self.values
 
     def __repr__(self) -> str:
         return f"Reason({self.code!r}, {self.values})"
@@ -37,4 +37,4 @@ def assert_reason(reason: str, code: str, /, **values: object) -> None:
     """Assert that a text is a message with this code, and with these of its values."""
     assert isinstance(reason, Message), reason
     assert reason.code == code, reason
-    assert {name: reason.values.get(name) for name in values} == values, reason
+    assert {name: reason.values[name] for name in values if name in reason.values} == values, reason

@@ -7,6 +7,7 @@ from typing import TypeVar
 import pytest
 
 from plant import Message, SinewError
+from tests.reasons import assert_reason
 
 _Error = TypeVar("_Error", bound=SinewError)
 
@@ -16,9 +17,7 @@ def refused(kind: type[SinewError], code: str, /, **values: object) -> Iterator[
     """Expect an error of this kind whose message has this code, and these of its values."""
     with pytest.raises(kind) as caught:
         yield
-    message = caught.value.message
-    assert message.code == code, message
-    assert {name: message.values.get(name) for name in values} == values, message
+    assert_reason(caught.value.message, code, **values)
 
 
 @contextmanager
@@ -37,4 +36,4 @@ def check_reason(error: SinewError, code: str, **values: object) -> None:
     reason = getattr(error, "why", None) or getattr(error, "reason", None)
     assert getattr(reason, "code", "") == code, error.message
     found = reason.values if isinstance(reason, Message) else vars(reason)
-    assert {name: found.get(name) for name in values} == values, error.message
+    assert {name: found[name] for name in values if name in found} == values, error.message
