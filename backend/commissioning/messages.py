@@ -280,7 +280,7 @@ def two_sensors_moved(*, other: str) -> str:
 
 @catalogue_entry
 def zero_not_held(*, q: float, position: float) -> str:
-    return f"the joint reads {Angle(q):.4f} after it was set to {position:.4f}: hold it still and try again"
+    return f"the joint reads {Angle(q):.4f} after it was set to {Angle(position):.4f}: hold it still and try again"
 
 
 # Sessions ------------------------------------------------------------------------------------------
