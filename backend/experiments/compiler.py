@@ -58,9 +58,6 @@ from plant import (
 SMOOTH_SEGMENT_S = 0.04
 """Length of the linear segments that approximate a smooth push [s]."""
 
-_PUSH_MAX_S = 3.3
-"""Longest manual push, without its pause [s]."""
-
 
 class PushSegment(NamedTuple):
     """A segment of a push: duration [s], final force [N] and shape."""
