@@ -296,6 +296,16 @@ def give_measured_scale() -> str:
 
 
 @catalogue_entry
+def end_switch_at_zero() -> str:
+    return "an end switch at 0 rad is at neither end of the joint's range"
+
+
+@catalogue_entry
+def give_signed_switch_position() -> str:
+    return "give the joint angle at which the switch closes, with its sign"
+
+
+@catalogue_entry
 def not_a_direction(*, value: float) -> str:
     return f"{value:g} is not a direction"
 

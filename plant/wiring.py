@@ -164,7 +164,10 @@ class LineWiring:
 
 @dataclass(frozen=True)
 class SwitchWiring(LineWiring):
-    """End switch; ``position`` is the joint angle at which it is held, NaN if unknown."""
+    """End switch; ``position`` is the joint angle at which it is held, NaN if unknown.
+
+    Its sign is the end of the range at which the switch is, so it is never 0.
+    """
 
     position: float = number("rad", -math.pi, math.pi, math.nan)
 
@@ -173,7 +176,7 @@ class SwitchWiring(LineWiring):
 
         It does at ``position`` or beyond.
         """
-        return abs(q) >= abs(self.position) and q * self.position > 0.0
+        return q * math.copysign(1.0, self.position) >= abs(self.position)
 
 
 SECTIONS: dict[str, type] = {
@@ -328,6 +331,10 @@ class _Reader:
             self.add_problem(section, declared.name, messages.number_out_of_range(value=value, unit=unit), bounds)
         if value == 0.0 and declared.name in ("gain", "slope", "direction"):
             self.add_problem(section, declared.name, messages.scale_is_zero(), messages.give_measured_scale())
+        if value == 0.0 and declared.name == "position":
+            self.add_problem(
+                section, declared.name, messages.end_switch_at_zero(), messages.give_signed_switch_position()
+            )
         if declared.name == "direction" and abs(value) != 1.0:
             self.add_problem(section, declared.name, messages.not_a_direction(value=value), messages.give_direction())
         return float(value)

@@ -42,15 +42,18 @@ def test_a_bent_table_gives_the_volts_of_the_line_between_its_points() -> None:
 
 
 @pytest.mark.parametrize("active", ["high", "low"])
-@pytest.mark.parametrize("q", [-0.9, 0.0, 1.1])
-def test_the_end_switch_is_read_whichever_level_it_holds(active: str, q: float) -> None:
-    wiring = replace(WIRING, end_switch=replace(WIRING.end_switch, active=active, position=1.0))
+@pytest.mark.parametrize(
+    ("position", "q", "held"),
+    [(1.0, -1.1, False), (1.0, 0.9, False), (1.0, 1.1, True), (-0.5, -0.6, True), (-0.5, 0.6, False)],
+)
+def test_the_end_switch_is_read_whichever_level_it_holds(active: str, position: float, q: float, held: bool) -> None:
+    wiring = replace(WIRING, end_switch=replace(WIRING.end_switch, active=active, position=position))
     slack = -abs(q) * PARAMETERS.geometry.r_j / PARAMETERS.geometry.r_m
     start = PlantState(*Simulator(PARAMETERS).x)._replace(q=q, theta_A=slack, theta_B=slack)
     rig = VirtualRig(wiring, Simulator(PARAMETERS, 0, start))
     rig.open()
     rig.read()
-    assert rig.at_end is (q > 1.0)
+    assert rig.at_end is held
     rig.close()
 
 

@@ -116,6 +116,13 @@ WRONG = {
         messages.not_a_direction(value=2),
         messages.give_direction(),
     ),
+    "end switch at neither end": Wrong(
+        replaced("[end_switch]", '[end_switch]\nposition = { value = 0.0, unit = "rad", source = "measured" }'),
+        "position = { value = 0.0",
+        "end_switch.position",
+        messages.end_switch_at_zero(),
+        messages.give_signed_switch_position(),
+    ),
     "slow watchdog": Wrong(
         replaced("watchdog_s = { value = 0.05", "watchdog_s = { value = 0.5"),
         "watchdog_s",
