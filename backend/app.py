@@ -84,22 +84,17 @@ from backend.storage import (
     Database,
     EventKind,
     HeldClaim,
-    HeldStation,
-    find_database_file,
-    open_database,
-    recover_database,
     runs,
 )
 from backend.supervision import Part, SupervisedThread, Supervision
 from backend.workers import NUMERIC_LIBRARIES, WorkerProcesses
-from plant import ParameterError, PlantKind, PlantParameters, load_parameters
+from plant import ParameterError, PlantKind, PlantParameters
 
 # Boot ----------------------------------------------------------------------------------------------
 # Loads what the control loop needs to start: parameters, tuning, commissioning, drive lockout.
 
 
 SEED = 0
-_CLAIM_PART = Part("The renewal of the database claim", "Another service may claim the database.")
 
 _log = logging.getLogger(__name__)
 
@@ -128,23 +123,19 @@ class BootContext:
 
 
 def bootstrap(
-    settings: Settings, launched: LoopProcess, supervision: Supervision, stack: AsyncExitStack
+    *,
+    settings: Settings,
+    file_parameters: PlantParameters,
+    database: Database,
+    claim: HeldClaim,
+    launched: LoopProcess,
+    supervision: Supervision,
+    stack: AsyncExitStack,
 ) -> BootContext:
-    """Open the database and load what the loop process ``launched`` needs.
+    """Load what the loop process ``launched`` needs from the database.
 
-    ``stack`` closes what was opened. Raises StorageError, StationTakenError, SchemaError, ParameterError and
-    TuningError.
+    ``stack`` closes what was opened. Raises StorageError, ParameterError and TuningError.
     """
-    base = load_parameters(settings.params)
-    file = find_database_file(settings.data, settings.database_url)
-    for message in [] if file is None else recover_database(file):
-        _log.warning("%s", message)
-    database = open_database(settings.data, settings.database_url, settings.database_password(), settings.station)
-    stack.callback(database.close)
-    stack.callback(HeldStation(database.engine, settings.station).release)
-    claim = HeldClaim(database.engine, settings.station)
-    stack.callback(claim.release)
-    supervision.start_thread(_CLAIM_PART, claim.run, claim.end)
     database_monitor = DatabaseMonitor(database, settings.data)
     database_monitor.check_small_database()
     _close_interrupted(database)
@@ -152,7 +143,7 @@ def bootstrap(
     robustness_cache.load()
     stack.callback(robustness_cache.save)
     tuning_store = TuningStore(database)
-    version, version_message = load_parameter_version(database, base)
+    version, version_message = load_parameter_version(database, file_parameters)
     parameters, applied = version.parameters, version.applied
     tuning, tuning_message = tuning_store.restore(parameters)
     commissioning_results = find_completed_commissioning(database, settings.plant_choice)
@@ -170,7 +161,7 @@ def bootstrap(
     )
     supervisor = Supervisor(setup, supervision, launched)
     return BootContext(
-        file_parameters=base,
+        file_parameters=file_parameters,
         parameters=parameters,
         database=database,
         claim=claim,

@@ -21,12 +21,14 @@ from backend.server import Ending, browser_address, listening_socket, raise_limi
 from backend.settings import Settings
 from backend.supervision import Part, Supervision
 from backend.workers import forbid_forks
+from plant import load_parameters
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
 
     from backend.realtime import RealTimeStatus, Supervisor
     from backend.recording import Recorder
+    from backend.storage import Database, HeldClaim
 
 
 _log = logging.getLogger(__name__)
@@ -35,6 +37,7 @@ NICENESS = -10
 SWITCH_INTERVAL_S = 0.5e-3
 """Longest time [s] a thread holds the interpreter lock, and so delays STOP."""
 
+CLAIM_PART = Part("The renewal of the database claim", "Another service may claim the database.")
 LIBRARIES_PART = Part("The library loader", "The first preview or forecast takes a few seconds longer.")
 
 
@@ -68,14 +71,25 @@ async def _serve(
 
     try:
         files = TokenFiles(settings.data) if settings.require_token else None
+        file_parameters = load_parameters(settings.params)
         launched = await launch_loop(settings.params)
         stack.push_async_callback(launched.discard)
         supervision = Supervision()
         stack.push_async_callback(supervision.close)
 
+        # A claimed database is refused before the rest of the service is imported.
+        database, claim = _claim_database(settings, supervision, stack)
         from backend.app import bootstrap
 
-        boot = bootstrap(settings, launched, supervision, stack)
+        boot = bootstrap(
+            settings=settings,
+            file_parameters=file_parameters,
+            database=database,
+            claim=claim,
+            launched=launched,
+            supervision=supervision,
+            stack=stack,
+        )
         starting = asyncio.create_task(boot.supervisor.start(), name="start of the loop")
         stack.push_async_callback(_stop_unused_loop, starting, boot.supervisor)
         await asyncio.sleep(0)  # sends the setup to the loop process, which rehearses while the service is built
@@ -133,6 +147,27 @@ async def _serve(
         await Server(app, announce, ending).serve([listening])
     finally:
         _log.info("The service stopped: %s", ending.cause)
+
+
+def _claim_database(
+    settings: Settings, supervision: Supervision, stack: AsyncExitStack
+) -> "tuple[Database, HeldClaim]":
+    """Open the database and claim it for this service.
+
+    ``stack`` closes and releases it. Raises StorageError, StationTakenError and SchemaError.
+    """
+    from backend.storage import HeldClaim, HeldStation, find_database_file, open_database, recover_database
+
+    file = find_database_file(settings.data, settings.database_url)
+    for message in [] if file is None else recover_database(file):
+        _log.warning("%s", message)
+    database = open_database(settings.data, settings.database_url, settings.database_password(), settings.station)
+    stack.callback(database.close)
+    stack.callback(HeldStation(database.engine, settings.station).release)
+    claim = HeldClaim(database.engine, settings.station)
+    stack.callback(claim.release)
+    supervision.start_thread(CLAIM_PART, claim.run, claim.end)
+    return database, claim
 
 
 @contextmanager

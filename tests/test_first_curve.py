@@ -20,7 +20,9 @@ STARTED = """
 import sys
 from collections.abc import Callable
 import backend.main, backend.app, backend.api.app
-from backend.app import RobustnessCache, TuningStore, load_parameters, open_database
+from backend.app import RobustnessCache, TuningStore
+from backend.storage import open_database
+from plant import load_parameters
 from pathlib import Path
 database = open_database(Path(sys.argv[1]))
 RobustnessCache(Path(sys.argv[1])).load()

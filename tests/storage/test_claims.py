@@ -51,6 +51,31 @@ def test_a_second_service_is_refused_by_whatever_path(
     HeldClaim(database.engine, "").release()
 
 
+REFUSED = """
+import sys
+from pathlib import Path
+from backend.main import serve
+from backend.settings import Settings
+from backend.storage.stations import StationTakenError
+try:
+    serve(Settings(data=Path(sys.argv[1]), database_url=sys.argv[2], port=0), print)
+except StationTakenError:
+    print(*[name for name in ("backend.app", "backend.api", "fastapi", "viser") if name in sys.modules])
+"""
+
+
+def test_a_start_is_refused_before_it_imports_what_takes_long(database: Database, tmp_path: Path) -> None:
+    held = HeldClaim(database.engine, "")
+    ended = subprocess.run(
+        [sys.executable, "-c", REFUSED, str(tmp_path / "other"), f"sqlite:///{tmp_path}/data/sinew.db"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert ended.stdout == "\n"
+    held.release()
+
+
 def test_stations_of_one_database_are_claimed_apart(database: Database) -> None:
     first, second = HeldClaim(database.engine, "rig-a"), HeldClaim(database.engine, "rig-b")
     with refused(StationTakenError, "station_taken", service=first._claim.describe, station="rig-a"):
