@@ -375,7 +375,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     studies = StudyScheduler(
         database=database,
         parameters=parameters,
-        tuning=lambda: live_state.operator_tuning.choice,
+        tuning=lambda: live_state.operator_tuning.settings,
         computing=processes.studies,
         reading=processes.reports,
         texts=texts,

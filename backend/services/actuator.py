@@ -163,7 +163,7 @@ class SessionRuns:
             who=who,
             software=__version__,
             settings=SETTINGS.write(
-                RunSettings(mode=str(mode), loop=StoredLoopSettings(**tuning.choice.to_document()))
+                RunSettings(mode=str(mode), loop=StoredLoopSettings(**tuning.settings.to_document()))
             ),
             bank_id=None if tuning.bank is None else tuning.bank.id,
         )

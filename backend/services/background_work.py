@@ -135,7 +135,7 @@ class TuningSnapshot:
     """A tuning as it is sent to a worker process, without its models."""
 
     parameters: PlantParameters
-    choice: TuningSettings
+    settings: TuningSettings
     bank: Bank | None
     ranges: Sequence[tuple[float, ...]]
     """Smallest λ_q and λ_S [s] at each operating point, which are slow to compute."""
@@ -143,7 +143,7 @@ class TuningSnapshot:
     @classmethod
     def from_active(cls, tuning: ActiveTuning) -> "TuningSnapshot":
         """Return a snapshot of the active tuning."""
-        return cls(tuning.parameters, tuning.choice, tuning.bank, tuning.previewer.ranges)
+        return cls(tuning.parameters, tuning.settings, tuning.bank, tuning.previewer.ranges)
 
     def resolve(self) -> ActiveTuning:
         """Return the tuning with its models, from the cache if possible."""
@@ -151,16 +151,16 @@ class TuningSnapshot:
             cached = next((one for one in _recent if self._has_models_of(one)), None)
             if cached is None:
                 points = list_point_models(self.bank)
-                lam_motor, b = self.choice.lam_motor, self.choice.b
+                lam_motor, b = self.settings.lam_motor, self.settings.b
                 previewer = TuningPreviewer(self.parameters, points, lam_motor=lam_motor, b=b, ranges=self.ranges)
-                cached = ActiveTuning(self.choice, self.bank, self.parameters, previewer)
+                cached = ActiveTuning(self.settings, self.bank, self.parameters, previewer)
                 _recent.insert(0, cached)
                 del _recent[_MAX_RECENT:]
-        return ActiveTuning(self.choice, self.bank, self.parameters, cached.previewer)
+        return ActiveTuning(self.settings, self.bank, self.parameters, cached.previewer)
 
     def _has_models_of(self, other: ActiveTuning) -> bool:
         return (
-            (self.choice.lam_motor, self.choice.b) == (other.choice.lam_motor, other.choice.b)
+            (self.settings.lam_motor, self.settings.b) == (other.settings.lam_motor, other.settings.b)
             and self.bank == other.bank
             and self.parameters == other.parameters
         )

@@ -620,7 +620,7 @@ class JobManager:
         name, plan, settings = await self._build_plan(request)
         self._require_seed(settings)
         tuning, bank = self._actuator.live_state.tuning, await self._load_bank(settings)
-        await asyncio.to_thread(tuning.with_choice, settings.tuning, bank)
+        await asyncio.to_thread(tuning.with_settings, settings.tuning, bank)
         await self._text_work.run_for_operator(
             _require_compilable, self._rig.database, tuning.parameters, plan, settings.tuning
         )
@@ -833,7 +833,7 @@ class JobManager:
         return await self._text_work.run_for_operator(self._experiments.build_plan, *arguments)
 
     def _get_loop_settings(self) -> LoopSettings:
-        return LoopSettings(**self._actuator.live_state.operator_tuning.choice.to_document(), seed=self._seed)
+        return LoopSettings(**self._actuator.live_state.operator_tuning.settings.to_document(), seed=self._seed)
 
 
 def _list_experiment_kinds(

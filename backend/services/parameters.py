@@ -306,7 +306,7 @@ class ParameterService:
         self._require_idle(before)  # also before it waits for the restart
         undone = "the previous parameters, because the last identification was undone"
         run = f"the identification of run {applied.run}" if applied.run else "an imported spring table"
-        moved = ", ".join(tuning.choice.list_differences(before.choice))
+        moved = ", ".join(tuning.settings.list_differences(before.settings))
         description = f"{undone if applied.undone else run}{f' (tuning: {moved})' if moved else ''}"
         await self._actuator.restart_loop_with(store_and_publish, description, who)
 

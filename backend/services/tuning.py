@@ -165,7 +165,7 @@ class TuningService:
             if not stack:
                 raise RequestRejectedError(ErrorCode.NOT_NOW, nothing)
             step, before = stack[-1], self._live_state.tuning
-            after = await asyncio.to_thread(before.with_choice, step.choice, step.bank)
+            after = await asyncio.to_thread(before.with_settings, step.settings, step.bank)
             tick = await self._send_tuning(after)
             stack.pop()
             other.append(before)
@@ -174,7 +174,7 @@ class TuningService:
         await self._store_active(who)
         return self._live_state.tuning.view(self._live_state.entry)
 
-    async def apply_temporary(self, choice: TuningSettings, bank: Bank | None, who: str) -> None:
+    async def apply_temporary(self, settings: TuningSettings, bank: Bank | None, who: str) -> None:
         """Activate the tuning of a run; locked until ``restore_operator_tuning``.
 
         Raises OutOfRangeError and RequestRejectedError without a change.
@@ -184,8 +184,8 @@ class TuningService:
             if self._trial.before is not None:
                 raise RequestRejectedError(ErrorCode.NOT_NOW, messages.trial_in_progress())
             own = self._live_state.tuning
-            if choice != own.choice:
-                temporary = await asyncio.to_thread(own.with_choice, choice, bank)
+            if settings != own.settings:
+                temporary = await asyncio.to_thread(own.with_settings, settings, bank)
                 tick = await self._send_tuning(temporary)
                 self._event_log.add_mark(
                     MarkKind.TUNING, f"for the run: {temporary.describe_difference(own)}", tick, who
@@ -266,7 +266,7 @@ class TuningService:
         The control loop has turned it off itself.
         """
         live_state = self._live_state
-        if live_state.tuning.choice.k_ext == 0.0:
+        if live_state.tuning.settings.k_ext == 0.0:
             return
         live_state.tuning = live_state.tuning.without_rejection()
         self._supervisor.setup = replace(self._supervisor.setup, tuning=live_state.tuning.build_command())
@@ -284,7 +284,7 @@ class TuningService:
 
         Disturbance rejection needs a calibrated bias and an estimate with little noise.
         """
-        if tuning.choice.k_ext == 0.0:
+        if tuning.settings.k_ext == 0.0:
             return
         points = self._contact.points
         if not points:
@@ -326,7 +326,7 @@ class TuningService:
             if self._live_state.overridden_tuning is not own:  # restored by another task meanwhile
                 return
             temporary, restored = self._live_state.tuning, self._drop_unusable_rejection(own)
-            if restored.choice != temporary.choice:
+            if restored.settings != temporary.settings:
                 try:
                     is_alive = self._supervisor.is_alive
                     tick = await self._send_tuning(restored) if is_alive else self._set_active(restored)
@@ -371,7 +371,7 @@ class TuningService:
         """Activate an operator's tuning, which ``undo`` can revert; return its tick."""
         before = self._trial.before or self._live_state.tuning
         tick = await self._send_tuning(tuning)
-        if tuning.choice != before.choice:
+        if tuning.settings != before.settings:
             self._push_undo(before)
             self._on_change()
         return tick
@@ -429,7 +429,7 @@ class SavedTunings:
 
         Earlier values remain in the history of the setting.
         """
-        parts = SAVED_TUNING.write(SavedLoopSettings(**list_tuning_parts(tuning.choice)))
+        parts = SAVED_TUNING.write(SavedLoopSettings(**list_tuning_parts(tuning.settings)))
         with self._database.session() as session:
             stored = settings.save(session, _get_setting_name(tuning), parts, who)
         return _read_saved(stored)

@@ -160,7 +160,7 @@ def _compute_code_digest() -> str:
 class ResolvedTuning:
     """Tuning settings with the bank that they name; None for geometric gains."""
 
-    choice: TuningSettings
+    settings: TuningSettings
     bank: Bank | None
 
 
@@ -174,11 +174,11 @@ class ActiveTuning(ResolvedTuning):
     @property
     def lambdas(self) -> TuningParameters:
         """The tuning parameters λ and the reference weight b."""
-        return self.choice.lambdas
+        return self.settings.lambdas
 
     def build_command(self) -> SetTuning:
         """Return the command that activates the tuning in the control loop."""
-        return build_tuning_command(self.parameters, self.choice, self.bank)
+        return build_tuning_command(self.parameters, self.settings, self.bank)
 
     def with_request(self, request: TuningRequest) -> "ActiveTuning":
         """Return the tuning with the changes of ``request``; slow if models change.
@@ -186,29 +186,29 @@ class ActiveTuning(ResolvedTuning):
         Raises OutOfRangeError.
         """
         changes = request.model_dump(exclude_none=True, include=set(TuningParts.model_fields))
-        return self.with_choice(self.choice.replace_values(changes), self.bank)
+        return self.with_settings(self.settings.replace_values(changes), self.bank)
 
-    def with_choice(self, choice: TuningSettings, bank: Bank | None) -> "ActiveTuning":
+    def with_settings(self, settings: TuningSettings, bank: Bank | None) -> "ActiveTuning":
         """Return another tuning of the same plant.
 
-        ``bank`` is the bank that ``choice`` names. Raises OutOfRangeError if a λ is unsafe with its models.
+        ``bank`` is the bank that ``settings`` names. Raises OutOfRangeError if a λ is unsafe with its models.
         """
-        return _resolve(self.parameters, choice, bank, self)
+        return _resolve(self.parameters, settings, bank, self)
 
     def with_bank(self, bank: Bank | None) -> "ActiveTuning":
         """Return the tuning with another bank.
 
         Raises OutOfRangeError if a λ is unsafe with its models.
         """
-        return self.with_choice(self.choice, bank)
+        return self.with_settings(self.settings, bank)
 
     def without_rejection(self) -> "ActiveTuning":
         """Return the tuning without disturbance rejection."""
-        return replace(self, choice=replace(self.choice, k_ext=0.0))
+        return replace(self, settings=replace(self.settings, k_ext=0.0))
 
     def describe_difference(self, before: "ActiveTuning") -> str:
         """Return a description of the differences from ``before``."""
-        return ", ".join(self.choice.list_differences(before.choice)) or "no change of the tuning"
+        return ", ".join(self.settings.list_differences(before.settings)) or "no change of the tuning"
 
     def compute_default(self) -> DefaultTuning:
         """Return the default tuning on these models.
@@ -226,7 +226,7 @@ class ActiveTuning(ResolvedTuning):
         lam_motor_min, lam_motor_max = self.previewer.motor_range()
         u_plan_min, u_plan_max = self.previewer.plan_range()
         return TuningView(
-            **list_tuning_parts(self.choice),
+            **list_tuning_parts(self.settings),
             lam_q_min=lam_q_min,
             lam_q_max=LAM_MAX,
             lam_S_min=lam_S_min,
@@ -271,8 +271,8 @@ class ActiveTuning(ResolvedTuning):
         """
         lambdas = replace(self.lambdas, lam_q=lam_q, lam_S=lam_S)
         changes = {name: value for name, value in (("motion", motion), ("u_plan", u_plan)) if value is not None}
-        voltage_limit = self.choice.replace_values(changes).budget
-        gain = self.choice.k_ext if k_ext is None else k_ext
+        voltage_limit = self.settings.replace_values(changes).budget
+        gain = self.settings.k_ext if k_ext is None else k_ext
         require_budget(self.parameters, voltage_limit)
         require_share(gain)
         with ThreadPoolExecutor() as executor:
@@ -280,7 +280,7 @@ class ActiveTuning(ResolvedTuning):
                 lambdas,
                 S,
                 entry,
-                interpolate=self.choice.interpolate,
+                interpolate=self.settings.interpolate,
                 u_plan=voltage_limit,
                 shares=(0.0, gain) if gain else (0.0,),
                 steps=steps,
@@ -322,12 +322,12 @@ class ActiveTuning(ResolvedTuning):
         return RobustTuning(M_s=M_s, **lambdas)
 
 
-def make_active_tuning(parameters: PlantParameters, choice: TuningSettings, bank: Bank | None = None) -> ActiveTuning:
+def make_active_tuning(parameters: PlantParameters, settings: TuningSettings, bank: Bank | None = None) -> ActiveTuning:
     """Return a checked tuning with its models.
 
-    ``bank`` is the bank that ``choice`` names. Raises OutOfRangeError.
+    ``bank`` is the bank that ``settings`` names. Raises OutOfRangeError.
     """
-    return _resolve(parameters, choice, bank, None)
+    return _resolve(parameters, settings, bank, None)
 
 
 def default_tuning(parameters: PlantParameters) -> tuple[ActiveTuning, str]:
@@ -336,14 +336,14 @@ def default_tuning(parameters: PlantParameters) -> tuple[ActiveTuning, str]:
     return ActiveTuning(default.tuning, None, parameters, default.previewer), default.moved
 
 
-def list_tuning_parts(choice: TuningSettings) -> dict[str, Any]:
+def list_tuning_parts(settings: TuningSettings) -> dict[str, Any]:
     """Return the fields of ``schemas.TuningParts``: all settings except the bank."""
-    return {name: value for name, value in choice.to_document().items() if name != "bank"}
+    return {name: value for name, value in settings.to_document().items() if name != "bank"}
 
 
 def build_chosen_tuning(tuning: ResolvedTuning) -> ChosenTuning:
     """Return a tuning that is not active, as the page shows it."""
-    return ChosenTuning(**list_tuning_parts(tuning.choice), bank=_build_bank_reference(tuning.bank))
+    return ChosenTuning(**list_tuning_parts(tuning.settings), bank=_build_bank_reference(tuning.bank))
 
 
 def overlay_tuning(view: TuningView, tuning: ResolvedTuning, entry: float) -> TuningView:
@@ -354,7 +354,7 @@ def overlay_tuning(view: TuningView, tuning: ResolvedTuning, entry: float) -> Tu
     bank = tuning.bank
     name = "" if bank is None else active_entry_name(bank.entries, entry)
     reference = _build_bank_reference(bank)
-    parts = {**list_tuning_parts(tuning.choice), "bank": reference, "entry": entry, "entry_name": name}
+    parts = {**list_tuning_parts(tuning.settings), "bank": reference, "entry": entry, "entry_name": name}
     return view.model_copy(update=parts)
 
 
@@ -363,23 +363,23 @@ def _build_bank_reference(bank: Bank | None) -> BankReference | None:
 
 
 def _resolve(
-    parameters: PlantParameters, choice: TuningSettings, bank: Bank | None, before: ActiveTuning | None
+    parameters: PlantParameters, settings: TuningSettings, bank: Bank | None, before: ActiveTuning | None
 ) -> ActiveTuning:
     """Return a checked tuning; reuses the models of ``before`` if they are the same.
 
     Raises OutOfRangeError.
     """
-    choice = replace(choice, bank=0 if bank is None else bank.id)
-    check_range("b", choice.b, 0.0, 1.0, "1", label="reference weight b")
+    settings = replace(settings, bank=0 if bank is None else bank.id)
+    check_range("b", settings.b, 0.0, 1.0, "1", label="reference weight b")
     if before is not None and all(
-        getattr(before.choice, name) == getattr(choice, name) for name in ("lam_motor", "b", "bank")
+        getattr(before.settings, name) == getattr(settings, name) for name in ("lam_motor", "b", "bank")
     ):
         previewer = before.previewer
     else:
-        previewer = TuningPreviewer(parameters, list_point_models(bank), lam_motor=choice.lam_motor, b=choice.b)
-    previewer.require_safe(choice.lambdas, choice.budget)
-    require_share(choice.k_ext)
-    return ActiveTuning(choice, bank, parameters, previewer)
+        previewer = TuningPreviewer(parameters, list_point_models(bank), lam_motor=settings.lam_motor, b=settings.b)
+    previewer.require_safe(settings.lambdas, settings.budget)
+    require_share(settings.k_ext)
+    return ActiveTuning(settings, bank, parameters, previewer)
 
 
 def _build_motor_preview(robustness: Robustness) -> MotorPreview:
@@ -462,7 +462,7 @@ class TuningStore:
         A write error is only logged, because the tuning is in use already.
         """
         try:
-            tuning_settings.store_tuning(self._database, tuning.choice, tuning.parameters, who)
+            tuning_settings.store_tuning(self._database, tuning.settings, tuning.parameters, who)
         except StorageError:
             _log.exception("The service could not store the active tuning for its next start.")
 
@@ -473,8 +473,8 @@ class TuningStore:
         """
         try:
             with self._database.reading() as session:
-                choice = tuning_settings.load_earlier_tuning(session, tuning.choice, tuning.parameters)
-                return None if choice is None else _resolve_bank(session, choice)
+                settings = tuning_settings.load_earlier_tuning(session, tuning.settings, tuning.parameters)
+                return None if settings is None else _resolve_bank(session, settings)
         except (SettingError, OutOfRangeError, UnknownRecordError, UnreadableDocumentError):
             _log.exception("The service cannot read the tuning before the active one.")
             return None
@@ -486,9 +486,9 @@ class TuningStore:
         parameters that its models were identified with. Raises TuningError if no tuning is safe.
         """
         last = self._load_last_for(parameters)
-        for candidate in [*([last] if last else []), ResolvedTuning(replace(now.choice, bank=0), None)]:
+        for candidate in [*([last] if last else []), ResolvedTuning(replace(now.settings, bank=0), None)]:
             try:
-                return make_active_tuning(parameters, replace(candidate.choice, k_ext=0.0), candidate.bank)
+                return make_active_tuning(parameters, replace(candidate.settings, k_ext=0.0), candidate.bank)
             except (OutOfRangeError, TuningError) as error:
                 _log.warning("The active tuning does not fit the new parameters: %s", error)
         return default_tuning(parameters)[0]
@@ -496,8 +496,8 @@ class TuningStore:
     def _load_last_for(self, parameters: PlantParameters) -> ResolvedTuning | None:
         try:
             with self._database.reading() as session:
-                choice = tuning_settings.load_tuning_of_plant(session, parameters)
-                return None if choice is None else _resolve_bank(session, choice)
+                settings = tuning_settings.load_tuning_of_plant(session, parameters)
+                return None if settings is None else _resolve_bank(session, settings)
         except (SettingError, OutOfRangeError, UnknownRecordError, UnreadableDocumentError):
             _log.exception("The service cannot read the last tuning for these parameters.")
             return None
@@ -522,8 +522,8 @@ class TuningStore:
         return tuning, _describe_restored(tuning, stored)
 
 
-def _resolve_bank(session: Session, choice: TuningSettings) -> ResolvedTuning:
-    return ResolvedTuning(choice, None if choice.bank == 0 else banks.own(session, choice.bank))
+def _resolve_bank(session: Session, settings: TuningSettings) -> ResolvedTuning:
+    return ResolvedTuning(settings, None if settings.bank == 0 else banks.own(session, settings.bank))
 
 
 def _fall_back(parameters: PlantParameters, why: str) -> tuple[ActiveTuning, str]:
@@ -535,7 +535,7 @@ def _fall_back(parameters: PlantParameters, why: str) -> tuple[ActiveTuning, str
 def _describe_restored(tuning: ActiveTuning, stored: LastTuning) -> str:
     bank = tuning.bank
     models = "geometric gains" if bank is None else f"bank {bank.name}, version {bank.version}"
-    return f"restored as last set by {stored.who}: {models}, {tuning.choice.format()}"
+    return f"restored as last set by {stored.who}: {models}, {tuning.settings.format()}"
 
 
 # Tuning trial --------------------------------------------------------------------------------------
@@ -595,7 +595,7 @@ class TuningTrial:
         if self._before is None:
             return None
         return TrialView(
-            **list_tuning_parts(self._before.choice),
+            **list_tuning_parts(self._before.settings),
             remaining_s=max(0.0, self._ends - asyncio.get_running_loop().time()),
             duration_s=self._duration_s,
         )

@@ -222,7 +222,7 @@ def test_rejection_needs_calibration_and_returns_the_joint(database: Database) -
             await tuning_service.apply(TuningRequest(k_ext=0.7), WHO)
         with pytest.raises(RequestRejectedError, match="calibrate it first"):
             await tuning_service.start_trial(TrialRequest(k_ext=0.7, duration_s=5.0), WHO)
-        assert parts.live_state.tuning.choice.k_ext == 0.0
+        assert parts.live_state.tuning.settings.k_ext == 0.0
         await learned(parts)
         with pytest.raises(OutOfRangeError, match="gain of the disturbance rejection"):
             await tuning_service.apply(TuningRequest(k_ext=1.5), WHO)
@@ -258,15 +258,15 @@ def test_lost_bias_disables_rejection_also_in_restored_tunings(database: Databas
         await learned(parts)
         await tuning_service.apply(TuningRequest(k_ext=0.7), WHO)
         own = parts.live_state.tuning
-        await tuning_service.apply_temporary(replace(own.choice, k_ext=0.0, lam_q=0.9), None, WHO)
+        await tuning_service.apply_temporary(replace(own.settings, k_ext=0.0, lam_q=0.9), None, WHO)
         parts.actuator.contact._handle_event(how)
         await tuning_service.restore_operator_tuning()
-        assert parts.live_state.tuning.choice == replace(own.choice, k_ext=0.0)
+        assert parts.live_state.tuning.settings == replace(own.settings, k_ext=0.0)
 
         await learned(parts)
         await tuning_service.apply(TuningRequest(k_ext=0.7), WHO)
         parts.actuator.contact._handle_event(how)
-        assert parts.live_state.tuning.choice.k_ext == 0.0
+        assert parts.live_state.tuning.settings.k_ext == 0.0
         assert parts.state().tuning.k_ext == 0.0
         assert parts.supervisor.setup.tuning.k_ext == 0.0
         assert "k_ext" in (await tuning_service.undo(WHO)).model_dump()  # to before it was on
@@ -283,7 +283,7 @@ def test_service_starts_without_rejection(database: Database) -> None:
         await parts.actuator.tuning_service.apply(TuningRequest(lam_q=0.9, k_ext=0.7), WHO)
 
     async def again(parts: Parts) -> None:
-        chosen.append(parts.live_state.tuning.choice)
+        chosen.append(parts.live_state.tuning.settings)
 
     stepped(database, parameters, operate)
     kept = tuning_settings.load_last_tuning(database, parameters)

@@ -225,7 +225,7 @@ def test_a_kept_tuning_that_cannot_be_read_gives_way_to_the_defaults(
     tuning, told = TuningStore(database).restore(LAB)
     assert told.startswith("defaults active: ")
     assert said in told
-    assert tuning.choice != OTHER
+    assert tuning.settings != OTHER
 
 
 def test_entries_of_earlier_banks_are_read_as_they_were(database: Database) -> None:

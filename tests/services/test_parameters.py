@@ -97,7 +97,7 @@ def test_loop_tuning_and_state_go_by_what_was_applied_until_it_is_undone(
         assert (then.select_identified("A").K_m, then.select_identified("B").K_m) == (2.3, 2.4)
         assert heard == [then]
         assert live_state.tuning.parameters == then
-        assert (live_state.tuning.choice.lam_q, live_state.tuning.choice.lam_S, live_state.tuning.bank) == (
+        assert (live_state.tuning.settings.lam_q, live_state.tuning.settings.lam_S, live_state.tuning.bank) == (
             0.8,
             0.6,
             None,

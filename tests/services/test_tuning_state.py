@@ -69,7 +69,7 @@ def test_stored_tuning_is_restored(database: Database, ideal: PlantParameters, c
     tuning_store.save(make_active_tuning(ideal, TuningSettings()), "B. Operator")
     tuning_store.save(chosen, "A. Operator")
     restored, said = tuning_store.restore(ideal)
-    assert restored.choice == chosen.choice
+    assert restored.settings == chosen.settings
     assert restored.build_command() == chosen.build_command()
     assert said == (
         "restored as last set by A. Operator: bank kept, version 1, "
@@ -85,7 +85,7 @@ def test_other_parameters_start_with_the_default(
     tuning_store.save(chosen, "A. Operator")
     lab = load_parameters("lab")
     restored, said = tuning_store.restore(lab)
-    assert restored.choice == compute_default_tuning(lab).tuning
+    assert restored.settings == compute_default_tuning(lab).tuning
     assert "other parameters" in said
 
 
@@ -112,7 +112,7 @@ def test_default_saved_tuning_fits_the_active_tuning(database: Database, tmp_pat
         tuning = make_active_tuning(weak, choice)
         saved = SavedTunings(database).load(tuning)
         wanted = {name: getattr(saved, name) for name in TuningParts.model_fields}
-        assert tuning.with_request(TuningRequest(**wanted)).choice == TuningSettings(**wanted)
+        assert tuning.with_request(TuningRequest(**wanted)).settings == TuningSettings(**wanted)
         assert "λ_q 0.5 → " in saved.moved
 
 
@@ -122,11 +122,13 @@ def test_default_after_other_parameters_is_moved_into_range(
     tuning_store = TuningStore(database)
     tuning_store.save(chosen, "A. Operator")
     restored, said = tuning_store.restore(load_parameters(str(weak_motors(tmp_path))))
-    assert restored.choice == replace(TuningSettings(), lam_q=restored.choice.lam_q, u_plan=restored.choice.u_plan)
-    assert restored.choice.u_plan > 0.0
+    assert restored.settings == replace(
+        TuningSettings(), lam_q=restored.settings.lam_q, u_plan=restored.settings.u_plan
+    )
+    assert restored.settings.u_plan > 0.0
     assert said == (
         "defaults active: the last tuning belongs to other parameters; the method's default is outside "
-        f"the safe range of these models; the nearest safe tuning is: λ_q 0.5 → {restored.choice.lam_q:g} s"
+        f"the safe range of these models; the nearest safe tuning is: λ_q 0.5 → {restored.settings.lam_q:g} s"
     )
 
 
@@ -141,7 +143,7 @@ def test_unusable_stored_tuning_is_replaced_by_the_default(
         assert stored is not None
         settings.save(session, ACTIVE_TUNING_KEY, {**stored.value, name: value}, "A. Operator")
     restored, said = tuning_store.restore(ideal)
-    assert restored.choice == compute_default_tuning(ideal).tuning
+    assert restored.settings == compute_default_tuning(ideal).tuning
     assert str(value) in said
 
 
@@ -178,7 +180,7 @@ async def started(parts: Parts, bank: Bank) -> None:
     """The operator's own tuning in force, with the bank."""
     await parts.actuator.tuning_service.apply(TuningRequest(lam_q=0.55, lam_S=0.45), WHO)
     await parts.actuator.tuning_service.use_bank(bank, WHO)
-    assert parts.live_state.tuning.choice == own(bank)
+    assert parts.live_state.tuning.settings == own(bank)
 
 
 def sequence(segments: str = SHORT, **settings: float | bool) -> ExperimentRequest:
@@ -191,7 +193,7 @@ def test_temporary_tuning_is_used_stored_and_reported_and_then_restored(database
     async def work(parts: Parts) -> int:
         await started(parts, bank_lent)
         run = await parts.ordered_runs.start_experiment(sequence(**ASKED), WHO)
-        during.append(parts.live_state.tuning.choice)
+        during.append(parts.live_state.tuning.settings)
         shown = parts.state()
         assert (shown.tuning.b, shown.tuning.bank) == (1.0, None)
         assert shown.own_tuning is not None
@@ -199,7 +201,7 @@ def test_temporary_tuning_is_used_stored_and_reported_and_then_restored(database
         with refused(RequestRejectedError, "run_contains_tuning"):
             await parts.actuator.tuning_service.apply(TuningRequest(lam_q=0.9), WHO)
         await parts.ended()
-        assert parts.live_state.tuning.choice == own(bank_lent)
+        assert parts.live_state.tuning.settings == own(bank_lent)
         assert parts.state().own_tuning is None
         assert parts.supervisor.setup.tuning == parts.live_state.tuning.build_command()
         await parts.actuator.tuning_service.apply(TuningRequest(), WHO)  # and it can be changed again
@@ -234,7 +236,7 @@ def test_restart_during_an_experiment_uses_the_operators_tuning(database: Databa
         await parts.ordered_runs.close()
 
     async def again(parts: Parts) -> TuningSettings:
-        return parts.live_state.tuning.choice
+        return parts.live_state.tuning.settings
 
     stepped(database, IDEAL, broken_off)
     assert stepped(database, IDEAL, again) == own(bank_lent)
@@ -249,12 +251,12 @@ def test_stop_and_loop_exit_restore_the_tuning(database: Database, bank_lent: Ba
         await parts.supervisor.send(Stop())
         await parts.ended()
         assert parts.live_state.fault == "stop_pressed"
-        assert parts.live_state.tuning.choice == own(bank_lent)
+        assert parts.live_state.tuning.settings == own(bank_lent)
         await parts.actuator.reset(WHO)
         await parts.ordered_runs.start_experiment(sequence(SHORT, **ASKED), WHO)
         parts.supervisor.dead = True
         await parts.ended()
-        assert parts.live_state.tuning.choice == own(bank_lent)
+        assert parts.live_state.tuning.settings == own(bank_lent)
         assert (
             parts.supervisor.setup.tuning == make_active_tuning(IDEAL, own(bank_lent), bank_lent).build_command()
         )  # what a new loop gets
@@ -278,10 +280,10 @@ def test_failed_restore_is_reported_until_it_succeeds(database: Database, bank_l
             "number. The service retries every 0.5 s. If this persists, abort softly and restart the "
             "service: it starts with the operator's tuning."
         ]
-        assert parts.live_state.tuning.choice.lam_q == 0.7  # and that is what is shown as in force
+        assert parts.live_state.tuning.settings.lam_q == 0.7  # and that is what is shown as in force
         parts.supervisor.refuses = ""
         await until(False, parts)
-        assert parts.live_state.tuning.choice == own(bank_lent)
+        assert parts.live_state.tuning.settings == own(bank_lent)
         await parts.ended()
 
         await parts.actuator.tuning_service.start_trial(TrialRequest(lam_q=0.8, duration_s=1.0), WHO)
@@ -290,7 +292,7 @@ def test_failed_restore_is_reported_until_it_succeeds(database: Database, bank_l
         assert told[0].startswith("The tuning before the trial (λ_q 0.8 → 0.55 s) could not be restored yet: a gain")
         parts.supervisor.refuses = ""
         await until(False, parts)
-        assert parts.live_state.tuning.choice == own(bank_lent)
+        assert parts.live_state.tuning.settings == own(bank_lent)
 
     stepped(database, IDEAL, work)
 
@@ -306,7 +308,7 @@ def test_refused_tuning_changes_nothing(database: Database, bank_lent: Bank) -> 
         ):
             with pytest.raises(refusal):
                 await parts.ordered_runs.start_experiment(sequence(**each_settings), WHO)
-            assert (parts.live_state.tuning.choice, parts.live_state.overridden_tuning) == (own(bank_lent), None)
+            assert (parts.live_state.tuning.settings, parts.live_state.overridden_tuning) == (own(bank_lent), None)
         await parts.actuator.tuning_service.start_trial(TrialRequest(lam_q=0.9, duration_s=60.0), WHO)
         with refused(RequestRejectedError, "trial_in_progress"):
             await parts.ordered_runs.start_experiment(sequence(), WHO)
@@ -377,7 +379,7 @@ def test_dry_run_reports_its_settings(database: Database, bank_lent: Bank) -> No
         played = await parts.ordered_runs.dry_run(sequence(b=0.5), OPERATOR, left)
         expected = {**own(bank_lent).to_document(), "b": 0.5, "seed": 0}
         assert (played.status, played.settings) == ("completed", expected)
-        assert parts.live_state.tuning.choice == own(bank_lent)
+        assert parts.live_state.tuning.settings == own(bank_lent)
 
     stepped(database, IDEAL, work)
 
@@ -405,7 +407,7 @@ def bank_walk(database: Database) -> Bank:
 def in_force(parts: Parts) -> TuningSettings:
     """The tuning in force; what a loop that starts anew is given is the same."""
     assert parts.supervisor.setup.tuning == parts.live_state.tuning.build_command()
-    return parts.live_state.tuning.choice
+    return parts.live_state.tuning.settings
 
 
 def earlier(parts: Parts) -> TuningSettings | None:

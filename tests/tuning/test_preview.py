@@ -224,8 +224,8 @@ def test_models_are_cached_for_equal_tunings_only() -> None:
     asked = TuningSnapshot.from_active(tuning)
     first = asked.resolve().previewer
     assert asked.resolve().previewer is first
-    assert replace(asked, choice=replace(asked.choice, lam_q=0.9)).resolve().previewer is first
-    assert replace(asked, choice=replace(asked.choice, lam_motor=0.1)).resolve().previewer is not first
+    assert replace(asked, settings=replace(asked.settings, lam_q=0.9)).resolve().previewer is first
+    assert replace(asked, settings=replace(asked.settings, lam_motor=0.1)).resolve().previewer is not first
     assert replace(asked, parameters=load_parameters("ideal")).resolve().previewer is not first
 
 
