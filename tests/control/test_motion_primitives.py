@@ -5,6 +5,8 @@ import pytest
 from scipy.signal import chirp
 
 from backend.control import setpoint_player
+from backend.control.motion_types import NO_REFERENCE, output_voltages
+from backend.faults import Limit
 
 
 @pytest.mark.parametrize("bits", setpoint_player.TAPS)
@@ -46,3 +48,18 @@ def test_a_multisine_has_its_lines_alike_and_no_others() -> None:
 
 def test_a_multisine_never_leaves_its_amplitude_whatever_peak_it_is_told() -> None:
     assert setpoint_player.multisine(0.0, 1.0, 5, 0.001) in (-1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("u_A", "u_B", "clipped"),
+    [
+        (12.0, 1.0, Limit.VOLTAGE_A),
+        (-12.0, 11.9, Limit.VOLTAGE_A),
+        (1.0, 12.0, Limit.VOLTAGE_B),
+        (11.9, -12.0, Limit.VOLTAGE_B),
+        (12.0, -12.0, Limit.VOLTAGE_A | Limit.VOLTAGE_B),
+        (11.9, -11.9, Limit(0)),
+    ],
+)
+def test_voltages_at_the_limit_are_flagged_by_motor(u_A: float, u_B: float, clipped: Limit) -> None:
+    assert Limit(output_voltages(12.0, NO_REFERENCE, u_A, u_B, False).limits) == clipped
