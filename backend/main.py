@@ -21,7 +21,6 @@ from backend.server import Ending, browser_address, listening_socket, raise_limi
 from backend.settings import Settings
 from backend.supervision import Part, Supervision
 from backend.workers import forbid_forks
-from plant import load_parameters
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -71,12 +70,14 @@ async def _serve(
 
     try:
         files = TokenFiles(settings.data) if settings.require_token else None
-        file_parameters = load_parameters(settings.params)
         launched = await launch_loop(settings.params)
         stack.push_async_callback(launched.discard)
         supervision = Supervision()
         stack.push_async_callback(supervision.close)
 
+        from plant import load_parameters
+
+        file_parameters = load_parameters(settings.params)
         # A claimed database is refused before the rest of the service is imported.
         database, claim = _claim_database(settings, supervision, stack)
         from backend.app import bootstrap
