@@ -5,10 +5,12 @@ Commands import what they need when they run, so that ``--help`` appears at once
 
 import os
 import sys
+from typing import Annotated
 
 import typer
 from pydantic import ValidationError
 
+from backend import __version__
 from backend.cli import bank, experiments, identify, report, rig, runs, server, study
 from backend.cli.output import (
     ANGLES_VARIABLE,
@@ -30,6 +32,23 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # markup would read [rad] as a colour
 )
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"sinew {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _group(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Accept options that belong to no command."""
+
+
 app.command()(server.serve)
 app.command()(server.link)
 app.command()(experiments.experiment)

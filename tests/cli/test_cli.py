@@ -1,6 +1,7 @@
 """The command line: what it prints and refuses, wherever it runs and whatever answers."""
 
 import getpass
+import importlib.metadata
 import json
 import math
 import os
@@ -179,6 +180,10 @@ def test_help_tells_units_and_needs_nothing_heavy() -> None:
     assert "[rad]" in process("experiment", "--help").stdout
     loaded = "import sys, backend.cli; print([m for m in ('numba', 'scipy', 'fastapi', 'viser') if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    assert process("--version").stdout == f"sinew {importlib.metadata.version('sinew')}\n"
 
 
 def test_doctor_speaks_to_programs(tmp_path: Path) -> None:

@@ -24,6 +24,10 @@ def test_a_register_goes_through_all_its_states_and_comes_back(bits: int) -> Non
     assert shifted == {-1}
 
 
+def test_a_chip_is_the_lowest_bit_of_its_register() -> None:
+    assert [setpoint_player.chip_level(int(bits, 2)) for bits in ("0001", "0010", "0111", "1110")] == [1, -1, 1, -1]
+
+
 def test_a_sweep_is_the_logarithmic_chirp() -> None:
     t = np.arange(0.0, 8.0, 0.001)
     ours = np.array([setpoint_player.sweep(float(at), 4.0, 0.2, 8.0) for at in t])
