@@ -655,7 +655,7 @@ def _print_queue(service: RunningService, queue: "QueueView", *, as_json: bool) 
             item.id,
             item.name,
             " ".join(f"{name}={value}" for name, value in item.settings.items()),
-            f"{item.who}, kept" if item.kept else item.who,
+            f"{item.who}, restored" if item.kept else item.who,
         )
         for place, item in enumerate(queue.items, start=1)
     ]

@@ -162,7 +162,7 @@ def test_a_trip_leaves_a_flight_record(off: httpx.Client) -> None:
     assert off.get("/api/flights/999999/data.csv").status_code == 404
 
 
-# What a stop, a change of mode and a change of control end, as the table in docs/reference/faults.md says.
+# What ends at a stop, a change of mode or a change of control, as the table in docs/reference/faults.md says.
 
 HEADING = "| armed or temporary | STOP or a trip | another mode | control changes |"
 EVENTS = ("STOP or a trip", "another mode", "control changes")
@@ -296,7 +296,7 @@ def test_each_event_ends_what_the_table_says(bench: Bench, names: tuple[str, ...
     for name in names:
         outcome = documented()[name][event]
         assert (status >= 400) == (outcome == "refused"), (name, status)
-        if outcome in ("ends", "held"):
+        if outcome in ("ends", "paused"):
             until(partial(bench.is_gone, name))
         else:
             assert bench.is_there(name), name

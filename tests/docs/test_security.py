@@ -128,7 +128,7 @@ def who(route: APIRoute) -> str:
     """Who may ask, by what the route depends on."""
     needed = calls(route.dependant)
     if dependencies._get_actuator_operator in needed:
-        return "who is in control"
+        return "holder of the control lease"
     if dependencies._get_operator in needed:
         return "operators"
     return (
