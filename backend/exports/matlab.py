@@ -36,7 +36,7 @@ _BATCH = 50_000
 def write(export: Export, folder: Path) -> Iterator[bytes]:
     """Return the pieces of the file.
 
-    ``folder`` has space for the samples, 124 bytes each, until it is written. Raises ExportError at once for a
+    ``folder`` has space for the samples, 140 bytes each, until it is written. Raises ExportError at once for a
     recording that is too long.
     """
     rows = export.facts.samples
