@@ -3825,7 +3825,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The loop missed so many consecutive periods that its plant was uncontrolled for the longest time allowed: 0.4 s on the simulator, which waits during this time."
+        "The loop missed so many consecutive periods that its plant was uncontrolled for the longest time allowed: 0.4 s on the simulator, which waits during this time, and at most 0.04 s on a rig."
       ],
       [
         "Reaction",
@@ -3950,11 +3950,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The outputs of the card were not written for 0.5 s, on a rig for the time that its wiring file sets, 50 ms at most: the loop hung or died. On the simulator, registers in shared memory and a separate watchdog process simulate the card: see decision 0012."
+        "The outputs of the card were not written for 0.5 s, on a rig for the time that its wiring file sets, 50 ms at most: the loop hung or died. On the simulator and the virtual card, registers in shared memory and a separate watchdog process simulate the card: see decision 0012."
       ],
       [
         "Reaction",
-        "The watchdog switches the drive-enable line off and, on the simulator, clears the outputs, whether or not the loop is alive; a loop that recovers latches the fault. The service reports a dead loop within 1 s; a reset starts a new one."
+        "The watchdog switches the drive-enable line off and, on the simulator and the virtual card, clears the outputs, whether or not the loop is alive; a loop that recovers latches the fault. The service reports a dead loop within 1 s; a reset starts a new one."
       ],
       [
         "Within",
@@ -3975,7 +3975,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The watchdog's count of its checks, which the loop reads at each write, did not change for 0.5 s: the process of the watchdog was killed or hangs. A pause of the whole machine counts as two ticks."
+        "The watchdog's count of its checks, which the loop reads at each write, did not change for 0.5 s: the process of the watchdog was killed or hangs. A pause of the whole machine counts as two ticks. This fault occurs only on the simulator and the virtual card: on a rig, only the proof test at each start detects a failed watchdog."
       ],
       [
         "Reaction",
@@ -4050,7 +4050,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "For 0.1 s a motor turned against a voltage that overcomes every tension (2.8 V with the shipped parameters), and accelerated: wires of the motors or of their encoders are swapped, or a sign in the wiring file is wrong."
+        "For 0.1 s a motor turned against a voltage that overcomes every tension (2.8 V with the parameters lab), and accelerated: wires of the motors or of their encoders are swapped, or a sign in the wiring file is wrong."
       ],
       [
         "Reaction",
