@@ -23,13 +23,13 @@ LOADED_S = 20.0
 STANDING = Table(
     PAGE,
     "standing",
-    ("", "q moves by", "motors move by", "u moves by", "ticks in which a motor's count changes"),
+    ("", "peak-to-peak q", "peak-to-peak motor angle", "peak-to-peak u", "ticks in which a motor's count changes"),
 )
 STEP = Table(PAGE, "step with friction", ("", "λ_q [s]", "90 % of 2π/3 after"))
 LOADED = Table(
     PAGE,
     "motors under a long load",
-    ("", "motor A rests off its reference by", "motor B rests off its reference by", "they move by", "peak voltage"),
+    ("", "offset of motor A at rest", "offset of motor B at rest", "motion of the motors", "peak voltage"),
 )
 
 
@@ -58,7 +58,7 @@ def loaded() -> Found:
             name, f"{off[on, 'A']:.3f} rad", f"{off[on, 'B']:.3f} rad", f"{moves[on]:.3f} rad",
             f"{figures.peak_voltage_V:.1f} V",
         ]
-        for name, on in (("loaded", True), ("load off again", False))
+        for name, on in (("loaded", True), ("load removed", False))
     ]  # fmt: skip
     return {LOADED: rows}
 

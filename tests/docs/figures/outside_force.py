@@ -27,7 +27,7 @@ STIFFNESSES = np.linspace(8.1, 14.9, 20)
 OUTSIDE = Table(
     PAGE,
     "external force",
-    ("", "learned, at S = 8 and 15", "bias, rms and largest", "shown, rms and largest"),
+    ("", "calibrated bias at S = 8 and 15", "bias error, rms and largest", "displayed force, rms and largest"),
 )
 UNLIKE = "`lab` with a cubic and a tabulated spring, zeros found from load cells ten times as noisy"
 

@@ -27,12 +27,12 @@ FIGURE_8 = Table(PAGE, "figure 8", ("pushes", "raw [N]", "aligned [N]", "offset 
 ROBUSTNESS = Table(
     PAGE,
     "robustness",
-    ("", "load", "motors A, B off by [rad]", "back within [s]", "joint off by [rad]", "tensions [N]"),
+    ("", "load", "deviation of motors A, B [rad]", "return time [s]", "deviation of the joint [rad]", "tensions [N]"),
 )
 HAND, STEPS = "hand, as shipped", "steps of ±10 and ±20 N"
 SLOW = Prose(PAGE, "delay under the hand", "{delay:.0f} ms at {rate:.1f} N/s are {error:.2f} N, at")
 FAST = Prose(PAGE, "delay under steps", "N, at {rate:.1f} N/s {error:.2f} N.")
-ALONE = Prose(PAGE, "delay that makes the paper's figure", "Delay alone makes {rmse:.3f} N at {rate:.0f} N/s")
+ALONE = Prose(PAGE, "delay that makes the paper's figure", "Delay alone causes {rmse:.3f} N at {rate:.0f} N/s")
 
 
 def computations() -> Iterator[Computation]:

@@ -30,11 +30,11 @@ PUSHED = Table(
     (
         "λ_q [s]",
         "k_ext",
-        "back on `ideal` [s]",
-        "back on `lab` [s]",
-        "off after 1 s [mrad] (`ideal`, `lab`)",
-        "feels like at 0.1 Hz [N·m/rad]",
-        "feels like at 1 Hz [N·m/rad]",
+        "recovery on `ideal` [s]",
+        "recovery on `lab` [s]",
+        "deviation after 1 s [mrad] (`ideal`, `lab`)",
+        "apparent stiffness at 0.1 Hz [N·m/rad]",
+        "apparent stiffness at 1 Hz [N·m/rad]",
     ),
     key=2,
 )

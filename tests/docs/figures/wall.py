@@ -31,14 +31,14 @@ REACTION = Table(
 CONTACT = Prose(
     PAGE,
     "contact",
-    "a mass of J_j/r_j² = {mass:.3f} kg, that is a contact of {contact:.1f} ms",
+    "a mass of J_j/r_j² = {mass:.3f} kg, the contact lasts {contact:.1f} ms",
 )
 LATER = Prose(PAGE, "time of the peak", "peak comes {least:.0f} to {most:.0f} ms later")
 SPARED = Prose(
     PAGE,
     "what the reaction takes",
-    "the reaction takes {impulse_least:.0f} to {impulse_most:.0f} % of the impulse and "
-    "{peak_least:.0f} to {peak_most:.0f} % of the peak",
+    "the reaction reduces the impulse by {impulse_least:.0f} to {impulse_most:.0f} % and "
+    "the peak by {peak_least:.0f} to {peak_most:.0f} %",
 )
 K_WALL = 20e3
 
