@@ -1,4 +1,4 @@
-"""Physics, wiring and safety module; imports nothing of the back end."""
+"""Physics, drivers, wiring and safety module; imports nothing from the back end."""
 
 import lazy_loader
 

@@ -40,7 +40,7 @@ from plant.errors import ErrorCode, SinewError
 
 
 class InterpretedError(SinewError, RuntimeError):
-    """Numba's compiler is disabled; the message says what to do."""
+    """Numba's compiler is disabled; the message contains the remedy."""
 
     category = ErrorCode.BAD_VALUE
 
@@ -58,7 +58,7 @@ _COMPILED_SOURCES = (
     "backend/tuning/simulation.py",
 )
 _NOT_COMPILED = ("message", "messages")
-"""Modules of these folders from which no compiled code is made: a new text keeps the code."""
+"""Modules without compiled functions: a changed text does not invalidate the compiled code."""
 
 
 FALLBACK = "SINEW_CACHE_FALLBACK"
@@ -196,7 +196,7 @@ def cache_compiled(function: _F) -> _F:
 
 
 class _Compiled(cast(Any, CPUDispatcher)):  # type: ignore[misc]  # of numba
-    """Dispatcher for calls from Python; compiled callers are given ``inner`` instead.
+    """Dispatcher for calls from Python; compiled callers use ``inner`` instead.
 
     The Python wrapper unpacks each number of each tuple. Compiling it for functions that only compiled code calls, and
     storing those functions on their own, took more than a third of the compile time.
@@ -230,7 +230,7 @@ class PrecompiledCall(Generic[_R, *_Arguments]):
     times as long as the physics. Here it is done once, so nothing is compiled during a control step. Each call must
     pass what ``like`` has: None or an array of the same dtype, dimensions and layout at the same place. An int is
     accepted for a float, in ``like`` too where the function declares float; a float for an int raises TypeError, as
-    does a different count of numbers. That they are the right numbers is left to mypy.
+    does a different count of numbers. mypy checks that they are the right numbers.
     """
 
     def __init__(self, function: Callable[[*_Arguments], _R], *like: *_Arguments) -> None:
@@ -246,7 +246,7 @@ class PrecompiledCall(Generic[_R, *_Arguments]):
         self._code: Callable[..., _R] = _OVERLOADS[kind]
 
     def __call__(self, *arguments: *_Arguments) -> _R:
-        """Call it."""
+        """Call the compiled code."""
         for path in self._integer_paths:  # machine code would truncate
             value: Any = arguments
             for at in path:
@@ -260,7 +260,7 @@ class PrecompiledCall(Generic[_R, *_Arguments]):
 
 
 _OVERLOADS: dict[object, Callable[..., Any]] = {}
-"""Compiled code by function and kind of arguments: asking numba for the types takes half a period."""
+"""Compiled code by function and kind of arguments: numba takes half a period to determine the types."""
 
 
 def _as_declared(value: Any, hint: Any) -> Any:
@@ -293,7 +293,7 @@ def _find_integers(value: object) -> Iterator[tuple[int, ...]]:
 def get_compiled_kind(value: object) -> object:
     """Return a key that is equal for values of the same compiled type.
 
-    It consists of the types and, of arrays, dtype, dimensions and layout.
+    It consists of the types and, for arrays, of dtype, dimensions and layout.
     """
     if isinstance(value, tuple):
         return type(value), *map(get_compiled_kind, value)
@@ -417,7 +417,7 @@ class _Layout:
 
 _SCALARS = {types.float64: "d", types.int64: "q", types.boolean: "?"}
 _LAYOUTS: dict[object, _Layout] = {}
-"""Layouts by kind of value: asking numba takes a millisecond, and blocks of motions are made between two ticks."""
+"""Layouts by kind of value: numba takes a millisecond, and blocks of motions are created between two ticks."""
 
 
 def _layout_for(value: object) -> _Layout:

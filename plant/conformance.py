@@ -1,6 +1,6 @@
 """Conformance checks for any Plant: ``sinew rig conformance``, and the tests.
 
-The plant moves only by the voltage that a ``Subject`` allows: at 0 V only the checks at rest are made.
+A check applies at most the voltage that a ``Subject`` allows: at 0 V only the checks at rest run.
 """
 
 import gc
@@ -41,7 +41,7 @@ RESTING_RAD = 0.02
 """Largest motion of joint and motors at zero volts within a second [rad]: a slack tendon settling."""
 
 PERIODS = round(1.0 / T_s)
-"""Ticks of a second."""
+"""Ticks per second."""
 
 
 class CheckOutcome(StrEnum):
@@ -56,8 +56,8 @@ class CheckOutcome(StrEnum):
 class Subject:
     """Plant to check; each call of ``make`` returns a new one, not yet open.
 
-    ``voltage`` [V] is what a check may apply, 0 if nothing may move. ``answers`` is False for a recording, on which
-    writes have no effect; ``lasts`` is its number of ticks.
+    ``voltage`` [V] is the voltage that a check may apply, 0 if nothing may move. ``answers`` is False for a recording,
+    on which writes have no effect; ``lasts`` is its number of ticks.
     """
 
     make: Callable[[], Plant]
@@ -82,18 +82,18 @@ class CheckFinding:
 
 
 class RequirementError(SinewError):
-    """A plant violates the contract; the message says what was observed."""
+    """A plant violates the contract; the message contains the observation."""
 
 
 class NotTriedError(SinewError):
-    """A check is not possible here; the message says why."""
+    """A check is not possible here; the message contains the reason."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """Check of the contract: its name, the sentence for people, and its function.
+    """Check of the contract: its name, the requirement as a sentence, and its function.
 
-    The function raises RequirementError if the plant violates the sentence.
+    The function raises RequirementError if the plant violates the requirement.
     """
 
     name: str
@@ -102,9 +102,9 @@ class Check:
 
 
 def requirement(sentence: str) -> Callable[[Callable[[Subject], str | None]], Check]:
-    """Return a decorator that makes a check of a function.
+    """Return a decorator that turns a function into a check.
 
-    The function returns what it observed.
+    The function returns its observation as text.
     """
     return lambda function: Check(function.__name__.strip("_"), sentence, function)
 
@@ -198,7 +198,7 @@ WARM_UP_TICKS = 3_000
 second thousand ticks and none later."""
 
 GROWTH_BLOCKS = 200
-"""Permitted growth after ``LONG_TICKS`` [memory blocks]: some caches fill once, but no tick may leave memory behind."""
+"""Permitted growth after ``LONG_TICKS`` [memory blocks]: some caches fill once, but no tick may leak memory."""
 
 DRIVE_TICKS = 300
 MOVED_RAD = 1e-3
@@ -471,7 +471,7 @@ CHECKS: tuple[Check, ...] = (
     _keeps_nothing_of_a_tick,
     _repeats,
 )
-"""Checks in order of execution: nothing is driven before the plant is known to rest at zero volts."""
+"""Checks in order of execution: no check drives the plant before one has shown that it rests at zero volts."""
 
 
 def run_contract(subject: Subject, checks: tuple[Check, ...] = CHECKS) -> Iterator[CheckFinding]:

@@ -63,7 +63,7 @@ def coulomb_torque(friction: Friction, load: float) -> float:
 def friction_torque(friction: Friction, omega: float, load: float, z: float) -> float:
     """Return the friction torque [N·m] at outlet speed omega [rad/s].
 
-    At load torque r_m F [N·m] and bristle deflection z [rad].
+    ``load`` [N·m] is the load torque r_m F, ``z`` [rad] the bristle deflection.
     """
     return _torque(friction.lugre, friction.omega_smooth, omega, coulomb_torque(friction, load), z)
 
@@ -80,9 +80,9 @@ def bristle_after(
 ) -> float:
     """Return the deflection [rad] after the outlet has turned by ``turned`` [rad].
 
-    The rotation takes ``duration_s`` [s], under a load that changes from ``load`` to ``load_after`` [N·m]. Exact at
-    constant speed and load. It is computed from the rotation, not from speed and time: bristles that do not slip bend
-    by exactly the rotation. They hold at most F_s of the load at the end.
+    The rotation takes ``duration_s`` [s], under a load that changes from ``load`` to ``load_after`` [N·m]. The result
+    is exact at constant speed and load. It is computed from the rotation, not from speed and time: bristles that do not
+    slip bend by exactly the rotation. They hold at most F_s of the load at the end.
     """
     F_c = coulomb_torque(friction, load)
     return _advance_bristles(
@@ -162,7 +162,7 @@ def motor_torque_rate(motor: Motor, tau: float, u: float) -> float:
 def motor_acceleration(motor: Motor, omega: float, tau: float, load: float, z: float) -> float:
     """Return theta'' [rad/s²]: J_m theta'' + B_m theta' + r_m F + friction = tau_m.
 
-    Equations 6 and 7, with the bristles at z [rad].
+    Equations 6 and 7; ``z`` [rad] is the bristle deflection.
     """
     return (tau - motor.B_m * omega - load - friction_torque(motor.friction, omega, load, z)) / motor.J_m
 
@@ -175,7 +175,7 @@ def motor_acceleration(motor: Motor, omega: float, tau: float, load: float, z: f
 def find_root(function: Callable[[float], float], low: float, high: float) -> float:
     """Return the root of a function that rises between low and high, by bisection.
 
-    Exact to the last bit.
+    The root is exact to the last bit.
     """
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (middle, high) if function(middle) < 0.0 else (low, middle)
@@ -192,10 +192,10 @@ def find_root(function: Callable[[float], float], low: float, high: float) -> fl
 class Spring(NamedTuple):
     """Spring for the compiled functions.
 
-    ``polynomial_spring`` and ``tabulated_spring`` make it. ``k`` [N/m^i]: coefficients, lowest power first. ``pieces``
-    (n, 5): start of each piece [m], then its polynomial in the elongation from there. ``x_slack`` [m]: root of zero
-    force. ``x_solid`` [m]: elongation at which the coils touch, with force ``F_solid`` [N]; ``k_solid`` [N/m] is the
-    slope beyond.
+    ``polynomial_spring`` and ``tabulated_spring`` create it. ``k`` [N/m^i]: coefficients, lowest power first.
+    ``pieces`` (n, 5): start of each piece [m], then its polynomial in the elongation from there. ``x_slack`` [m]: root
+    of zero force. ``x_solid`` [m]: elongation at which the coils touch, with force ``F_solid`` [N]; ``k_solid`` [N/m]
+    is the slope beyond.
     """
 
     k: tuple[float, ...]
@@ -357,13 +357,13 @@ def joint_acceleration(joint: Joint, q_dot: float, F_A: float, F_B: float, tau_e
 def joint_stiffness(joint: Joint, spring_A: Spring, spring_B: Spring, x_A: float, x_B: float) -> float:
     """Return S = −∂φ/∂q = r_j² (F_A'(x_A) + F_B'(x_B)) [N·m/rad] (equation 14).
 
-    Exact off equilibrium too (erratum E4).
+    The result is exact off equilibrium too (erratum E4).
     """
     return joint.r_j**2 * (tendon_tension_slope(spring_A, x_A) + tendon_tension_slope(spring_B, x_B))
 
 
 # Obstacle ------------------------------------------------------------------------------------------
-# An obstacle for the joint: a wall that deforms like a spring with damping and never pulls.
+# An obstacle for the joint, which deforms like a spring with damping and never pulls.
 #
 # The contact law is that of Hunt and Crossley (1975), linear in the depth: F = k δ (1 + c δ') while δ > 0, and never
 # below 0. Its force starts and ends at 0, whereas a spring with a parallel damper jumps at first contact and pulls at
@@ -699,7 +699,7 @@ def tabulated_spring(x: Array, F: Array, x_solid: float, k_solid: float) -> Spri
 def _monotone_slopes(h: Array, secant: Array) -> Array:
     """Return the slopes at the nodes of a table.
 
-    Weighted harmonic means inside, the limited three-point formula at the ends.
+    They are weighted harmonic means inside, and follow the limited three-point formula at the ends.
     """
     w_left, w_right = 2.0 * h[1:] + h[:-1], h[1:] + 2.0 * h[:-1]
     inner = (w_left + w_right) / (w_left / secant[:-1] + w_right / secant[1:])

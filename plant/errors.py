@@ -31,18 +31,18 @@ class SinewError(Exception):
 
     @property
     def message(self) -> Message:
-        """The message with its code and values; without a code if it is of no catalogue."""
+        """The message with its code and values; without a code if no catalogue contains it."""
         (text, *_) = self.args or ("",)
         return text if isinstance(text, Message) else Message(str(text))
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Fields of the response besides the message.
+        """Fields of the response in addition to the message.
 
-        The code, and facts about the rejected value.
+        They are the code and facts about the rejected value.
         """
         return {"code": str(self.category or "internal_error")}
 
 
 class InvariantError(SinewError):
-    """Violated invariant: a programming error, whatever was requested."""
+    """Violated invariant: a programming error, independent of the request."""

@@ -59,7 +59,7 @@ class InjectedFault:
 
     @property
     def words(self) -> str:
-        """Text for people, such as "drift up of θ_A"."""
+        """Text for the operator, such as "drift up of θ_A"."""
         kind = str(self.kind).replace("_", " ")
         named = self.kind in (*ON_SENSORS, *_AT_TERMINALS)
         return f"{kind} of {str(self.sensor).replace('theta', 'θ')}" if named else kind
@@ -143,7 +143,7 @@ ZERO_VOLTS = MotorCommand(0.0, 0.0)
 
 
 class PlantError(SinewError):
-    """The plant cannot be opened, read or written; the message says what to do."""
+    """The plant cannot be opened, read or written; the message contains the remedy."""
 
     category = ErrorCode.UNAVAILABLE
 
@@ -155,7 +155,7 @@ def require_numbers(command: MotorCommand) -> None:
 
 
 class Plant(Protocol):
-    """Interface between the control loop and what it controls.
+    """Interface between the control loop and a plant.
 
     The loop reads and writes once per tick; ``plant/conformance.py`` checks the requirements.
 
@@ -163,10 +163,10 @@ class Plant(Protocol):
     - ``stepped``: time advances with the writes alone, so it can be stepped at any speed. A simulator advances by one
       period at each ``write``, so its motion never depends on the wall clock.
     - ``pushes``, ``loads_shafts``: whether ``push`` and ``load`` are supported.
-    - ``unattended_max_s`` [s]: longest time without a write under control; a simulator waits, a rig moves on.
-    - ``description``: what is driven and how it is timed, for people; complete once the plant is open.
+    - ``unattended_max_s`` [s]: longest time without a write under control; a simulator waits, a rig keeps moving.
+    - ``description``: text that names the hardware and its timing; complete once the plant is open.
     - ``raw``: raw values of the newest measurement.
-    - ``unready``: why the plant may not be controlled yet and what to do; empty if it may.
+    - ``unready``: reason why the plant may not be controlled yet, with the remedy; empty if it may.
     """
 
     paces_loop: bool
@@ -251,7 +251,7 @@ class SupportsDirectionCheck(Protocol):
     """Plant whose motor directions must be proven before it may be controlled."""
 
     def prove_directions(self, *, proven: bool) -> None:
-        """Set whether the motors are known to turn as the wiring file says."""
+        """Set whether the motors are known to turn as stated in the wiring file."""
         ...
 
 

@@ -15,8 +15,8 @@ P = ParamSpec("P")
 class Message(str):
     """Text with the code of its catalogue entry and the values that it shows.
 
-    ``code`` is empty for a text of no catalogue. A message within a message is one of its values. Joined to another
-    string it is a plain text: build the whole text in the catalogue.
+    ``code`` is empty for a text that no catalogue contains. A message within a message is one of its values. Joined to
+    another string it is a plain text: build the whole text in the catalogue.
     """
 
     code: str

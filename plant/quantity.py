@@ -50,7 +50,7 @@ class Angle(Quantity):
 
 
 def write_number(value: float, spec: str) -> str:
-    """Return a number in this format; of an integer beyond the range of a float, its length."""
+    """Return a number in this format, or the digit count of an integer too large for a float."""
     try:
         return f"{float(value) + 0.0:{spec}}"
     except OverflowError:

@@ -1,4 +1,4 @@
-"""Replay of a recording as a Plant: measurements do not depend on what is written."""
+"""Replay of a recording as a Plant: measurements do not depend on written voltages."""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -71,7 +71,7 @@ def preload_replay(path: str | Path) -> None:
 def load_replay(path: str | Path) -> RecordedSamples:
     """Read a recording.
 
-    Raises PlantError with the error in the file, its position, and what the file must contain.
+    Raises PlantError with the error in the file, its position, and the required content.
     """
     path = Path(path)
     stamp, recording = _preloaded.pop(path, (None, None))
@@ -300,7 +300,7 @@ class Replay:
         raise PlantError(messages.replay_without_fault_injection())
 
     def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:
-        """Raise PlantError: a recording has its zeros."""
+        """Raise PlantError: the zeros of a recording are fixed."""
         raise PlantError(messages.replay_has_its_zeros())
 
     def acknowledge(self) -> None:

@@ -118,15 +118,15 @@ class Rig:
         return self._last_reading is not None and self._last_reading.at_end
 
     def prove_directions(self, *, proven: bool) -> None:
-        """Set whether the motors are known to turn as the wiring file says."""
+        """Set whether the motors are known to turn as stated in the wiring file."""
         self._directions_proven = proven
 
     def switch_drives(self, *, on: bool) -> None:
         """Set the drive-enable line and check it by reading it back.
 
-        Off, it stays off across a reset too, and the watchdog is still fed. If the watchdog has not been tested since
-        the card was opened, it is tested at zero volts before the drives are switched on, which takes the watchdog's
-        time. A watchdog that has expired has disabled the line already. Raises PlantError.
+        Switched off, the line stays off across a reset too, and the watchdog is still fed. If the watchdog has not been
+        tested since the card was opened, it is tested at zero volts before the drives are switched on, which takes the
+        watchdog's time. A watchdog that has expired has disabled the line already. Raises PlantError.
         """
         self._drives_requested = False  # also if the card does not obey: nothing may switch the drives on automatically
         try:

@@ -4,8 +4,8 @@ A card keeps its last voltages when the program that wrote them dies; its watchd
 drive-enable line. The simulated card therefore keeps its registers in shared memory and runs its watchdog in a separate
 process (``python -m plant.safety_card FD``): kill -9 of the loop has the same effect as with a real card.
 
-Loop and watchdog monitor each other. The watchdog counts its polls, and a loop that sees the count stop disables the
-drives itself. Before the drives are enabled, a proof test shows that the watchdog disables them.
+Loop and watchdog monitor each other. The watchdog counts its polls, and a loop that detects a stopped count disables
+the drives itself. Before the drives are enabled, a proof test shows that the watchdog disables them.
 """
 
 import mmap
@@ -86,10 +86,10 @@ class WatchdogDeadError(PlantError):
 class CardState(NamedTuple):
     """Values of the registers, readable by every process.
 
-    ``writes`` and ``polls`` count the loop's writes and the watchdog's polls; ``watchdog_dead``: the loop saw the polls
-    stop. ``u_A``, ``u_B`` [V] are the voltages at the motors: zero without drive-enable. The watchdog expires after
-    ``watchdog_s`` [s] without a write. ``mirror``: the values are the loop's last knowledge of a card that no other
-    process can read.
+    ``writes`` and ``polls`` count the loop's writes and the watchdog's polls; ``watchdog_dead``: the loop detected that
+    the polls stopped. ``u_A``, ``u_B`` [V] are the voltages at the motors: zero without drive-enable. The watchdog
+    expires after ``watchdog_s`` [s] without a write. ``mirror``: the values are the loop's last knowledge of a card
+    that no other process can read.
     """
 
     writes: int

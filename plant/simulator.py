@@ -59,7 +59,7 @@ DRIFTS = {
     Sensor.F_A: (400.0, 100.0),
     Sensor.F_B: (400.0, 100.0),
 }
-"""Rate and limit of a drift [rad/s, rad; N/s, N]; at a motor encoder it represents a slipping tendon."""
+"""Rate and limit of a drift [rad/s, rad; N/s, N]; at a motor encoder a drift represents a slipping tendon."""
 
 LATE_S = 0.41
 """Delay of the next tick by LATE [s]: just more than ``unattended_max_s``, so that the loop is back before the card's

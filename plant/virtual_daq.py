@@ -84,9 +84,9 @@ class CallHandler(Protocol):
 
 
 class InProcess(grpc.Channel):  # type: ignore[misc]  # grpcio has no types
-    """Channel that calls its service directly: over a socket a cycle takes 1 ms.
+    """Channel that calls its service directly.
 
-    That is a whole period.
+    Over a socket a cycle takes 1 ms, a whole period.
     """
 
     def __init__(self, service: CallHandler) -> None:
@@ -278,8 +278,8 @@ _ERRORS = {
 class CardFaults:
     """Active fault of one card; none at first.
 
-    ``enable_held``: the drive-enable line stays on, whatever loop and watchdog do. It has no effect until the line must
-    fall, so it is no ``kind`` of fault that is injected during motion. ``kind``: any other fault.
+    ``enable_held``: the drive-enable line stays on, independent of loop and watchdog. It has no effect until the line
+    must fall, so it is not a ``kind`` of fault that is injected during motion. ``kind``: any other fault.
     """
 
     def __init__(self) -> None:
@@ -458,7 +458,7 @@ class VirtualCard(TaskCalls):
         return answer
 
     def inject(self, injected_fault: InjectedFault | None) -> None:
-        """Inject a fault of the card or its wiring, None to clear it.
+        """Inject a fault of the card or its wiring, None clears it.
 
         Counters keep their counts.
         """
@@ -736,7 +736,7 @@ class VirtualRig(Rig):
         self._simulator.load(load)
 
     def obstacle(self, obstacle: Obstacle | None) -> None:
-        """Set the obstacle from the next period, None for none. Raises PlantError."""
+        """Set the obstacle from the next period on, None removes it. Raises PlantError."""
         self._simulator.obstacle(obstacle)
 
     def inject(self, injected_fault: InjectedFault | None) -> None:

@@ -73,7 +73,7 @@ _FOLDER = Path(__file__).parent / "wirings"
 SHIPPED = tuple(sorted(path.stem for path in _FOLDER.glob("*.toml")))
 
 BEYOND_TABLE = 0.05
-"""Extrapolation of a load cell's table, as a fraction of its span: noise around 0 N is no fault."""
+"""Extrapolation of a load cell's table, as a fraction of its span: noise around 0 N is not a fault."""
 
 WATCHDOG_MAX_S = 0.05
 """Longest permitted time of the card's watchdog on a rig [s]."""
@@ -85,7 +85,7 @@ def number(unit: str, minimum: float, maximum: float, default: float | None = No
 
 
 def name(pattern: str, description: str, default: str | None = None) -> Any:
-    """Return a field for a name on the card; ``description`` says what is expected."""
+    """Return a field for a name on the card; ``description`` states the expected form."""
     return field(metadata={"pattern": pattern, "wanted": description, "default": default})
 
 
