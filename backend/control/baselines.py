@@ -343,7 +343,7 @@ def step_single_loop(
 def _bleed_integrator(state: pid.IPDState, excess: float) -> pid.IPDState:
     """Return the state with clipped voltage bled from the integrator (anti-windup).
 
-    As in the inner loops of the cascade.
+    The inner loops of the cascade do the same.
     """
     return pid.IPDState(state.integral - T_s * excess / pid.TRACKING_TIME_S, state.integral_f, state.y_f)
 

@@ -61,7 +61,8 @@ def step_governor(
 
 
 CLIPPING_TIMEOUT_S = 0.1
-"""Time of clipped voltage [s] that shows a too high voltage limit; the rest of the motion uses a lower one."""
+"""Time of clipped voltage [s] from which the voltage limit counts as too high; the rest of the motion uses a lower
+one."""
 
 BUDGET_REDUCTION = 0.9
 """Factor by which the voltage limit is then reduced."""
@@ -208,7 +209,7 @@ def convert_to_absolute(
 def select_dead_zones(f: ReferenceTracking, resting: bool, arrived: bool) -> DeadZones:
     """Return the dead zones of the outer integrators.
 
-    Infinite at rest, zero while moving towards a governed reference.
+    They are infinite at rest, and zero while the joint moves towards a governed reference.
     """
     if resting:
         return DeadZones(math.inf, math.inf)
@@ -245,10 +246,10 @@ class CascadeState(NamedTuple):
     """State of the cascade.
 
     With a trajectory (``follows_trajectory``) the origin of the loops is the model, and ``position`` and ``stiffness``
-    give increments to its equilibrium. ``clipped_s`` [s]: how long voltage has been clipped; ``reserve``: factor on the
-    voltage limit. ``standalone_motors``: motor loops without a model, for the next motion. ``resting``: no integrator
-    integrates; ``arrived``: that was so once since the references became constant, and the joint was not pushed away
-    since.
+    give increments to its equilibrium. ``clipped_s`` [s]: time for which a voltage has been clipped; ``reserve``:
+    factor on the voltage limit. ``standalone_motors``: motor loops without a model, for the next motion. ``resting``:
+    no integrator integrates; ``arrived``: that was so once since the references became constant, and the joint was not
+    pushed away since.
     """
 
     governor: GovernorState

@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 def build_equilibrium_table(spring_A: Spring, spring_B: Spring, r_m: float, r_j: float) -> Array:
     """Return the equilibrium table, shape (ROWS, 4), evenly spaced in θ_A + θ_B.
 
-    It goes from slack to the elongation at which the first of the springs becomes solid. At equilibrium F_A(x_A) =
+    It ranges from slack to the elongation at which the first of the springs becomes solid. At equilibrium F_A(x_A) =
     F_B(x_B) = F, S = r_j² (F_A'(x_A) + F_B'(x_B)) (equation 14, erratum E4), and θ_A + θ_B = (x_A + x_B)/r_m by
     equations 1 and 2, independent of q. The springs must stiffen (``plant.dynamics.require_stiffening``), so that S
     rises from row to row.
@@ -107,7 +107,7 @@ def equilibrium(d: Decoupler, theta_A: float, theta_B: float) -> float:
 def rates(d: Decoupler, theta_A: float, theta_B: float, rate_A: float, rate_B: float) -> tuple[float, float]:
     """Return q_e' [rad/s] and S' [N·m/(rad·s)] for motor speeds [rad/s].
 
-    At motor positions ``theta_A``, ``theta_B`` [rad].
+    ``theta_A``, ``theta_B`` [rad] are the motor positions.
     """
     S_rate, difference_rate = _slopes(d, d.table, theta_A + theta_B)
     turning = rate_A + rate_B
@@ -138,7 +138,7 @@ def stiffness_under(d: Decoupler, F: float) -> float:
 def tension_under(d: Decoupler, S: float) -> float:
     """Return the tension [N] of both tendons at equilibrium with S [N·m/rad].
 
-    The inverse of ``stiffness_under``.
+    This is the inverse of ``stiffness_under``.
     """
     return _tension_under(d, d.table, S)
 

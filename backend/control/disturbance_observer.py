@@ -17,18 +17,17 @@ from plant import Measurement, PlantParameters, T_s, compiled, tendon_tension
 # Feed-forward of the external force: the equilibrium moves against a push by the deflection of the springs.
 #
 # δq_e = −k_ext τ_ext/S (equation 14). The motors follow it through four lags of λ_motor. The position loop must not
-# react to the error until then, so it is given the position that is expected meanwhile, δq = k_ext (τ_ext − τ_f)/S with
-# τ_f behind the same lags. Otherwise it would counteract a push that is already compensated, and overshoot when the
-# push is balanced. The estimate does not depend on motors and loops, so no pole of a free joint moves
-# (docs/decisions/0048).
+# react to the error until then, so it receives the position that is expected meanwhile, δq = k_ext (τ_ext − τ_f)/S with
+# τ_f after the same lags. Otherwise it would counteract a push that is already compensated, and overshoot when the push
+# is balanced. The estimate does not depend on motors and loops, so no pole of a free joint moves (docs/decisions/0048).
 
 
 class Rejection(NamedTuple):
     """Parameters of the disturbance rejection.
 
-    ``k_ext`` [1]: gain, 0 for no rejection. ``dead_zone`` [N·m]: torque that is left to the position loop, so that the
-    estimate's noise moves nothing; ``tau_max`` [N·m]: largest torque that is compensated. ``lag_decay`` [1]: decay of
-    one of the four lags over T_s.
+    ``k_ext`` [1]: gain, 0 for no rejection. ``dead_zone`` [N·m]: torque that the position loop handles alone, so that
+    the estimate's noise moves nothing; ``tau_max`` [N·m]: largest torque that is compensated. ``lag_decay`` [1]: decay
+    of one of the four lags over T_s.
     """
 
     k_ext: float
@@ -38,7 +37,7 @@ class Rejection(NamedTuple):
 
 
 class DisturbanceFeedforwardState(NamedTuple):
-    """Active ``k_ext``, 0 without rejection, and torque [N·m] behind 0 to 4 lags."""
+    """Active ``k_ext``, 0 without rejection, and torque [N·m] after 0 to 4 lags."""
 
     k_ext: float
     tau: float
@@ -115,8 +114,8 @@ def _limit_torque(r: Rejection, tau_ext: float) -> float:
 #
 # J_j q'' + B_j q' = r_j (F_A − F_B) + τ_ext (equation 5), with the tensions of the identified springs. An observer of
 # q, q' and τ_ext, driven by these tensions and corrected by the joint encoder, has the same three poles everywhere, so
-# its estimate is τ_ext behind (p/(s + p))³, independent of motors and loops; motor friction has no effect. A momentum
-# observer (De Luca and others 2009) would need q', which an encoder does not measure (docs/decisions/0047).
+# its estimate is τ_ext filtered by (p/(s + p))³, independent of motors and loops; motor friction has no effect. A
+# momentum observer (De Luca and others 2009) would need q', which an encoder does not measure (docs/decisions/0047).
 
 
 POLE = 300.0
@@ -208,7 +207,7 @@ def estimate_force(observer: Observer, state: DisturbanceObserverState, bias: ND
 def interpolate_bias(bias: NDArray[np.float64], S: float) -> float:
     """Return the bias [N] at S [N·m/rad] by linear interpolation of points (n, 2).
 
-    Constant beyond the outermost points, 0 without points.
+    The bias is constant beyond the outermost points, and 0 without points.
     """
     last = bias.shape[0] - 1
     if last < 0:

@@ -23,7 +23,7 @@ from plant import (
 # Plausibility --------------------------------------------------------------------------------------
 # Plausibility of readings: each sensor against its own past, and encoders against load cells.
 #
-# Each tension is known twice: from its load cell, and from the encoders by the elongation of its spring.
+# Two measurements give each tension: the load cell, and the encoders through the elongation of the spring.
 
 
 CONTRADICTION_N = 6.0
@@ -217,9 +217,9 @@ def _is_reversed(memory: NDArray[np.float64], side: int, theta: float, driven: f
 
 @compiled
 def _update_contradiction(memory: NDArray[np.float64], side: int, excess: float) -> bool:
-    """Return whether a load cell has differed from its spring for CONTRADICTION_S.
+    """Return whether load cell and spring have differed for CONTRADICTION_S.
 
-    With the same sign all the time.
+    The difference must have kept its sign.
     """
     lasting_s = memory[_CONTRADICTED_S, side]
     if excess > CONTRADICTION_N:
@@ -234,9 +234,9 @@ def _update_contradiction(memory: NDArray[np.float64], side: int, excess: float)
 
 @compiled
 def _find_unchanged(memory: NDArray[np.float64], side: int) -> int:
-    """Return the contradicting reading that has not changed for CONTRADICTION_S.
+    """Return the first contradicting reading that has not changed for CONTRADICTION_S.
 
-    -1 if both have.
+    The result is -1 if all of them have changed.
     """
     for index in (0, 1 + side, 3 + side):
         if memory[_UNCHANGED_S, index] > CONTRADICTION_S:

@@ -23,8 +23,8 @@ from plant import Measurement, T_s, compiled
 #
 # The motor loops follow a reference through four lags: with constant references the joint would move on for 0.66 s.
 # Damping the measured speed directly stops it in a fifth of that. The tendons' load makes both motors creep meanwhile,
-# by 0.3 rad/s at 20 N and both alike, so the joint stands still. No load cell is used, so a stop works with a
-# broken load cell.
+# at 0.3 rad/s with 20 N and equally, so the joint remains at rest. No load cell is used, so a stop works with a broken
+# load cell.
 
 
 DAMPING = 1.5
@@ -108,7 +108,7 @@ def step_pretension(state: PretensionState, F_ref: float, F_A: float, F_B: float
 
 
 SOFT_STOP_S = 0.5
-"""Duration of a soft stop [s]: the joint stands after 0.15 s, and settles before the outputs go to zero."""
+"""Duration of a soft stop [s]: the joint stops after 0.15 s, and settles before the outputs are set to zero."""
 
 
 RELEASE_S = 0.010
@@ -245,14 +245,14 @@ def step_tension_hold(
 
 
 # Tension sweep -------------------------------------------------------------------------------------
-# A slow sweep of both tensions together, for the springs: the joint stays where the antagonistic tendons hold it.
+# A slow sweep of both tensions together, for the springs: the antagonistic tendons hold the joint in place.
 
 
 class TensionSweepState(NamedTuple):
     """State of the tension sweep.
 
     ``targets`` (n + 1, 2): theta_A, theta_B [rad] at the start and after each leg. ``ticks`` (n,) of the legs; ``leg``
-    is -1 on the way to the start.
+    is -1 during the motion to the start.
     """
 
     targets: NDArray[np.float64]

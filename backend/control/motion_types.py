@@ -29,9 +29,9 @@ class Setpoint(NamedTuple):
 
 
 class MotorLoopState(NamedTuple):
-    """Motor loops passed from one motion to the next.
+    """Motor loops that one motion passes to the next.
 
-    State, gains and references [rad].
+    They consist of state, gains and references [rad].
     """
 
     state: pid.MotorPairState

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from plant import T_s, compiled
 
 # Dead zone -----------------------------------------------------------------------------------------
-# Error seen by an integrator: zero within a dead zone, the excess beyond.
+# Error that an integrator uses: zero within a dead zone, the excess beyond.
 
 
 @compiled
@@ -24,7 +24,7 @@ def apply_dead_zone(e: float, dead_zone: float) -> float:
 
 K_I = 0.05
 """Integral gain [rad/(N·s)]. One radian of motor A changes the mean tension by 2.7 to 4.8 N over 10 to 40 N, so the
-loop has a time constant of 4 to 7 s: far slower than the motor loops' lag, hence stable, and slow against the
+loop has a time constant of 4 to 7 s: far slower than the motor loops, hence stable, and slow compared with the
 excitation."""
 
 TRIM_MAX = 1.0
@@ -79,7 +79,7 @@ def step_i_p(
     """Step u = k_i ∫(r − y) dt + k_r r − k_p y; return u and the new state.
 
     ``correction`` [unit of u per s] is added to the integral's rate by the anti-windup. As in the inner loop, the error
-    of this tick affects u from the next one on. The integral sees the error beyond ``dead_zone`` [unit of y].
+    of this tick affects u from the next one on. The integral uses the error beyond ``dead_zone`` [unit of y].
     """
     u = state.integral + gains.k_r * r - gains.k_p * y
     return u, IPState(state.integral + T_s * (gains.k_i * apply_dead_zone(r - y, dead_zone) + correction))
@@ -111,7 +111,7 @@ TRACKING_TIME_S = 0.030
 """Time constant with which clipped voltage bleeds the integrator [s] (method section 5)."""
 
 HOLD_GAIN = 1.5
-"""Factor on k_p with which a motor at rest is held at its position: it creeps faster against friction, and less far.
+"""Additional gain, as a multiple of k_p, that holds a motor at rest: it creeps faster against friction, and less far.
 Without friction its loop still has a damping ratio of 0.25."""
 
 
@@ -127,7 +127,7 @@ class IPDGains(NamedTuple):
 class IPDState(NamedTuple):
     """State of an I-PD loop.
 
-    ``integral`` [V]; ``integral_f`` [V] and ``y_f`` [rad] behind the filter 1/(t_f s + 1).
+    ``integral`` [V]; ``integral_f`` [V] and ``y_f`` [rad] after the filter 1/(t_f s + 1).
     """
 
     integral: float

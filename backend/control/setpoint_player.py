@@ -34,7 +34,7 @@ def sine(t: float, period_s: float) -> float:
 def sweep(t: float, period_s: float, period_end_s: float, duration_s: float) -> float:
     """Return a sine with exponentially changing frequency.
 
-    It goes from 1/period_s to 1/period_end_s, by the same factor in equal times.
+    The frequency changes from 1/period_s to 1/period_end_s, by the same factor in equal times.
     """
     growth = math.log(period_s / period_end_s)
     if abs(growth) < 1e-9:
@@ -47,7 +47,7 @@ def sweep(t: float, period_s: float, period_end_s: float, duration_s: float) -> 
 def multisine(t: float, period_s: float, lines: int, peak: float) -> float:
     """Return the sum of the first ``lines`` harmonics, divided by ``peak``.
 
-    With Schroeder's phases −π k (k − 1)/N.
+    The phases are Schroeder's, −π k (k − 1)/N.
     """
     total = 0.0
     for k in range(1, lines + 1):

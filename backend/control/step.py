@@ -372,8 +372,8 @@ def run_batch(
     """Execute steps on the simulator from measurement ``m``, each with its sample row.
 
     Rows go into the ring ``rows`` (capacity, n) by tick number. Returns the number of complete steps, the event of the
-    next one (NO_EVENT: not begun; FAULT_DETECTED, CONTACT_DETECTED: measured; with CONTROL_COMPUTED: control computed),
-    its voltages [V], and its measurement.
+    next one (NO_EVENT: not started; FAULT_DETECTED, CONTACT_DETECTED: measured; with CONTROL_COMPUTED: control
+    computed), its voltages [V], and its measurement.
     """
     for count in range(tick_range.ticks):
         detected = detect_faults(control, m, 0)

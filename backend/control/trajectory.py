@@ -32,7 +32,7 @@ class AxisMotion(NamedTuple):
 
 
 class Lagged(NamedTuple):
-    """Angle [rad], speed [rad/s] and voltage [V] behind the motors' electrical lag."""
+    """Angle [rad], speed [rad/s] and voltage [V] after the motors' electrical lag."""
 
     theta: float
     omega: float
@@ -77,7 +77,8 @@ def braking_speed(V: float, T: float, distance: float) -> float:
 def least_voltage(K: float, T: float, omega: float, distance: float, U_max: float) -> float:
     """Return the least voltage [V] that stops an axis within ``distance`` [rad].
 
-    ``omega`` [rad/s] is the speed in that direction; 0 if it is not positive. ``U_max`` if no less is enough.
+    ``omega`` [rad/s] is the speed in that direction; the result is 0 if it is not positive, and ``U_max`` if no less is
+    enough.
     """
     if omega <= 0.0:
         return 0.0
@@ -95,8 +96,8 @@ def least_voltage(K: float, T: float, omega: float, distance: float, U_max: floa
 def compute_duration(V: float, T: float, distance: float, omega: float) -> float:
     """Return the least time [s] from speed ``omega`` to rest at ``distance`` [rad].
 
-    With at most V/K volts: full voltage in one direction, then in the other (T θ'' + θ' = K u, |K u| ≤ V); ``omega`` in
-    rad/s.
+    The voltage is at most V/K: full voltage in one direction, then in the other (T θ'' + θ' = K u, |K u| ≤ V);
+    ``omega`` in rad/s.
     """
     brake = math.copysign(braking_distance(V, T, abs(omega)), omega)
     s = 1.0 if distance >= brake else -1.0
@@ -115,7 +116,7 @@ def compute_duration(V: float, T: float, distance: float, omega: float) -> float
 def compute_approach_voltage(K: float, T: float, U: float, axis: AxisMotion, target: AxisTarget) -> float:
     """Return the voltage [V] within ±U up to the speed from which the axis can stop.
 
-    For a moving target that is relative to the target's speed, and limited by what still stops at the target's end.
+    For a moving target this speed is relative to the target's, and the axis can still stop at the target's end.
     """
     U = max(U, MIN_VOLTAGE_V)
     u = _compute_approach_voltage(K, T, U, axis, target)
@@ -233,7 +234,7 @@ def plan_fastest_stop(
 def _compute_remaining_distance(axis: AxisMotion, target: AxisTarget) -> float:
     """Return the distance [rad] from an axis to the end of its target.
 
-    inf if that is behind the axis or unknown.
+    The result is inf if the end is behind the axis or unknown.
     """
     ahead = math.copysign(1.0, axis.omega) * ((target.theta if target.rate == 0.0 else target.end) - axis.theta)
     return ahead if ahead > 0.0 else math.inf
@@ -385,8 +386,7 @@ def begin_trajectory(
     """Return a model at ``q`` [rad], ``S`` [N·m/rad] with no other target.
 
     Its motors move at ``omega_A``, ``omega_B`` [rad/s] and hold its joint, moving or at rest. The loops keep the offset
-    of the actuator's motors, caused by a push or by springs that differ from the identified ones, so nothing has to
-    move.
+    of the actuator's motors, which a push or springs other than the identified ones cause, so nothing has to move.
     """
     q_dot = d.r_m / d.r_j * 0.5 * (omega_A - omega_B)
     q_e = q + model.B_j * q_dot / S
@@ -616,7 +616,7 @@ def _advance_joint(
 ) -> tuple[float, float]:
     """Return the joint one tick later: J_j q'' = S (q_e − q) − B_j q'.
 
-    A Runge-Kutta step with interpolated q_e and S.
+    Integrates with one Runge-Kutta step and interpolated q_e and S.
     """
     h, J, B = T_s, model.J_j, model.B_j
     q_e_half, S_half = 0.5 * (q_e + q_e_next), 0.5 * (S + S_next)
