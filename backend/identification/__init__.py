@@ -1,6 +1,6 @@
 """Offline estimation of motor, spring and actuator models: pure functions.
 
-Without clock, files or sockets, except for importing data.
+They use no clock, files or sockets, except for the import of data.
 """
 
 import lazy_loader

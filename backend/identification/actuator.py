@@ -63,8 +63,8 @@ class ActuatorIdentification:
 
     ``S_nominal`` [N·m/rad] and ``q_nominal`` [rad] are the values at rest before the excitation; ``motion_counts`` is
     the peak-to-peak of q during the excitation in encoder counts. ``arx_q`` and ``arx_S`` are the results of the
-    paper's method, ARX of first order, on the same record, or the reason why there are none: for comparison, never for
-    tuning.
+    paper's method, ARX of first order, on the same record, or the reason why there are none; they serve for comparison,
+    never for tuning.
     """
 
     G_q: Estimate
@@ -146,7 +146,7 @@ def _by_arx(record: Record) -> Estimate | str:
 
 
 def _joint_verdict(G_q: Verdict, G_S: Verdict) -> Verdict:
-    """Return the worse grade, with the reasons of the models that have it only."""
+    """Return the worse grade, with the reasons of only the models that have it."""
     named = {"G_q": G_q, "G_S": G_S}
     grade = worst_grade(*(verdict.grade for verdict in named.values()))
     return Verdict(

@@ -1,4 +1,4 @@
-"""Estimators behind one function: structures, ranking, quality, and hints."""
+"""Estimators with one common function: structures, ranking, quality, and hints."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -153,7 +153,7 @@ def validate_held_out(found: Fit) -> ModelComparison:
 
 
 # Hints ---------------------------------------------------------------------------------------------
-# Hints whether a dead time or a higher order would improve an incomplete structure.
+# Hints on whether a dead time or a higher order would improve an incomplete structure.
 #
 # Both models are fitted by output error to the same samples, so their fits and criteria are comparable. The other model
 # starts from the found one: with dead times of a grid, or with another lag of a grid.
@@ -273,7 +273,7 @@ def _fit_percent(found: FitEvaluation) -> float:
 
 
 # Estimate ------------------------------------------------------------------------------------------
-# Estimators behind one function: from a record and a structure to a model with its quality.
+# One common function of all estimators: from a record and a structure to a model with its quality.
 
 
 _RESTS = 0.1
@@ -414,7 +414,7 @@ def _estimate(
 def _dry_friction(found: Fit, model: Model) -> DryFriction | None:
     """Compare friction with the linear model with the least simulation error.
 
-    A noise model or a weighting increases that error. None if the record cannot show friction.
+    A noise model or a weighting increases that error. The result is None if the record cannot show friction.
     """
     if not has_both_directions(found.problem.record.y):
         return None
@@ -483,8 +483,8 @@ def _has_rest(predicted: Signal) -> bool:
 def _largest_bias_percent(found: Fit, model: Model) -> float:
     """Return the largest bias of K and T by residuals of this size [%].
 
-    By Cauchy and Schwarz the solution of J x = e is at most as long as |e| times that of J's pseudo-inverse. Infinite
-    if it cannot be computed.
+    By Cauchy and Schwarz the solution of J x = e is at most as long as |e| times that of J's pseudo-inverse. The result
+    is infinite if it cannot be computed.
     """
     sensitivities = found.solution.without_nuisance(found.solution.sensitivities)
     factor = triangle(sensitivities)
@@ -501,7 +501,7 @@ def _largest_bias_percent(found: Fit, model: Model) -> float:
 def _lead(record: Record, left: float) -> float | None:
     """Return the gain of an output that follows the input of the same sample, or None.
 
-    No lag can do that. ``left`` is the norm of the model's residual.
+    A lag cannot cause this. ``left`` is the norm of the model's residual.
     """
     now = np.column_stack((np.ones(record.u.size), record.u))
     errors, gain = [], 0.0

@@ -57,7 +57,7 @@ def _feedback(record: Record, controller: Controller) -> Signal:
     """Return the numerator over 1 - z^-1 of the feedback from y to -u.
 
     Sampled controllers differ in their integration and in whether they use the newest sample. The correct version
-    leaves u + C y free of noise, that is smoothest.
+    leaves u + C y free of noise, and therefore smoothest.
     """
     from scipy.signal import lfilter
 
@@ -73,7 +73,7 @@ def _feedback(record: Record, controller: Controller) -> Signal:
 def _closed_loop_input(problem: FitProblem, parameters: Signal, feedback: Signal, from_outside: Signal) -> Signal:
     """Return the response of u to the external signal, 1/(1 + G C).
 
-    With the model for G.
+    The model is used for G.
     """
     from scipy.signal import sosfilt, zpk2sos
 
@@ -98,7 +98,7 @@ def _closed_loop_input(problem: FitProblem, parameters: Signal, feedback: Signal
 def _fitted_input(record: Record, r: Signal) -> Signal:
     """Return the least-squares fit of u by r through a bank of lags.
 
-    From one sample to a fifth of the record.
+    The lags range from one sample to a fifth of the record.
     """
     from scipy.signal import lfilter
 
@@ -136,9 +136,9 @@ class FrequencyResponse:
 def welch_response(record: Record) -> FrequencyResponse:
     """Return the ratio of averaged cross spectra.
 
-    Over segments of a quarter of the record, half overlapped, Hann window. If the external signal of the loop is known,
-    both spectra are taken with it, S_ry / S_ru: the plain ratio S_uy / S_uu would mix the plant with the inverse of the
-    controller.
+    The segments are a quarter of the record long, overlap by half, and have a Hann window. If the external signal of
+    the loop is known, both spectra are taken with it, S_ry / S_ru: the plain ratio S_uy / S_uu would mix the plant with
+    the inverse of the controller.
     """
     from scipy.fft import rfftfreq
 
@@ -171,7 +171,7 @@ def _average(first: Complex, second: Complex) -> Complex:
 
 
 def check_frequency_response(model: Model, record: Record) -> FrequencyCheck:
-    """Compare the model with Welch's estimate on some 60 lines, evenly spaced in log.
+    """Compare the model with Welch's estimate at some 60 lines, evenly spaced in log.
 
     The model's response includes the hold of the input, (1 - e^-jwh)/(jwh), which the samples contain.
     """

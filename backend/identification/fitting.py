@@ -134,7 +134,7 @@ def fit_output_error(problem: FitProblem, start: Signal, tolerance: float = FINE
 def adapt(problem: FitProblem, start: Signal) -> FitEvaluation:
     """Improve good parameters to a tenth of their standard errors.
 
-    Or by a few iterations.
+    The search ends after a few iterations in any case.
     """
     return _descend(problem, start, COARSE, FEW_ITERATIONS)[0]
 
@@ -161,7 +161,7 @@ def _descend(problem: FitProblem, start: Signal, tolerance: float, iterations: i
 def _factorise(here: FitEvaluation) -> tuple[Signal, Signal]:
     """Return triangle, shape (p, p), and right-hand side of the sensitivities.
 
-    With the nuisance terms projected out.
+    The nuisance terms are projected out.
     """
     first, size = here.nuisance.shape[1], here.parameters.size
     factor = triangle(np.column_stack((here.nuisance, here.sensitivities, here.error)))
@@ -249,10 +249,10 @@ _STEEPEST = 100.0
 
 
 class Method(StrEnum):
-    """Estimators to choose from.
+    """Estimators.
 
     ``DEFAULT`` is used for experiments and files alike. It solves the refined-IV equation in its closed-loop form if
-    set point or controller are known, else output error. Coloured residuals, from noise or friction, are modelled as
+    setpoint or controller is known, else output error. Coloured residuals, from noise or friction, are modelled as
     autoregressive. If the residuals still correlate with the input, the structure cannot describe the system, and low
     frequencies are weighted. ``SRIVC`` and ``OUTPUT_ERROR`` omit both, ``RIVC`` always uses the noise model,
     ``LOW_FREQUENCY`` is output error with that weighting. ``ARX`` is the paper's method.

@@ -19,7 +19,7 @@ from plant import Message, cache_compiled
 #
 #     T w' + w = K (u - u_0 - u_c sign w),   at rest while |u - u_0| <= u_c;      y = w, or y = the integral of w
 #
-# A linear model of such a record takes the friction for damping: gain and lag are too small, by half if the friction
+# A linear model of such a record interprets friction as damping: gain and lag are too small, by half if the friction
 # takes a third of the input, with standard errors that do not include it and, with little noise, with residuals that do
 # not show it. This model is therefore tried on every record of motion in both directions. Between samples u is held,
 # and the speed is exact, zero crossings included. If the linear model has a dead time, so has this one.
@@ -57,8 +57,8 @@ def has_both_directions(speed: Signal) -> bool:
 def dry_friction(record: Record, linear_error: Signal, dead_time_s: float) -> DryFriction | None:
     """Return the Coulomb friction in a record of a speed, or None.
 
-    None if the record cannot show any. ``linear_error``, shape (n,), is the simulation residual of the linear model,
-    ``dead_time_s`` its dead time, 0 if its structure has none.
+    The result is None if the record cannot show any. ``linear_error``, shape (n,), is the simulation residual of the
+    linear model, ``dead_time_s`` its dead time, 0 if its structure has none.
     """
     if not has_both_directions(record.y):
         return None
@@ -91,8 +91,8 @@ def dry_friction(record: Record, linear_error: Signal, dead_time_s: float) -> Dr
 def fit_friction(record: Record, dead_time_s: float) -> FrictionFit:
     """Fit the friction model to a speed by least squares on its simulation.
 
-    A dead time is fitted as well, also from shorter starting values: a linear model takes friction for dead time.
-    Raises NotConvergedError.
+    A dead time is fitted as well, also from shorter starting values: a linear model may interpret friction as dead
+    time. Raises NotConvergedError.
     """
     from scipy.optimize import least_squares
 
@@ -137,7 +137,7 @@ def fit_friction(record: Record, dead_time_s: float) -> FrictionFit:
 def positive_lag(logarithm: float, period_s: float) -> float:
     """Return the lag [s] of this logarithm, limited to what can be simulated.
 
-    A search may otherwise overflow.
+    Otherwise a search may overflow.
     """
     return float(period_s * np.exp(np.clip(logarithm - np.log(period_s), -20.0, 40.0)))
 
@@ -279,7 +279,7 @@ class LoadFrictionFit:
 
 @dataclass(frozen=True)
 class LoadFrictionResult:
-    """Result for the friction: ``estimate``, or None and the reason in ``problem``.
+    """Result of the estimation: ``estimate``, or None and the reason in ``problem``.
 
     ``left_out`` names each unused run with the reason.
     """
@@ -309,7 +309,7 @@ def with_error(value: float, std: float) -> str:
 
 
 def estimate_load_friction(runs: Sequence[TensionRun], r_m: float) -> LoadFrictionResult:
-    """Return c0 and c1 of motor A from runs at several tensions, or why not.
+    """Return c0 and c1 of motor A from runs at several tensions, or the reason for none.
 
     ``r_m`` [m] is the radius of the motor's reel. A run is used if its signals are complete and the motor turns in one
     direction for long enough.
@@ -423,8 +423,8 @@ def _equations(run: TensionRun, r_m: float) -> tuple[Signal, Signal] | Message:
 def _compensate_force_delay(F: Signal, theta: Signal, q: Signal, most: int) -> Signal:
     """Shift the load cell's force earlier by its delay.
 
-    In whole samples, at most ``most``. With the delay the force best fits a quadratic in both angles, which
-    approximates the spring.
+    The delay is in whole samples, at most ``most``. With the delay the force best fits a quadratic in both angles,
+    which approximates the spring.
     """
     angles = np.column_stack((theta - np.mean(theta), q - np.mean(q)))
     columns = np.column_stack((np.ones(F.size), angles, angles**2, angles[:, :1] * angles[:, 1:]))

@@ -70,7 +70,7 @@ _COUNTERS = {bits: 2.0**bits for bits in (16, 31, 32)}
 class TimeColumn:
     """Time of each row [s] from the first row on, shape (n,).
 
-    ``unit`` is its unit in the file, ``unit_from`` the source of that.
+    ``unit`` is its unit in the file, ``unit_from`` the source of this unit.
     """
 
     name: str
@@ -707,7 +707,7 @@ def _element(value: Any) -> Any:
 
 
 def _reason(name: str, values: Any) -> Message | None:
-    """Return why a value is no column, None if it is one."""
+    """Return why a value is not a column, None if it is one."""
     if _is_object(values):
         return messages.matlab_object(name=name)
     if not isinstance(values, np.ndarray):

@@ -66,11 +66,11 @@ class FitProblem:
         return self.whiten(np.column_stack((free, np.ones(count), np.linspace(-1.0, 1.0, count))))
 
     def sensitivities(self, parameters: Signal, u: Signal, initial: Signal, simulated: Signal) -> Signal:
-        """Differentiate the whitened response in the logarithms of the parameters.
+        """Differentiate the whitened response with respect to the logarithms of the parameters.
 
-        Of the dynamic parameters, for ``u`` and ``initial``; ``simulated`` is the response itself. Shape (n, parameters
-        - 1). Forward differences: each costs one simulation, and the relative error of 1e-5 slows the iteration
-        negligibly without changing its solution.
+        These are the dynamic parameters, for ``u`` and ``initial``; ``simulated`` is the response itself. The shape is
+        (n, parameters - 1). Each forward difference costs one simulation, and the relative error of 1e-5 slows the
+        iteration negligibly without changing its solution.
         """
         columns = np.empty((u.size, parameters.size - 1))
         for i in range(1, parameters.size):
@@ -125,21 +125,21 @@ class FitEvaluation:
     def initial(self) -> Signal:
         """State before the first sample with the least error, shape (order,).
 
-        Fitted together with offset and ramp.
+        It is fitted together with offset and ramp.
         """
         solution = least_squares(self._factor[:-1, :-1], self._factor[:-1, -1])
         return np.asarray(solution / self._size)[: self.problem.structure.order]
 
     @cached_property
     def sensitivities(self) -> Signal:
-        """Derivatives of the whitened model output in z, shape (n, p)."""
+        """Derivatives of the whitened model output with respect to z, shape (n, p)."""
         order, u = self.problem.structure.order, self.problem.record.u
         whole = self._from_rest + self.nuisance[:, :order] @ (self.initial * self._size[:order])
         in_logarithms = self.problem.sensitivities(self.parameters, u, self.initial, whole)
         return np.column_stack((self._from_rest / self.parameters[0], in_logarithms))
 
     def instruments(self, u: Signal) -> Signal:
-        """Differentiate the whitened response to a noise-free input in z; shape (n, p)."""
+        """Differentiate the whitened response to a noise-free input with respect to z; shape (n, p)."""
         rest = np.zeros(self.problem.structure.order)
         clean = self.problem.whiten(self.problem.simulate(self.parameters, u))
         in_logarithms = self.problem.sensitivities(self.parameters, u, rest, clean)
@@ -166,8 +166,8 @@ def least_squares(columns: Signal, right: Signal, rcond: float | None = None) ->
 def triangle(columns: Signal) -> Signal:
     """Return the triangular factor R of a tall matrix, shape (columns, columns).
 
-    By QR of blocks and QR of their factors: numerically as good as one QR and several times faster, since a block stays
-    in the processor's cache.
+    It results from a QR of blocks and a QR of their factors, which is numerically as good as one QR and several times
+    faster, since a block stays in the processor's cache.
     """
     count, width = columns.shape
     blocks = count // _BLOCK
@@ -234,7 +234,7 @@ def initial_estimates(problem: FitProblem, *further: Signal) -> list[Signal]:
 def thorough_starts(problem: FitProblem) -> list[tuple[float, Signal]]:
     """Return errors and parameters of further starts for order 3 and more.
 
-    Best first: the best single lag with additional faster poles.
+    They have additional faster poles at the best single lag, and are ranked, best first.
     """
     if problem.structure.kind is DenominatorKind.LAGS:
         return []
@@ -337,7 +337,7 @@ def _equal_lags(problem: FitProblem, shape: Structure, count: int) -> list[Signa
 def _lag_and_faster_poles(problem: FitProblem) -> list[Signal]:
     """Add faster poles over a grid of frequencies to the best single lag.
 
-    A pair, at order 4 also another lag.
+    The poles are a pair, at order 4 also another lag.
     """
     T = dominant_lag(problem)
     found = []
@@ -352,7 +352,7 @@ def _lag_and_faster_poles(problem: FitProblem) -> list[Signal]:
 def _state_variable_filter(problem: FitProblem) -> list[Signal]:
     """Solve A(s) F(s) y = b0 F(s) u by least squares with F = 1/(s/w + 1)^N.
 
-    For each cut-off w; unstable poles are mirrored.
+    There is one solution for each cut-off w; unstable poles are mirrored.
     """
     record, shape = problem.record, problem.structure
     order, count, found = shape.order, record.u.size, []
@@ -380,7 +380,7 @@ def _state_variable_filter(problem: FitProblem) -> list[Signal]:
 def _filtered_derivatives(y: Signal, alpha: float, order: int) -> list[Signal]:
     """Return (s/w)^i / (s/w + 1)^N applied to y for i = 0 .. N.
 
-    By Tustin's rule with alpha = w period / 2.
+    It uses Tustin's rule with alpha = w period / 2.
     """
     from scipy.signal import lfilter
 

@@ -101,7 +101,7 @@ def _connect_input(A: Signal, B: Signal, state: int, fed_by: int, rate: float) -
 def sections(poles: Poles, period_s: float) -> Signal:
     """Return the all-pole second-order sections of the sampled system, shape (m, 6).
 
-    Static gain 1.
+    The static gain is 1.
     """
     lags, pairs = split_poles(poles)
     rows = []
@@ -120,8 +120,8 @@ def sections(poles: Poles, period_s: float) -> Signal:
 def moving_average(poles: Poles, period_s: float, part: float = 1.0) -> Signal:
     """Return the numerator of the sampled system, sum 1, shape (n,).
 
-    In ascending powers of z^-1, for the output a ``part``, 0 < part <= 1, of a sample time after the newest input; for
-    a whole sample time there are as many taps as poles, otherwise one more.
+    The powers of z^-1 ascend. The output is taken a ``part``, 0 < part <= 1, of a sample time after the newest input;
+    for a whole sample time there are as many taps as poles, otherwise one more.
     """
     A, B, C = state_space(poles)
     order = B.size
@@ -152,9 +152,9 @@ def simulate_response(
 ) -> Signal:
     """Return the response of the system with these poles and static gain 1.
 
-    Shape of ``u``. Without dead time the output at sample k depends on the input up to sample k - 1. With one, whole
-    samples or not, the input before the record counts as 0. ``initial``, shape (order,), are coordinates of the state
-    before the first sample in the basis of :func:`free_responses`; without it the system is at rest. Raises
+    The shape is that of ``u``. Without dead time the output at sample k depends on the input up to sample k - 1. With
+    one, whole samples or not, the input before the record counts as 0. ``initial``, shape (order,), are coordinates of
+    the state before the first sample in the basis of :func:`free_responses`; without it the system is at rest. Raises
     UnstableModelError.
     """
     from scipy.signal import lfilter, sosfilt
@@ -327,7 +327,7 @@ def find_structure(name: str) -> Structure:
 def _roots(ascending: Signal) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
     """Return the roots of a polynomial in ascending powers.
 
-    Scaled first, since a_N may be 10 powers of ten below 1.
+    The polynomial is scaled first, since a_N may be ten powers of ten below 1.
     """
     order = ascending.size - 1
     scale = abs(ascending[-1]) ** (1.0 / order)
@@ -354,7 +354,7 @@ Figures = tuple[float | None, ...]
 class Model:
     """Transfer function b0 e^(-t_d s) / (a_N s^N + ... + a_1 s + 1).
 
-    As named parameters of a structure.
+    ``parameters`` are those of the structure, by name.
     """
 
     structure: str
@@ -418,9 +418,9 @@ class FirstOrder:
 class DryFriction:
     """Model of a motor with Coulomb friction, fitted to the record.
 
-    K [unit of y / unit of u], T [s], u_c [unit of u]. ``found`` says whether friction is present; if not, the standard
-    errors show how uncertain K and T are because of possible friction. ``fit_percent`` is that of its simulation on the
-    whole record. ``t_d`` [s] is its dead time, 0 if the linear model has none.
+    K [unit of y / unit of u], T [s], u_c [unit of u]. ``found`` states whether friction is present; if not, the
+    standard errors show how uncertain K and T are because of possible friction. ``fit_percent`` is that of its
+    simulation on the whole record. ``t_d`` [s] is the dead time of this model, 0 if the linear model has none.
     """
 
     found: bool

@@ -378,8 +378,8 @@ class MotorRecord:
 class _Fitted:
     """Solution of a fit, as :func:`_model` takes it.
 
-    With the covariance of NAMES and the residuals from ``first`` on. Before sample ``first`` the voltage before the
-    record may have an effect, for dead times up to twice the starting ones.
+    It includes the covariance of NAMES and the residuals from ``first`` on. Before sample ``first`` the voltage before
+    the record may have an effect, for dead times up to twice the starting ones.
     """
 
     solution: Signal

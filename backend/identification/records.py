@@ -133,8 +133,8 @@ class Record:
     """One identification record; RecordError if it is unsuitable.
 
     ``u`` and ``y``, shape (n,), any units: sample k of ``y`` is taken at the time at which sample k of ``u`` is
-    applied, and ``u`` is held until sample k + 1 (zero-order hold). ``r`` is an external signal of the loop, set point
-    or excitation, free of the measurement noise; ``controller`` is the feedback law from y to u. With either one the
+    applied, and ``u`` is held until sample k + 1 (zero-order hold). ``r`` is an external signal of the loop, setpoint
+    or excitation, free of measurement noise; ``controller`` is the feedback law from y to u. With either one the
     estimators build instruments that are valid in closed loop. ``t`` [s], if given, is compared with ``period_s``. An
     output that repeatedly stops abruptly at its extreme value while the input moves is rejected as saturated. An input
     at its limit is not: the model is valid for the input as applied.
@@ -271,7 +271,7 @@ def has_one_step(u: Signal) -> bool:
 def time_at_limit_percent(u: Signal) -> float:
     """Return the time that an input spends at its extreme values [%].
 
-    0 for an input with few values.
+    The result is 0 for an input with few values.
     """
     levels, counts = np.unique(u, return_counts=True)
     if levels.size < 3:
@@ -333,9 +333,9 @@ def mean_period(t: Signal) -> float:
 
 
 def check_time(t: Signal, period_s: float) -> None:
-    """Raise RecordError for a time column (n,) [s] that has gaps or decreases.
+    """Raise RecordError for an unsuitable time column (n,) [s].
 
-    Or whose sample time differs.
+    The time must not decrease or have gaps, and its sample time must be ``period_s``.
     """
     if t.size < 2:
         return

@@ -130,7 +130,7 @@ def _fit(x: Signal, F: Signal, order: int) -> SpringFit:
 def _powers(offset: float, scale: float, power: int, order: int) -> Signal:
     """Return the coefficients of (offset + scale x)^power in powers of x.
 
-    Padded to ``order + 1``.
+    The result is padded to ``order + 1``.
     """
     coefficients = (Polynomial([offset, scale]) ** power).coef
     return np.pad(coefficients, (0, order + 1 - coefficients.size))
@@ -139,7 +139,7 @@ def _powers(offset: float, scale: float, power: int, order: int) -> Signal:
 def _recommend(fits: tuple[SpringFit, ...]) -> tuple[int, Message]:
     """Return the lowest order, unless a higher one predicts much better and rises.
 
-    By cross-validation.
+    The criterion is cross-validation.
     """
     chosen = fits[0]
     for fit in fits[1:]:

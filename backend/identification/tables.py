@@ -21,7 +21,7 @@ from backend.identification.records import DataFileError, FileFault, Signal
 
 
 DAY_FIRST, MONTH_FIRST = "dmy", "mdy"
-"""Values in place of a unit that say which of 03/04/2026 is the day."""
+"""Values in place of a unit that define which number of 03/04/2026 is the day."""
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _CLOCK = (
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2})(?:[.,](?P<fraction>\d+))?)?"
@@ -58,10 +58,10 @@ class Dates:
 
 
 def read_dates(name: str, texts: Sequence[str], order: str | None = None) -> Dates:
-    """Read a column of dates; ``order`` is DAY_FIRST or MONTH_FIRST if ambiguous.
+    """Read a column of dates; ``order`` is DAY_FIRST or MONTH_FIRST.
 
-    Such as 03/04/2026. Raises DataFileError for invalid dates, for forms or zones that change, and for an ambiguous
-    order.
+    ``order`` resolves ambiguous dates such as 03/04/2026. Raises DataFileError for invalid dates, for forms or zones
+    that change, and for an ambiguous order.
     """
     cells = [text.strip() for text in texts]
     form = next((form for form, pattern in _FORMS.items() if cells and pattern.fullmatch(cells[0])), None)
@@ -217,7 +217,7 @@ def is_number(cell: str) -> bool:
 def is_unambiguous(text: str, mark: DecimalMark) -> bool:
     """Return whether a text has a number that only this mark allows.
 
-    Such as 0.5 or 12.25; the text does not contain the other mark.
+    With a point, these are numbers such as 0.5 or 12.25. The text does not contain the other mark.
     """
     pattern = _POINT_ONLY if mark is DecimalMark.POINT else _COMMA_ONLY
     return pattern.search(text) is not None
@@ -327,7 +327,7 @@ def detect_decimal_mark(
 def _has_groups_only(cells: Sequence[str], mark: DecimalMark) -> bool:
     """Return whether a column groups each number from 1000 on, provably.
 
-    A cell must show that the character is no decimal mark.
+    A cell must show that the character is not a decimal mark.
     """
     group, shown = mark.other.character, False
     for cell in cells:
@@ -492,7 +492,8 @@ class _Table:
     def _form(self) -> tuple[int, frozenset[int], bool]:
         """Return the number of columns and the numeric ones, from the middle of the table.
 
-        Also whether the last column is empty there, so that it may result from a separator at the end of each row.
+        The third value states whether the last column is empty there, so that it may result from a separator at the end
+        of each row.
         """
         rows = [_cells(line, self.separator) for line in self._middle()]
         width = _usual([len(cells) for cells in rows])
@@ -654,7 +655,7 @@ class _Table:
     def _plain(self, rows: list[Line], decimal: DecimalMark | None) -> tuple[Signal, DecimalMark] | None:
         """Return the numbers of a table without quotes, text and gaps, parsed at once.
 
-        None if it is not such a table.
+        The result is None if the table is not of this kind.
         """
         texts = [line for _, line in rows]
         whole = "\n".join(texts)
@@ -710,7 +711,7 @@ class _Table:
         if below > (1 if heading.units else 0):
             unread = below - (1 if heading.units else 0)
             columns.notes.append(f"{unread} lines below the heading, above the first row of numbers, are not read")
-        # LabVIEW's preamble says what X_Value is.
+        # LabVIEW's preamble defines X_Value.
         dimensions = [line for number_of, line in self.lines if number_of < heading.line and "X_Dimension" in line]
         if "X_Value" in columns and any("Time" in line for line in dimensions):
             columns.units["X_Value"] = columns.units.get("X_Value") or "s"

@@ -98,8 +98,8 @@ def whiteness(residuals: Signal, period_s: float) -> CorrelationTest:
 def input_correlation(residuals: Signal, u: Signal, period_s: float, slowest_s: float) -> CorrelationTest:
     """Return the correlation of the residuals with earlier inputs; both shape (n,).
 
-    Up to five times ``slowest_s`` [s]. The variance of each correlation is the sum over lags of r_e r_u, tapered: it
-    allows for the colour of both.
+    The lags extend to five times ``slowest_s`` [s]. The variance of each correlation is the sum over lags of r_e r_u,
+    tapered: it allows for the colour of both.
     """
     u = u - np.mean(u)
     own, drive = correlation(residuals, residuals), correlation(u, u)
@@ -144,9 +144,9 @@ def read_whiteness_test(test: StoredTest) -> Judged:
 
 
 def critical_deviation(lags: int) -> float:
-    """Return the standard deviations that the largest correlation exceeds by chance.
+    """Return the bound of the largest correlation in standard deviations.
 
-    With the probability of the level.
+    White residuals exceed it with a probability of RESIDUAL_LEVEL.
     """
     from scipy.stats import norm
 
@@ -194,7 +194,7 @@ def sandwich(instruments: Signal, sensitivities: Signal, residuals: Signal) -> S
 def _long_run(moments: Signal) -> Signal:
     """Return the sum over lags of Bartlett weight times covariance, shape (p, p).
 
-    Evaluated in the frequency domain.
+    The sum is evaluated in the frequency domain.
     """
     from scipy.fft import next_fast_len, rfft
 
@@ -212,7 +212,7 @@ def _long_run(moments: Signal) -> Signal:
 def _bandwidth(moments: Signal) -> int:
     """Return Andrews' bandwidth for Bartlett weights.
 
-    From a first-order autoregression of each column.
+    It follows from a first-order autoregression of each column.
     """
     count = moments.shape[0]
     past, now = moments[:-1], moments[1:]
@@ -257,7 +257,7 @@ def information_criteria(residuals: Signal, parameter_count: int) -> tuple[float
 def misfit_percent(fit: float, resolution_percent: float) -> float:
     """Return the part of the motion [%] that neither model nor resolution explain.
 
-    ``fit`` is in percent as well.
+    ``fit`` is in percent, too.
     """
     return float(np.sqrt(max((100.0 - fit) ** 2 - resolution_percent**2, 0.0)))
 
@@ -336,7 +336,7 @@ class ValidationData:
 
     @property
     def spread_with_friction(self) -> float:
-        """The uncertainty [%] including friction that the record cannot exclude."""
+        """Uncertainty [%] including friction that the record cannot exclude."""
         if self.friction is None:
             return self.spread
         off = self.friction.off_percent(self.first_order.K, self.first_order.T)
@@ -533,9 +533,9 @@ def has_noise_feedback(u: Signal, residuals: Signal, gain: float) -> bool:
 
     In open loop the noise of the output does not predict the input. Samples with unusual steps of the input, such as
     the edges of a sequence, are omitted: between them a controller is most visible. The regression on the residuals
-    must be significant (F test) and explain a tenth of what the past does not. With the model's ``gain``, the reaction
-    must be a negative feedback: an output that shows its input at once, which no model here does, has the opposite
-    sign.
+    must be significant (F test) and explain a tenth of the part that the past does not explain. With the model's
+    ``gain``, the reaction must be a negative feedback: an output that shows its input at once, which no model here
+    does, has the opposite sign.
     """
     from scipy.stats import f as fisher
 
