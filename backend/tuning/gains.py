@@ -75,7 +75,7 @@ def motor_gains(K_m: float, T_m: float, lam: float) -> pid.IPDGains:
 def outer_gains(K: float, T: float, lam: float, b: float = 0.0) -> pid.IPGains:
     """Return I-P gains for K/(T s + 1).
 
-    ``b`` in 0..1 weighs the reference in the proportional part. Up to λ = 2T both poles are at −1/λ. Beyond, the
+    ``b`` in 0..1 weighs the reference in the proportional part. Up to λ = 2T both poles are at −1/λ. Beyond this λ, the
     formula would need a negative k_p: the loop becomes purely integral with k_i = 1/(2 K λ), continuous at λ = 2T, with
     the same sum of lags 2λ. Raises TuningError.
     """
@@ -102,7 +102,7 @@ def printed_outer_gains(K: float, T: float, lam: float) -> pid.IPGains:
 def position_loop_gain(K_q: float, r_m: float, r_j: float) -> float:
     """Return the static gain from q_c to q through the decoupler: 2 K_q r_j/r_m.
 
-    About 1 (erratum E3).
+    The gain is about 1 (erratum E3).
     """
     return 2.0 * K_q * r_j / r_m
 
@@ -110,8 +110,8 @@ def position_loop_gain(K_q: float, r_m: float, r_j: float) -> float:
 def stiffness_loop_gain(K_S: float, slope: float) -> float:
     """Return the static gain from S_c to S through the decoupler.
 
-    2 K_S/(4 k2 r_j² r_m), about 1 (erratum E3). ``slope`` [N·m/rad per rad] is the decoupler's dS/dθ of one motor, 2
-    r_j² k2 r_m for quadratic springs.
+    The gain, 2 K_S/(4 k2 r_j² r_m), is about 1 (erratum E3). ``slope`` [N·m/rad per rad] is the decoupler's dS/dθ of
+    one motor, 2 r_j² k2 r_m for quadratic springs.
     """
     return K_S / slope
 
@@ -174,7 +174,7 @@ class TuningParameters:
 def designed_point(parameters: PlantParameters, lam_motor: float = LAM_MOTOR) -> PointModel:
     """Return the model at 20 N from geometry alone, before any identification.
 
-    With the gains of section 4 and four lags of λ_motor.
+    It has the gains of section 4 and four lags of λ_motor.
     """
     g = parameters.geometry
     return PointModel(
@@ -189,7 +189,7 @@ def designed_point(parameters: PlantParameters, lam_motor: float = LAM_MOTOR) ->
 def motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
     """Return the identified model of one side's motor (equation 17).
 
-    Its electrical lag L/R is the data sheet's.
+    Its electrical lag L/R is that of the data sheet.
     """
     identified = parameters.select_identified(side)
     return MotorModel(identified.K_m, identified.T_m, parameters.select_motor(side).tau_e)
@@ -206,12 +206,13 @@ def true_motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
 # Gains of the two baselines from the plant's constants and the cascade's λ.
 #
 # All three laws have the same speed: the sums of lags from references to measurements are those of the cascade's outer
-# loops, 2 λ_q and 2 λ_S. They thus differ in the law, not in how hard it is driven.
+# loops, 2 λ_q and 2 λ_S. They thus differ in the law, not in their speed.
 
 
 ERROR_POLE, OBSERVER_POLE = 60.0, 20.0
-"""Poles of the error dynamics and of the observer's correction [rad/s]: among 20, 30, 40, 60, 80 by 20, 30, 60 the pair
-with the least deviation, within 10 V on `lab`, under steps, pushes, and springs and motors that are off by 20 %."""
+"""Poles of the error dynamics and of the observer's correction [rad/s]: of all pairs from 20, 30, 40, 60, 80 and 20,
+30, 60, the pair with the least deviation, within 10 V on `lab`, under steps, pushes, and springs and motors that are
+off by 20 %."""
 
 LARGEST_PER_LAG = 8.0
 """Limit of λ for the single loop, in motor lags T_m."""
@@ -220,8 +221,8 @@ LARGEST_PER_LAG = 8.0
 def make_single_loop_tuning(parameters: PlantParameters, lambdas: TuningParameters) -> baselines.SingleLoopTuning:
     """Return table 2, first column, for the mean motor seen at q and, at 20 N, at S.
 
-    1/(λ s + 1)^4 with half the cascade's λ. Raises TuningError unless λ_q and λ_S are below 8 T_m: half of it is the λ
-    of a motor loop.
+    Each loop is 1/(λ s + 1)^4 with half the cascade's λ. Raises TuningError unless λ_q and λ_S are below 8 T_m: half of
+    it is the λ of a motor loop.
     """
     d, bounds = build_decoupler(parameters), compute_bounds(parameters)
     A, B = motor_model(parameters, "A"), motor_model(parameters, "B")
@@ -263,15 +264,15 @@ def make_feedback_linearization_tuning(
 
 
 UNSEEN_COUNTS = 0.501
-"""Dead zone of the position integrator [encoder counts]: for any reference one reading is within it, and then the joint
-is within a count."""
+"""Dead zone of the position integrator [encoder counts]: for any reference one reading is within it, and the joint is
+then within a count."""
 
 UNSEEN_S = 0.01
 """Dead zone of the stiffness integrator [N·m/rad]: a thousandth of the stiffness, some counts of the motors."""
 
 UNSEEN_F, MOST_F = 0.3, 10.0
 """External force [N] that the disturbance rejection leaves to the position loop, and the largest that it compensates:
-the estimate's error in fast moves is at most 0.3 N; and the force of a rigid obstacle increases by the compensation."""
+the estimate's error in fast moves is at most 0.3 N, and the compensation increases the force on a rigid obstacle."""
 
 DEVIATIONS = 6.0
 """Least dead zone of the rejection in standard deviations of the estimate, so that it does nothing at rest."""
@@ -307,9 +308,9 @@ def collect_plant_knowledge(parameters: PlantParameters) -> PlantModel:
 
 
 def build_reference_tracking(plant_model: PlantModel, u_plan: float) -> ReferenceTracking:
-    """Return trajectory within ``u_plan`` [V] and dead zones of the outer integrators.
+    """Return the trajectory within ``u_plan`` [V] and the dead zones of the outer integrators.
 
-    0 V: as in the paper. The paper's law is fully linear if the joint encoder has no counts: it has no dead zones then.
+    0 V selects the paper's law, which is fully linear, without dead zones, if the joint encoder has no counts.
     """
     unseen_S = UNSEEN_S if u_plan > 0.0 or plant_model.q_count > 0.0 else 0.0
     return ReferenceTracking(u_plan, plant_model.model, UNSEEN_COUNTS * plant_model.q_count, unseen_S)
@@ -388,8 +389,9 @@ def make_cascade_tuning(
 ) -> cascade.CascadeTuning:
     """Return the cascade's gains for every point. Raises TuningError.
 
-    Without points, for the 20 N point from geometry; without a motor, for that of the parameter set. ``u_plan`` [V]:
-    voltage limit of the trajectory, 0 for the paper's governor; ``k_ext`` [1]: gain of the disturbance rejection.
+    Without points the gains are for the 20 N point from geometry, without a motor for that of the parameter set.
+    ``u_plan`` [V]: voltage limit of the trajectory, 0 for the paper's governor; ``k_ext`` [1]: gain of the disturbance
+    rejection.
     """
     points = sorted(points or (designed_point(parameters, lambdas.lam_motor),), key=lambda point: point.S_nominal)
     rows = []

@@ -87,8 +87,8 @@ def require_budget(parameters: PlantParameters, u_plan: float) -> None:
 # Preview -------------------------------------------------------------------------------------------
 # Effect of a tuning before it is applied: robustness on the high-order model, simulated steps.
 #
-# For one stiffness, that of the current reference, and for the active motion: in `lambda` a step takes the time that λ
-# gives, in `time-optimal` that of its trajectory.
+# It applies to one stiffness, that of the current reference, and to the active motion: in `lambda` a step takes the
+# time that λ gives, in `time-optimal` that of its trajectory.
 
 
 STEP_Q = np.pi / 3.0
@@ -113,7 +113,7 @@ _CACHED_STIFFNESSES = 32
 class Steps:
     """Steps of q_ref [rad] and S_ref [N·m/rad], from the first to the second value.
 
-    Each alone, with the other reference constant.
+    Each reference steps alone, while the other one is constant.
     """
 
     q: tuple[float, float]
@@ -214,7 +214,7 @@ class TuningPreviewer:
     def safe_range(self) -> tuple[float, float]:
         """Return the smallest permitted lam_q and lam_S [s].
 
-        With them all points of the bank are robust and the voltage is unclipped.
+        With them, all points of the bank are robust and the voltage is not clipped.
         """
         return max(q for q, _ in self.ranges), max(S for _, S in self.ranges)
 
@@ -271,8 +271,8 @@ class TuningPreviewer:
     ) -> Preview:
         """Return the preview at S [N·m/rad] (default: the first point's).
 
-        In the motion that ``u_plan`` [V] selects. ``entry``: the active one, −1 for the one nearest to S; ``shares``
-        [1]: gains of the disturbance rejection; ``steps``: by default those of ``steps_at``; ``F_push`` [N];
+        The motion is the one that ``u_plan`` [V] selects. ``entry``: the active one, −1 for the one nearest to S;
+        ``shares`` [1]: gains of the disturbance rejection; ``steps``: by default those of ``steps_at``; ``F_push`` [N];
         ``printed``: include the printed formula; ``each``: ``map``, or a parallel one, as compiled simulations release
         the GIL. Raises TuningError for a λ without gains.
         """
@@ -348,10 +348,10 @@ class TuningPreviewer:
         return tuning._replace(schedule=tuning.schedule._replace(entries=entries))
 
     def lambdas_for(self, M_s: float) -> dict[str, float | TuningError]:
-        """Return the smallest λ [s] by name that keep each loop's sensitivity peak at M_s.
+        """Return the smallest λ [s] by name that keeps each loop's sensitivity peak within M_s.
 
-        At every point of the bank. If no permitted λ does, the error that says why. lam_q and lam_S are for the current
-        λ_motor.
+        This applies to every point of the bank. If no permitted λ does so, the value is the error with the reason.
+        lam_q and lam_S are for the current λ_motor.
         """
         lam_q_min, lam_S_min = self.safe_range()
 
@@ -457,9 +457,9 @@ def _find_unsaturated_lambda(robust: float, voltage: Callable[[float], float], u
 def least_reach_time(parameters: PlantParameters, step: float, share: float = 0.9) -> float:
     """Return the time [s] in which the motors can turn the joint by a part of a step.
 
-    ``share`` of a ``step`` [rad], unloaded at full voltage. A motor at rest under u_max turns by K_m u_max (t − T_m (1
-    − exp(−t/T_m))) (equation 17); the slower motor counts, and it need not stop. Both reels turn r_j/r_m times as far
-    as the joint (equations 18, 19).
+    The part is the ``share`` of a ``step`` [rad], unloaded at full voltage. A motor at rest under u_max turns by K_m
+    u_max (t − T_m (1 − exp(−t/T_m))) (equation 17); the slower motor counts, and it need not stop. Both reels turn
+    r_j/r_m times as far as the joint (equations 18, 19).
     """
     g = parameters.geometry
     turn = share * abs(step) * g.r_j / g.r_m

@@ -87,8 +87,8 @@ def decoupled_model(
 def linearize_one_motor(parameters: PlantParameters, gains: pid.MotorPairGains, S: float) -> PointModel:
     """Return the model from theta_A_ref to q and to S at S [N·m/rad], motor B held.
 
-    From geometry, springs and motor loops: the static gain, and the sum of lags, minus the slope of the phase at zero
-    frequency, of the linear plant without friction.
+    It follows from geometry, springs and motor loops: the static gain of the linear plant without friction, and its sum
+    of lags, minus the slope of the phase at zero frequency.
     """
     import control
 
@@ -111,8 +111,8 @@ def linear_plant(
 ) -> "control.StateSpace":
     """Return the plant from voltages [V] and joint torque [N·m] to q, θ_A, θ_B [rad].
 
-    Linearised at rest at S [N·m/rad] and q = 0. Motors and springs are the identified ones, or with ``true_plant``
-    those of the plant itself. S is always the controller's estimate.
+    The plant is linearised at rest at S [N·m/rad] and q = 0. Motors and springs are the identified ones, or with
+    ``true_plant`` those of the plant itself. S is always the controller's estimate.
     """
     import control
 
@@ -279,7 +279,7 @@ class Robustness:
 class OuterProcess:
     """Process of an outer loop, from control signal to measurement.
 
-    With its frequency response. ``system`` has one input, one output and no direct feedthrough.
+    It includes the frequency response. ``system`` has one input, one output and no direct feedthrough.
     """
 
     def __init__(self, system: "control.StateSpace") -> None:
@@ -360,7 +360,7 @@ def margins(
 def _cubic(y: NDArray[np.float64], k: int) -> tuple[NDArray[np.float64], int]:
     """Return the cubic through four points around the interval from ``k``.
 
-    Its coefficients and its first point.
+    The results are its coefficients and its first point.
     """
     first = min(max(k - 1, 0), y.size - 4)
     return np.polyfit(np.arange(4.0), y[first : first + 4], 3), first
@@ -386,7 +386,7 @@ def _crossings(y: NDArray[np.float64], k: int) -> list[float]:
 def peak(response: NDArray[np.complex128]) -> float:
     """Return max |1/(1 + L)| of a response (n,).
 
-    Interpolated by a parabola through the three nearest values.
+    The peak is interpolated by a parabola through the three nearest values.
     """
     sensitivity = np.abs(1.0 / (1.0 + response))
     k = int(np.argmax(sensitivity))
@@ -406,8 +406,8 @@ def _is_stable(loop: "control.StateSpace") -> bool:
 def safe_lambda(process: OuterProcess, gains_for: Callable[[float], pid.IPGains], M_s: float = M_S_MAX) -> float:
     """Return the smallest λ [s] from which the sensitivity peak stays below ``M_s``.
 
-    Up to LAM_MAX, for an outer loop. ``gains_for`` returns the gains for a λ. Raises TuningError if no λ is that
-    robust.
+    This applies to an outer loop, up to LAM_MAX. ``gains_for`` returns the gains for a λ. Raises TuningError if no λ is
+    that robust.
     """
     from scipy.optimize import brentq
 
@@ -565,9 +565,9 @@ def compute_loop_margins(
 ) -> LoopMargins:
     """Return the robustness of the gains of ``lambdas`` at ``points``.
 
-    On the true plant or on its identified model. Without points, at the 20 N point from geometry. Each outer loop is
-    opened at its control signal while the other one is open, each motor loop is sampled and unloaded. Raises
-    TuningError for a λ without gains.
+    They apply to the true plant or to its identified model and, without points, to the 20 N point from geometry. Each
+    outer loop is opened at its control signal while the other one is open, each motor loop is sampled and unloaded.
+    Raises TuningError for a λ without gains.
     """
     points = points or (designed_point(parameters, lambdas.lam_motor),)
     loops = make_motor_loops(parameters, lambdas.lam_motor)

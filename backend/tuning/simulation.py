@@ -156,8 +156,8 @@ def simulate(
 ) -> tuple[PlantState, cascade.CascadeState, int]:
     """Simulate the cascade on the plant, filling ``out`` (ticks, len(COLUMNS)).
 
-    For len(inputs.q_ref) ticks. ``line`` (2, DELAY_SLOTS) is the load cells' delay line. Returns the final states and
-    the tick of the safety module's trip (−1: none), at which the run ends.
+    The run has len(inputs.q_ref) ticks. ``line`` (2, DELAY_SLOTS) is the load cells' delay line. Returns the final
+    states and the tick of the safety module's trip (−1: none), at which the run ends.
     """
     fill_delay_line(rig, x, line)
     for k in range(inputs.q_ref.shape[0]):
@@ -185,8 +185,8 @@ def simulate_rejection(
 ) -> int:
     """Simulate with the observer's external torque and the disturbance rejection.
 
-    As ``simulate``; returns the tick of the trip. The bias is calibrated at the tick ``calibrated_at``; nothing is
-    compensated before.
+    Like ``simulate``; returns the tick of the trip. The bias is calibrated at the tick ``calibrated_at``; there is no
+    compensation before.
     """
     fill_delay_line(rig, x, line)
     estimate, bias = disturbance_observer.UNKNOWN, math.nan
@@ -439,7 +439,7 @@ def make_sampled_loop(
 ) -> SampledLoop:
     """Return the loop of ``tuning`` at rest at S [N·m/rad] and q = 0.
 
-    With the plant's identified parameters. Without ``position_loop`` the decoupler's geometry alone positions the
+    The plant has its identified parameters. Without ``position_loop`` the decoupler's geometry alone positions the
     joint. The active bank entry is that for S. ``plant``: ``held_plant`` at S, if available.
     """
     d = tuning.decoupler
@@ -508,8 +508,8 @@ _STEP = 1e-6
 class AxisResponse(NamedTuple):
     """Responses of an axis to its target, each (n,).
 
-    Angle and speed [1/s] behind averaging and electrical lag; ``driven`` and ``lagged`` [1/s] are K times the mean
-    voltage before and behind the lag.
+    Angle and speed [1/s] after averaging and electrical lag; ``driven`` and ``lagged`` [1/s] are K times the mean
+    voltage before and after the lag.
     """
 
     theta: Complex
@@ -522,7 +522,7 @@ def axis_response(model: trajectory.TrajectoryModel, f: Array) -> AxisResponse:
     """Return the response to a moving target at ``f`` (n,) [Hz], close to the target.
 
     ω⁺ = rate + (target − θ − T_s (ω − rate))/LANDING_S (``compute_approach_voltage``), and θ⁺ as the motor turns; its
-    voltage, averaged over some ticks and behind the electrical lag, moves the model's motors (``advance_lagged_axis``).
+    voltage, after averaging over some ticks and the electrical lag, moves the model's motors (``advance_lagged_axis``).
     """
     z = np.exp(2j * np.pi * np.asarray(f) * T_s)
     T = max(model.T_A, model.T_B)
@@ -558,7 +558,7 @@ def planned_response(
 ) -> Complex:
     """Return the response from (q_ref, S_ref) to (q, S), shape (n, 2, 2).
 
-    At ``f`` (n,) [Hz] and S [N·m/rad].
+    The frequencies are ``f`` (n,) [Hz]; S is in N·m/rad.
     """
     model = tuning.reference_tracking.model
     loop = make_sampled_loop(parameters, tuning, S, position_loop=position_loop)
@@ -580,7 +580,7 @@ def _forward(
 ) -> Complex:
     """Return the voltages of the model per (q_ref, S_ref), shape (n, 2, 2).
 
-    As ``trajectory.compute_voltages`` computes them.
+    They are those that ``trajectory.compute_voltages`` computes.
     """
     model, d = tuning.reference_tracking.model, tuning.decoupler
     T, tau_e = max(model.T_A, model.T_B), max(model.tau_e_A, model.tau_e_B)
@@ -608,7 +608,7 @@ def _forward(
 # Preview plant -------------------------------------------------------------------------------------
 # The plant that a preview simulates: identified motors and springs, with friction and sensors of the parameter file.
 #
-# A preview must not use more than the operator can know: it has the identified motors and springs, not the simulator's
+# A preview must not use more than is known about a rig: it has the identified motors and springs, not the simulator's
 # true ones, and both sides are equal. Friction, electrical lag, encoder counts and the delay of the load cells are
 # those of the active parameters.
 
@@ -619,7 +619,7 @@ _ALIKE = Asymmetry(spring_A=1.0, spring_B=1.0, motor_A=1.0, motor_B=1.0)
 def expected_plant(parameters: PlantParameters) -> PlantParameters:
     """Return ``parameters`` with the identified motors and springs as true ones.
 
-    Without asymmetry.
+    Both sides are equal.
     """
     sided: dict[str, dict[str, Any]] = dict(parameters.sided)
     for side in SIDES:
@@ -735,7 +735,7 @@ PUSH_N = 5.0
 """Constant push of the forecast [N]."""
 
 APPARENT_STIFFNESS_HZ = (0.1, 1.0)
-"""Frequencies of the apparent stiffness [Hz]: for a hand that leans on the joint, and for one that shakes it."""
+"""Frequencies of the apparent stiffness [Hz]: for a person who leans on the joint, and for one who shakes it."""
 
 NEAR_RAD = float(np.radians(0.3))
 """Band around the reference in which the joint has recovered [rad]: 3.3 counts of the paper's encoder. One count would
@@ -777,9 +777,9 @@ def forecast_push(
 ) -> PushForecast:
     """Return the response to a constant push ``F_push`` [N].
 
-    At ``q`` [rad] and S [N·m/rad]. ``entry``: active bank entry before it, −1 for the one nearest to S. ``lam_q`` [s]
-    determines the simulated time: the deviation has then fallen to a hundredth. ``rig``: that of the expected plant,
-    and ``held``: ``held_plant`` at S, if available.
+    The joint is at ``q`` [rad] and S [N·m/rad]. ``entry``: active bank entry before it, −1 for the one nearest to S.
+    ``lam_q`` [s] determines the simulated time: the deviation has then fallen to a hundredth. ``rig``: that of the
+    expected plant, and ``held``: ``held_plant`` at S, if available.
     """
     rejects = tuning.disturbance_feedforward.k_ext > 0.0
     rest, pushed = round((LEARNED_S if rejects else HELD_S) / T_s), round((2.0 + _LASTS * lam_q) / T_s)
@@ -818,8 +818,8 @@ def forecast_push(
 def disturbance_response(r: Rejection, tau: Array, S: float) -> tuple[Array, Array]:
     """Return the rejection's inputs of the loop, ``q_e`` and ``q_off``, each (n,).
 
-    For a torque (n,) [N·m], estimated by the observer behind three lags of its pole; the estimate acts at once, as in
-    the control step.
+    ``tau`` (n,) [N·m] is the torque, which the observer estimates with three lags of its pole; the estimate acts at
+    once, as in the control step.
     """
     q_e, q_off = np.zeros(tau.size), np.zeros(tau.size)
     if r.k_ext == 0.0:
@@ -848,7 +848,7 @@ def estimate_torque(tau: Array) -> Array:
 def compute_apparent_stiffness(closed: Sampled, r: Rejection, S: float, f: Array) -> Complex:
     """Return external torque over deviation of q [N·m/rad] at ``f`` (n,) [Hz].
 
-    For a push beyond the rejection's dead zone. ``closed`` is the loop at S [N·m/rad].
+    This applies to a push beyond the rejection's dead zone. ``closed`` is the loop at S [N·m/rad].
     """
     z = np.exp(2j * np.pi * np.asarray(f) * T_s)
     decay = np.exp(-disturbance_observer.POLE * T_s)
