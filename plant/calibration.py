@@ -11,7 +11,7 @@ from plant.wiring import Wiring
 class CellCalibration:
     """Calibration of one tendon's load cell, in place of the wiring file's.
 
-    Slope [N/V] and offset [V]; ``source`` names the person who measured it.
+    Slope [N/V] and offset [V]; ``source`` states how and when they were measured.
     """
 
     tendon: str
