@@ -1,4 +1,4 @@
-"""Metrics of runs, and the evaluation that stores them. Pure, but for the evaluation."""
+"""Metrics of runs, and the evaluation that stores them; all but the evaluation is pure."""
 
 import lazy_loader
 

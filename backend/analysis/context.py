@@ -16,11 +16,11 @@ from plant import PlantParameters, SinewError
 
 
 class PredictionUnavailableError(SinewError, ValueError):
-    """No prediction is possible; the message says why."""
+    """No prediction is possible; the message contains the reason."""
 
 
 def load_initial_tuning(loop: StoredLoopSettings) -> TuningSettings:
-    """Return the tuning at the start of a run, without checking bounds; settings that were not stored have defaults."""
+    """Return the tuning at the start of a run without checks of bounds; settings not stored have defaults."""
     known: dict[str, Any] = {name: value for name, value in loop.get_known_values().items() if name in TUNING_NAMES}
     return TuningSettings(**known)
 
@@ -35,7 +35,7 @@ def load_bank_points(bank: HasEntries | None) -> tuple[PointModel, ...]:
 
 @dataclass(frozen=True)
 class EvaluationContext:
-    """What a run was executed with; ``tuning`` and ``points``, the models of its bank, are those at its start."""
+    """Settings of an executed run; ``tuning`` and ``points``, the models of its bank, are those at its start."""
 
     parameters: PlantParameters
     plan: ExperimentPlan

@@ -224,8 +224,8 @@ class HoldWindow:
     """Measurements of one hold from ``start_s`` to ``end_s`` [s], at ``q_ref`` [rad] and ``S_ref`` [N·m/rad].
 
     Peak to peak: ``q_swing`` [rad], ``q_swing_counts``, ``S_swing`` [N·m/rad], and ``u_swing`` [V] of the motor with
-    more. ``off`` [rad] is the mean deviation from q_ref, ``off_counts`` the largest one; ``moving_percent`` are ticks
-    in which a motor encoder changed.
+    the larger one. ``off`` [rad] is the mean deviation from q_ref, ``off_counts`` the largest one; ``moving_percent``
+    are ticks in which a motor encoder changed.
     """
 
     start_s: float
@@ -336,12 +336,12 @@ def _measure_hold(columns: Columns, window: slice, parameters: PlantParameters) 
 
 
 # Impact --------------------------------------------------------------------------------------------
-# Force of impacts on the simulated wall, and the time until they are detected and the joint
+# Force of impacts on the simulated obstacle, and the time until they are detected and the joint
 # complies.
 
 
 HIT_DISTANCE_S = 0.3
-"""Distance in time from which contacts are separate hits; closer ones are bounces [s]."""
+"""Interval from which contacts are separate hits; closer ones are bounces [s]."""
 
 APPROACH_TIME_S = 0.05
 """Time before the contact in which the approach speed is measured [s]: 30 encoder counts at 1 rad/s."""
@@ -422,7 +422,7 @@ class ImpactMetrics(WholeMetrics):
 
 
 def find_hits(columns: Columns, program: Program | None = None) -> tuple[Hit, ...]:
-    """Return the hits of a run in order; empty without a hit or without a recorded wall force.
+    """Return the hits of a run in order; empty without a hit or without a recorded force of the obstacle.
 
     ``program`` has the thresholds of the contact reaction; without it there is none.
     """
@@ -464,7 +464,7 @@ def _measure_hit(columns: Columns, force: np.ndarray, touched: np.ndarray, thres
 
 def _measure_reaction(columns: Columns, force: np.ndarray, window: slice, contact_N: float) -> tuple[float, ...]:
     """Return the threshold [N] and the times [s] to detection, reaction and largest force."""
-    end = window.stop + round(HIT_DISTANCE_S / T_s)  # detection may follow after the joint has bounced off
+    end = window.stop + round(HIT_DISTANCE_S / T_s)  # the detection may follow after the joint has bounced off
     detected = (
         _find_first(np.abs(columns["F_ext_hat"][window.start : end]) > contact_N) if math.isfinite(contact_N) else None
     )
@@ -582,7 +582,7 @@ class PushWindow(NamedTuple):
 
 @dataclass(frozen=True)
 class MeasuredPush:
-    """Measurements of one push. Deviations of q [rad] and S [N·m/rad] are relative to before it.
+    """Measurements of one push. Deviations of q [rad] and S [N·m/rad] are relative to the values before it.
 
     ``F`` [N] is the largest force, ``impulse`` [N·s], ``S`` [N·m/rad] the reference. ``back_s`` is the time from its
     end until the joint stays near its reference, None with a ``reason`` if it does not. ``static`` is r_j F/S.
@@ -666,7 +666,7 @@ def compute_push_metrics(columns: Columns, program: Program, context: Evaluation
 
 
 def find_push_windows(program: Program) -> tuple[PushWindow, ...]:
-    """Return the pushes of a program, each from the begin of the force until it is 0 again."""
+    """Return the pushes of a program, each from the start of the force until it is 0 again."""
     found: list[PushWindow] = []
     push_start, shapes, before = -1, set[Shape](), 0.0
     segments = [*iterate_segments(program)]

@@ -128,7 +128,7 @@ def build_tracking_document(metrics: TrackingMetrics, phases: Sequence[Phase], m
 def build_metric_documents(figures: Any, reasons: Mapping[str, str] | None = None) -> tuple[MeasuredFigure, ...]:
     """Return the metrics of a dataclass whose fields are declared with ``declare_metric``.
 
-    ``reasons`` says by name why a metric was not measured, or not for all steps.
+    ``reasons`` states by name why a metric was not measured, or not for all steps.
     """
     why = reasons or {}
     return tuple(
@@ -287,7 +287,7 @@ def _build_missing_metrics(measure: Measure, reason: str) -> tuple[MeasuredFigur
 
 
 def _merge_metrics(figures: Sequence[MeasuredFigure], more: Sequence[MeasuredFigure]) -> tuple[MeasuredFigure, ...]:
-    """Return both lists; of metrics in both, the first is used, unless only the second has a value."""
+    """Return both lists; of a metric in both, the first is used unless only the second has a value."""
     by_name = {item.name: item for item in figures}
     for item in more:
         known = by_name.get(item.name)
@@ -304,7 +304,8 @@ def evaluate_criteria(
 ) -> tuple[RunCriterion, ...]:
     """Evaluate the criteria of an experiment; ``known`` are the values for its bounds.
 
-    ``reason`` says why the recording of the run is incomplete, empty otherwise: an incomplete run passes no criterion.
+    ``reason`` states why the recording of the run is incomplete, and is empty otherwise: an incomplete run passes no
+    criterion.
     """
     by_name = {item.name: item for item in figures}
     criteria = []
@@ -337,7 +338,7 @@ def evaluate_criteria(
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Result and identification of a run; ``problem`` says why one of them is missing."""
+    """Result and identification of a run; ``problem`` states why one of them is missing."""
 
     result: Result | None
     identification: Identification | None

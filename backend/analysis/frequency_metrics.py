@@ -296,8 +296,8 @@ class Lines:
     """Response to one excitation at ``f`` (n,) [Hz]: measured ``H`` and its ``variation``, nan if unknown.
 
     ``residual`` is the part of the signal in the last period at other frequencies, relative to the lines; nan for a
-    sweep. ``reasons`` (n) say why a line is not measured, empty if it is. ``expected`` (n,) is the prediction, None
-    with the reason ``unpredicted``.
+    sweep. ``reasons`` (n) state why a line is not measured, and are empty if it is. ``expected`` (n,) is the
+    prediction, None with the reason ``unpredicted``.
     """
 
     signal: str
@@ -542,7 +542,7 @@ def _compute_spectra(columns: Columns, signal: str, window: slice) -> tuple[Arra
 
 
 def _find_active_limit(columns: Columns, window: slice, planned: bool) -> str:
-    """Return which limit was active and for how long; empty if none was. A limited response is not linear."""
+    """Return name and duration of an active limit, empty without one: a limited response is not linear."""
     flags = np.asarray(columns["limits"][window]).astype(int)
     for limit, words in _LIMIT_REASONS.items():
         if limit is Limit.GOVERNOR and planned:  # the flag only means that the trajectory moves

@@ -150,9 +150,9 @@ def _build_spring_curves(name: str, quality: SpringQuality) -> Document:
 
 
 # Validation ----------------------------------------------------------------------------------------
-# Compares identified models with validation data: the last third of a record of an actuator, each
-# voltage step of a motor. On its own record, a model is estimated again without the data that it
-# predicts: from the first two thirds, or from all other steps.
+# Compares identified models with validation data: the last third of a record of an actuator, or
+# each voltage step of a motor. On its own record, a model is estimated again without the data that
+# it predicts: from the first two thirds, or from all other steps.
 
 
 PLOT_POINTS = 400

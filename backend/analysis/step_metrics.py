@@ -145,10 +145,11 @@ class ReferenceStep:
 class StepMetrics:
     """Metrics of one step.
 
-    ``rise_s`` is from 10 % to 90 %, ``reach_s`` from the step to 90 %, ``settling_s`` the last exit from ±2 % of the
-    step; all three to half a count. ``overshoot_percent`` is relative to the step, ``steady_error`` the mean deviation
-    in the last half second, ``cross_coupling`` the largest deviation of the other signal for a step alone. ``reasons``
-    says by name why a metric was not measured: it is None, or, for a maximum, a lower bound.
+    ``rise_s`` is from 10 % to 90 %, ``reach_s`` from the step to 90 %, ``settling_s`` the time until the signal stays
+    within ±2 % of the step; all three to half a count. ``overshoot_percent`` is relative to the step, ``steady_error``
+    the mean deviation in the last half second, ``cross_coupling`` the largest deviation of the other signal for a step
+    alone. ``reasons`` states by name why a metric was not measured: the metric is None or, for a maximum, a lower
+    bound.
     """
 
     step: ReferenceStep
@@ -314,7 +315,7 @@ class OverallMetrics:
 class TrackingMetrics:
     """Tracking metrics of a run; ``complete`` is False if the run ended before its program.
 
-    ``reasons`` says by name why an overall metric was not measured, or not for all steps.
+    ``reasons`` states by name why an overall metric was not measured, or not for all steps.
     """
 
     complete: bool

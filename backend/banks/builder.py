@@ -40,7 +40,7 @@ MODEL_NAMES = ("K_q", "T_q", "K_S", "T_S")
 
 
 class BankError(SinewError, ValueError):
-    """The selected entries do not form a bank; the message says which and why."""
+    """The selected entries do not form a bank; the message names them and the reason."""
 
     category = ErrorCode.BAD_VALUE
 
@@ -84,7 +84,7 @@ def require_consistent(parameters: PlantParameters, chosen: Sequence[NamedEntry]
 
 
 def require_same_parameters(parameters: PlantParameters, name: str, recorded: Mapping[str, Any]) -> None:
-    """Raise BankError if a run was made with other parameters, because its model is of another plant."""
+    """Raise BankError if a run used other parameters, because its model describes another plant."""
     then = PLANT_NUMBERS.read(recorded, name)
     for section, entries in PLANT_NUMBERS.read(parameters.to_document(), parameters.name).items():
         for entry, now in entries.items():

@@ -53,7 +53,7 @@ _LAM_LEAST = 0.01
 class TuningSettings:
     """A tuning as a person chooses it; ``bank`` 0 selects geometric gains.
 
-    The bounds of λ are coarse. The safe range depends on the models in use.
+    The bounds of λ are coarse; the safe range depends on the active models.
     """
 
     lam_q: float = number_setting(

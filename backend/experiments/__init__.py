@@ -1,4 +1,4 @@
-"""Experiments and identifications, the same for browser and command line: plans, forecasts, playing, results, banks."""
+"""Experiments and identifications, for page and command line: documents, library, plans, forecasts and predictions."""
 
 import lazy_loader
 

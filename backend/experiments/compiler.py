@@ -100,7 +100,7 @@ class CompiledExperiment:
     """Segments of an experiment for the control loop, with the document paths that they come from.
 
     ``paths`` has one entry per segment. ``changes`` are the tunings that segments apply, each with all differences from
-    the initial tuning, written at ``change_paths``; ``walls`` are the obstacles that segments set, written at
+    the initial tuning, defined at ``change_paths``; ``walls`` are the obstacles that segments set, defined at
     ``wall_paths``; ``contact_detections`` are the settings of the contact detection that segments apply.
     """
 
@@ -205,7 +205,7 @@ class NumberReader:
 
 
 def require_reach(compiled: CompiledExperiment, parameters: PlantParameters, lines: Lines) -> None:
-    """Raise ExperimentError for the first reference outside the plant's bounds, or an impossible wall.
+    """Raise ExperimentError for the first reference outside the plant's bounds, or an impossible obstacle.
 
     Oscillations are checked in both directions.
     """
@@ -215,7 +215,7 @@ def require_reach(compiled: CompiledExperiment, parameters: PlantParameters, lin
         to_check = [(segment.q_ref, segment.S_ref)]
         if segment.shape not in OSCILLATING:
             has_references = True
-        elif has_references:  # the centre of an initial oscillation is known to the loop only
+        elif has_references:  # only the loop has the centre of an initial oscillation
             to_check.append((2.0 * q - segment.q_ref, 2.0 * S - segment.S_ref))
         for q_ref, S_ref in to_check:
             with error_context(path, lines):
@@ -372,7 +372,8 @@ def compile_experiment(experiment: schema.Experiment, values: Names, lines: Line
 class _Compiler(NumberReader):
     """Compiles the parts of one experiment in order; ``_path`` is that of the current part.
 
-    Changes of tuning, wall and contact detection apply from the next segment on, so the compiler assigns them to it.
+    Changes of tuning, obstacle and contact detection apply from the next segment on, so the compiler assigns them to
+    it.
     """
 
     def __init__(self, experiment: schema.Experiment, values: Names, lines: Lines) -> None:

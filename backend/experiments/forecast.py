@@ -28,11 +28,11 @@ from backend.sample import INDEX
 from plant import SIDES, PlantParameters, Side, T_s, spring_elongation, tendon_tension
 
 # Intervals -----------------------------------------------------------------------------------------
-# The sequence of set points of an identification program, and the stages of each.
+# The sequence of setpoints of an identification program, and the stages of each.
 
 
 class Stage(StrEnum):
-    """Stages of a set point, in their order."""
+    """Stages of a setpoint, in their order."""
 
     TRAVELLING = "on the way"
     SETTLING = "settling"
@@ -43,9 +43,9 @@ class Stage(StrEnum):
 
 @dataclass(frozen=True)
 class ProgramInterval:
-    """One stage of a set point: the ticks ``begin`` to ``end`` of a program, counted from its first tick.
+    """One stage of a setpoint: the ticks ``begin`` to ``end`` of a program, counted from its first tick.
 
-    ``number`` is that of the set point, of ``of`` in total. ``set_point`` is a tension [N], or a voltage [V] of a
+    ``number`` is that of the setpoint, of ``of`` in total. ``set_point`` is a tension [N], or a voltage [V] of a
     voltage step.
     """
 
@@ -58,7 +58,7 @@ class ProgramInterval:
 
 
 def format_set_point(law: Law, set_point: float) -> str:
-    """Return a set point as text: "20 N", "−3.5 V"."""
+    """Return a setpoint as text: "20 N", "−3.5 V"."""
     return f"{set_point:g} {'V' if law is Law.MOTOR_STEPS else 'N'}".replace("-", "−")
 
 
@@ -145,7 +145,7 @@ class ReferenceTrajectory:
             self.return_to_pretension()
 
     def return_to_pretension(self) -> None:
-        """Move to pretension and wait until the mode is granted."""
+        """Move to pretension and wait until the mode is active."""
         self._travel(self.compute_angles(PRETENSION_N))
         self._hold(motion_primitives.STANDSTILL_S)
         self._mode = Mode.PRETENSION
@@ -212,7 +212,7 @@ class ReferenceTrajectory:
             self._end_interval(number, of, leg.tension_N, Stage.WINDING)
 
     def _end_interval(self, number: int, of: int, set_point: float, stage: Stage) -> None:
-        """Assign the ticks since the last interval to a stage of a set point."""
+        """Assign the ticks since the last interval to a stage of a setpoint."""
         begin = self.intervals[-1].end if self.intervals else 0
         self.intervals.append(
             ProgramInterval(
@@ -337,7 +337,7 @@ class Timetable:
         return self.intervals[-1].end * T_s
 
     def title(self, interval: ProgramInterval) -> str:
-        """Return the set point of an interval as text."""
+        """Return the setpoint of an interval as text."""
         return format_set_point(self.law, interval.set_point)
 
 

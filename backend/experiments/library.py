@@ -1,4 +1,4 @@
-"""The library of experiments: those delivered with Sinew, recorded ones, and the plans of stored runs."""
+"""The library of experiments: those shipped with Sinew, recorded ones, and the plans of stored runs."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -38,7 +38,7 @@ from backend.realtime import MAX_SEGMENTS
 from plant import T_s
 
 # Ready-made experiments ----------------------------------------------------------------------------
-# The experiments delivered with Sinew: YAML files in the format that users write.
+# The experiments shipped with Sinew: YAML files in the format that users write.
 
 
 READY_NAMES = (
@@ -92,7 +92,7 @@ _TICKS_MAX = round(PART_MAX_S / T_s)
 
 
 class ReferenceChange(NamedTuple):
-    """A part without duration that is due at a tick of the references: a tuning or a wall."""
+    """A part without duration that is due at a tick of the references: a tuning or an obstacle."""
 
     tick: int
     part: dict[str, Any]
@@ -169,7 +169,7 @@ class _RecordedPartBuilder:
         return RecordedParts(self._parts, *self._deviations, self._delay_ticks, self._unpushed)
 
     def _add_changes(self) -> None:
-        """Add the changes that are due: the last wall, and one tuning that combines all changes of the tuning."""
+        """Add the changes that are due: the last obstacle, and one tuning that combines all changes of the tuning."""
         due = [change for change in self._changes if change.tick <= self._tick]
         self._changes = self._changes[len(due) :]
         tuning: dict[str, Any] = {}
@@ -382,8 +382,8 @@ def parse_stored_plan(kind: str, stored_values: Mapping[str, Value]) -> Plan:
 class ExperimentDefinition:
     """An experiment that can be run by name: its texts, its settings, and the function that makes a plan.
 
-    ``run_kind`` is the kind of its runs; ``experiment`` is its document, if it has one; ``replacement`` says what to
-    use instead of a deprecated one, which is accepted but not listed.
+    ``run_kind`` is the kind of its runs; ``experiment`` is its document, if it has one; ``replacement`` names the
+    alternative to a deprecated one, which is accepted but not listed.
     """
 
     name: str

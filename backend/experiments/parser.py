@@ -341,8 +341,8 @@ def require_rules(
 ) -> None:
     """Raise an error for the first rule that does not hold.
 
-    If a ``given`` setting violates a simple comparison with a bound, it is OutOfRangeError of that setting; otherwise
-    ExperimentError with the rule.
+    If a ``given`` setting violates a simple comparison with a bound, the error is OutOfRangeError of that setting;
+    otherwise ExperimentError with the rule.
     """
     for index, rule in enumerate(experiment.rules):
         path: Path = ("rules", index, "that")
@@ -412,7 +412,7 @@ _MAX_NESTING = 40
 _T = TypeVar("_T")
 
 
-class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML comes without types
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML has no types
     """Composes nodes, with scalars as in YAML 1.2 and JSON: "no" is a text, 1e3 a number."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  # as its parent declares it

@@ -1,4 +1,4 @@
-"""The document of an experiment, as people write it and as it is stored and sent.
+"""Document of an experiment, in the form that people write and that is stored and sent.
 
 Angles in rad, stiffness in N·m/rad, forces in N, times in s. Each number may also be an expression, a text such as "2 *
 hold_s", of the experiment's settings, pi, and the indices of enclosing repetitions.
@@ -49,7 +49,7 @@ class Hold:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Step:
-    """Step to the given references and hold them; the joint is pushed with ``F_push`` meanwhile."""
+    """Step to the given references and hold them; ``F_push`` pushes the joint meanwhile."""
 
     do: Literal["step"]
     duration_s: Number
@@ -166,7 +166,7 @@ class Load:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Tuning:
-    """Change settings of the tuning from the next motion on; settings that are not given stay.
+    """Change settings of the tuning from the next motion on; omitted settings do not change.
 
     ``u_plan`` without ``motion`` selects ``time-optimal``; 0 selects ``lambda``.
     """
@@ -185,9 +185,9 @@ class Tuning:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Wall:
-    """Place a wall from the next motion on, on plants that support it (the simulator).
+    """Add an obstacle from the next motion on, on plants that support it (the simulator).
 
-    The wall is ``above`` or ``below`` q_wall; ``k_wall`` [N/m] and ``c_wall`` [s/m] apply at the joint pulley.
+    The obstacle is ``above`` or ``below`` q_wall; ``k_wall`` [N/m] and ``c_wall`` [s/m] apply at the joint pulley.
     """
 
     do: Literal["wall"]
@@ -199,7 +199,7 @@ class Wall:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class NoWall:
-    """Remove the wall from the next motion on."""
+    """Remove the obstacle from the next motion on."""
 
     do: Literal["no_wall"]
 

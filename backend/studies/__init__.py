@@ -1,4 +1,4 @@
-"""Many simulated runs of one experiment: which they are, one of them, who computes them, what they come to."""
+"""Studies, many simulated runs of one experiment each: design, single point, execution, and summaries."""
 
 import lazy_loader
 

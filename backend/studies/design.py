@@ -1,4 +1,4 @@
-"""The document of a study, and the design: the points, one simulated run each, that it describes."""
+"""The document of a study, and its design: the points that it describes, one simulated run each."""
 
 from collections import Counter
 from collections.abc import Mapping

@@ -20,7 +20,7 @@ ComputePoint = Callable[[StudyBase, Point], StudyPoint]
 
 
 class ExecutorUnavailableError(SinewError):
-    """No process or worker can compute points; the message says what to do."""
+    """No process or worker can compute points; the message contains the remedy."""
 
     category = ErrorCode.UNAVAILABLE
 

@@ -270,7 +270,7 @@ def select_worst_statistic(figure: str) -> str:
 
 
 def format_axis_labels(values: Sequence[Value], unit: str, angles: AngleUnit) -> list[str]:
-    """Return the values of an axis as texts, with enough digits to tell them apart."""
+    """Return the values of an axis as texts, with enough digits to distinguish them."""
     numbers = {value: convert_to_display(value, unit, angles) for value in values if not isinstance(value, bool | str)}
     digits = count_distinguishing_digits(numbers.values())
     return [format_number(numbers[value], digits) if value in numbers else str(value) for value in values]
