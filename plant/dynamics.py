@@ -20,7 +20,7 @@ from plant.interface import NO_LOAD, PlantError, ShaftLoad
 #
 #     z' = ω − σ_0 |ω| z / g(ω),   τ = σ_0 z + σ_1 z',   g(ω) = F_c + (F_s − F_c) e^(−(ω/ω_s)²),   F_c = c0 + c1 r_m F
 #
-# Viscous friction is in the motor's B_m. The compiler knows whether ``lugre`` is None, so smoothed friction runs
+# Viscous friction is in the motor's B_m. Whether ``lugre`` is None is known at compile time, so smoothed friction runs
 # without bristles.
 
 
@@ -185,8 +185,8 @@ def find_root(function: Callable[[float], float], low: float, high: float) -> fl
 # Spring --------------------------------------------------------------------------------------------
 # The non-linear tendon spring: tension over elongation (equations 3-4), zero when slack, steep when solid.
 #
-# A spring is a polynomial or, if ``pieces`` is given, a table joined by cubics. The compiler knows whether ``pieces``
-# is None, so the polynomial runs without the search in the table.
+# A spring is a polynomial or, if ``pieces`` is given, a table joined by cubics. Whether ``pieces`` is None is known at
+# compile time, so the polynomial runs without the search in the table.
 
 
 class Spring(NamedTuple):

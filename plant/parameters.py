@@ -376,7 +376,7 @@ class PlantParameters:
         )
 
     def make_identified_dynamics(self) -> Dynamics:
-        """Return the constants as the controller knows them: identified, without friction."""
+        """Return the constants that the controller uses: identified, without friction."""
 
         def motor(side: Side) -> Motor:
             known = self.select_identified(side)

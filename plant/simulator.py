@@ -530,7 +530,7 @@ class Simulator:
             self._card.kill_watchdog()
 
     def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:
-        """Raise PlantError: the simulator knows its positions."""
+        """Raise PlantError: the positions of the simulator are always known."""
         raise PlantError(messages.simulator_has_its_zeros())
 
     def limit_tension(self, F_limit: float | None) -> None:

@@ -60,7 +60,7 @@ def evaluate_criterion(
 
 # Rest ----------------------------------------------------------------------------------------------
 # Whether a reference step began at rest and came to rest. A step that begins during the previous
-# motion has no metrics of its own.
+# motion has no separate metrics.
 
 
 Array = NDArray[np.float64]
