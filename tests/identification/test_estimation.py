@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter, lsim
 
-from backend.identification.estimation import estimate_model
+from backend.identification.estimation import _shorten_lags, estimate_model
 from backend.identification.fitting import Method, continuous_poles
 from backend.identification.models import KNOWN, Estimate, Grade, find_structure, simulate_response
 from backend.identification.records import (
@@ -347,3 +347,17 @@ def test_standard_errors_of_an_estimate_are_those_of_cramer_and_rao(snr_dB: floa
     sigma = np.std(y - held_response(FIRST, u))
     bound = sigma * np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
     assert [found.std_errors[name] for name in FIRST] == pytest.approx(bound, rel=0.1)
+
+
+@pytest.mark.parametrize("name", ["lags2", "lags3", "order:2", "order:3"])
+@pytest.mark.parametrize("share", [0.5, 0.9])
+def test_shortened_lags_are_those_of_before_times_the_share(name: str, share: float) -> None:
+    order = int(name[-1])
+    shape, lags = (
+        find_structure(name),
+        np.full(order, 0.2) if name.startswith("lags") else np.geomspace(0.4, 0.02, order),
+    )
+    ascending = np.poly(-1.0 / lags)[::-1] / np.poly(-1.0 / lags)[-1]
+    shortened = _shorten_lags(shape, shape.from_denominator(3.0, ascending), share)
+    assert shortened[0] == pytest.approx(3.0)
+    np.testing.assert_allclose(np.sort(-1.0 / shape.poles(shortened).real), np.sort(share * lags), rtol=1e-3)
