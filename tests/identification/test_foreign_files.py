@@ -42,6 +42,7 @@ from tests.identification.foreign_files import (
     stamp,
     structure_with_time,
 )
+from tests.reasons import TextWith
 from tests.refusals import refused
 
 LVM = (
@@ -296,29 +297,33 @@ BACK = {
     "overflow of 32 bits": (
         lines("t_us,u,y", lambda k: f"{(2**32 - 250_000 + 1000 * k) % 2**32},{U[k]},{Y[k]}"),
         -(2.0**32) * 1e-6 + 1e-3,
+        TextWith("32 bits"),
     ),
     "overflow of 16 bits": (
         lines("t_ms,u,y", lambda k: f"{(2**16 - 250 + k) % 2**16},{U[k]},{Y[k]}"),
         -(2.0**16) * 1e-3 + 1e-3,
+        TextWith("16 bits"),
     ),
-    "end of daylight saving": (back(3_600_000), -3600.0 + 1e-3),
+    "end of daylight saving": (back(3_600_000), -3600.0 + 1e-3, TextWith("daylight saving")),
     "midnight": (
         lines("time,u,y", lambda k: f"{'23:59:59' if k < 250 else '00:00:00'}.{(k + 750) % 1000:03d},{U[k]},{Y[k]}"),
         -86400.0 + 1e-3,
+        TextWith("midnight"),
     ),
-    "a clock that is set by 5 ms": (back(5), -5e-3 + 1e-3),
+    "a clock that is set by 5 ms": (back(5), -5e-3 + 1e-3, ""),
 }
 
 
 @pytest.mark.parametrize("kind", BACK)
 def test_rows_that_run_back_are_refused_and_each_part_can_be_taken(kind: str) -> None:
-    text, step_s = BACK[kind]
+    text, step_s, cause = BACK[kind]
     for resample in (False, True):
         with refused(
             RecordError,
             "time_decreases_after_row",
             row=250,
             step_s=pytest.approx(step_s, abs=1e-6),
+            cause=cause,
             skipped=0,
             rows=250,
         ):
