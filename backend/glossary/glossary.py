@@ -465,7 +465,7 @@ ENDS: dict[EndState, str] = {
     EndState.COMPLETED: "The program of the run was completed, or the session was ended normally.",
     EndState.STOPPED: "A person pressed STOP or stopped the service before the run ended.",
     EndState.TRIPPED: "A fault stopped the run; its timing is in the flight record.",
-    EndState.LINK_LOST: "The page that held control was lost, and the loop stopped softly.",
+    EndState.LINK_LOST: "The page that held control was lost, or the control loop died or was restarted.",
     EndState.SERVICE_DIED: "The service failed or hung, and the control loop stopped automatically.",
 }
 

@@ -55,7 +55,7 @@ END_STATES = {
     EndState.COMPLETED: "completed",
     EndState.STOPPED: "stopped by the operator",
     EndState.TRIPPED: "tripped",
-    EndState.LINK_LOST: "connection to the control loop lost",
+    EndState.LINK_LOST: "connection to the page in control or to the control loop lost",
     EndState.SERVICE_DIED: "service died",
 }
 

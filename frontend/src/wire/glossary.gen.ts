@@ -3363,7 +3363,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "end",
     "name": "link_lost",
     "term": "link lost",
-    "meaning": "The page that held control was lost, and the loop stopped softly.",
+    "meaning": "The page that held control was lost, or the control loop died or was restarted.",
     "source": "docs/how-to/notebook.md"
   },
   "end:service_died": {
