@@ -11,6 +11,7 @@ from scipy.signal import lfilter, lsim
 
 from backend.identification.estimation import _shorten_lags, estimate_model
 from backend.identification.fitting import Method, continuous_poles
+from backend.identification.initialization import FitProblem, _lag_and_faster_poles
 from backend.identification.models import KNOWN, Estimate, Grade, find_structure, simulate_response
 from backend.identification.records import (
     Controller,
@@ -361,3 +362,18 @@ def test_shortened_lags_are_those_of_before_times_the_share(name: str, share: fl
     shortened = _shorten_lags(shape, shape.from_denominator(3.0, ascending), share)
     assert shortened[0] == pytest.approx(3.0)
     np.testing.assert_allclose(np.sort(-1.0 / shape.poles(shortened).real), np.sort(share * lags), rtol=1e-3)
+
+
+@pytest.mark.parametrize("order", [3, 4])
+def test_every_start_beside_a_lag_is_stable_and_has_it(order: int) -> None:
+    """A lag of 0.2 s in the record is in each start, with faster poles; none of them grows."""
+    u = np.repeat(np.random.default_rng(2).choice([-5.0, 5.0], 100), 20)
+    y = lfilter([0.0, 1.0 - np.exp(-PERIOD_S / 0.2)], [1.0, -np.exp(-PERIOD_S / 0.2)], u)
+    problem = FitProblem(Record(PERIOD_S, u, y), find_structure(f"order:{order}"), np.ones(1))
+    starts = _lag_and_faster_poles(problem)
+    assert starts
+    for start in starts:
+        poles = problem.structure.poles(start)
+        assert poles.size == order
+        assert np.all(poles.real < 0.0)
+        assert -1.0 / poles[np.argmin(np.abs(poles))].real == pytest.approx(0.2, rel=0.4)
