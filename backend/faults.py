@@ -84,8 +84,8 @@ EXPLANATIONS: dict[Fault, Explanation] = {
         "Check for a slipped or torn tendon and the load cell's zero; reset and go through pretension again.",
     ),
     Fault.DEADLINES_MISSED: Explanation(
-        "The loop missed several deadlines in a row.",
-        "Close other programs on this machine and check the loop timing; then reset.",
+        "The control loop missed several deadlines in a row.",
+        "Close other programs on this machine and check the control loop timing; then reset.",
     ),
     Fault.SERVICE_LOST: Explanation(
         "The control loop lost the heartbeat of the service and stopped softly.", "See the service's log, then reset."
@@ -110,7 +110,7 @@ EXPLANATIONS: dict[Fault, Explanation] = {
         "recurs, do not continue.",
     ),
     Fault.SERVICE_ENDED: Explanation(
-        "The service shut down and stopped the loop.", "Start the service again; it starts without the fault."
+        "The service shut down and stopped the control loop.", "Start the service again; it starts without the fault."
     ),
     Fault.SENSOR_SATURATED: Explanation(
         "The signal of a load cell exceeds the range of its input.",

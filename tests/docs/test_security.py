@@ -79,17 +79,17 @@ def test_what_follows_a_death_has_the_times_of_the_faults() -> None:
     outputs = {row[0]: row[1] for row in cells("### Failures and reactions\n", 3)}
     for dead, fault in {
         "the page in control": Fault.OPERATOR_LOST,
-        "the service, killed or hanging": Fault.SERVICE_LOST,
-        "the loop, killed or hanging": Fault.WATCHDOG,
+        "the service, killed or suspended": Fault.SERVICE_LOST,
+        "the control loop, killed or hanging": Fault.WATCHDOG,
         "the card's watchdog": Fault.WATCHDOG_DEAD,
     }.items():
         within = documented_ms(fault)
         assert f"{within} ms" in outputs[dead] or f"{within / 1000:g} s" in outputs[dead], dead
-    both = outputs["watchdog and loop at once"]
+    both = outputs["watchdog and control loop at once"]
     assert f"every {1000 * heartbeat.POLL_S:g} ms" in both
     assert f"for {heartbeat.LAST_RESORT_S:g} s" in both
     assert f"within {kill_watchdog.BOTH_DEAD_S:g} s" in both
-    assert f"within {kill_watchdog.BOTH_DEAD_S:g} s of the loop's last write" in SECTIONS[Fault.WATCHDOG_DEAD]
+    assert f"within {kill_watchdog.BOTH_DEAD_S:g} s of the control loop's last write" in SECTIONS[Fault.WATCHDOG_DEAD]
 
 
 def test_promises_are_those_that_the_attack_measures_by() -> None:

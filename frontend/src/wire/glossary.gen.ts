@@ -2059,7 +2059,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "M_s",
     "term": "M_s",
-    "meaning": "sensitivity peak (maximum sensitivity) of a loop, the inverse of its distance from instability; 1.7 at the smallest λ offered",
+    "meaning": "sensitivity peak (maximum sensitivity) of a loop, the inverse of its distance from instability; at most 1.7 for every λ offered",
     "equation": "max over ω of 1/abs(1 + L(jω))",
     "source": "docs/explanation/tuning.md"
   },
@@ -3625,7 +3625,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "STOP in the browser, its shortcut, or POST /api/stop."
+        "STOP in the browser, its shortcut, or POST /api/stop; also a command that switches the drives off during a motion."
       ],
       [
         "Reaction",
@@ -3633,7 +3633,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Within",
-        "2 ms of its arrival in the loop."
+        "2 ms of its arrival in the control loop."
       ],
       [
         "Remedy",
@@ -3820,12 +3820,12 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "fault",
     "name": "deadlines_missed",
     "term": "deadlines missed",
-    "meaning": "The loop missed several deadlines in a row.",
+    "meaning": "The control loop missed several deadlines in a row.",
     "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
-        "The loop missed so many consecutive periods that its plant was uncontrolled for the longest time allowed: 0.4 s on the simulator, which waits during this time, and at most 0.04 s on a rig."
+        "The control loop missed so many consecutive periods that its plant was uncontrolled for the longest time allowed: 0.4 s on the simulator and the virtual card, whose simulation waits during this time, and at most 0.04 s on a rig."
       ],
       [
         "Reaction",
@@ -3837,7 +3837,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Remedy",
-        "Close other programs on this machine and check the loop timing; then reset."
+        "Close other programs on this machine and check the control loop timing; then reset."
       ]
     ]
   },
@@ -3850,11 +3850,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The control loop received no message from the service for 0.34 s: the service hangs, was killed or lost its connection. The same fault occurs if the part of the service that supervises a running experiment dies: the run stops, because no other part would stop it. The status line names the part."
+        "The control loop received no message from the service for 0.34 s: the service was killed or suspended, lost its connection, or its event loop has hung for 3 s. The same fault occurs if the part of the service that supervises a running experiment dies: the run stops, because no other part would stop it. The status line names the part."
       ],
       [
         "Reaction",
-        "Soft stop by the loop alone: the fault is latched at once, the joint is braked below 5 % of its speed within 0.5 s of the last message, and zero volts follow. The control loop ends if the process of the service no longer exists."
+        "Soft stop by the control loop alone: the fault is latched at once, the joint is braked below 5 % of its speed within 0.5 s of the last message, and zero volts follow. The control loop ends if the process of the service no longer exists."
       ],
       [
         "Within",
@@ -3900,11 +3900,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The safety module measured a tendon force or a joint position beyond its bounds. It has its own sensors and does not depend on the loop."
+        "The safety module measured a tendon force or a joint position beyond its bounds. It has its own sensors and does not depend on the control loop."
       ],
       [
         "Reaction",
-        "The module cuts the motors and stays tripped; the loop follows with a hard stop."
+        "The module cuts the motors and stays tripped; the control loop follows with a hard stop."
       ],
       [
         "Within",
@@ -3929,7 +3929,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "Hard stop; if writing fails too, the watchdog of the card cuts the drives. Outputs that cannot be written keep their values: the chart and the recording continue to show the last voltages written. While the failure lasts, the list of problems in the state contains it, regardless of the latched fault. The event log records the start of the failure, and its end once the failure has been over for 1 s. A reset opens a failed card again, with a new loop; the earlier connection cannot be restored."
+        "Hard stop; if writing fails too, the watchdog of the card cuts the drives. Outputs that cannot be written keep their values: the chart and the recording continue to show the last voltages written. While the failure lasts, the list of problems in the state contains it, regardless of the latched fault. The event log records the start of the failure, and its end once the failure has been over for 1 s. A reset opens a failed card again, with a new control loop; the earlier connection cannot be restored."
       ],
       [
         "Within",
@@ -3950,11 +3950,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The outputs of the card were not written for 0.5 s, on a rig for the time that its wiring file sets, 50 ms at most: the loop hung or died. On the simulator and the virtual card, registers in shared memory and a separate watchdog process simulate the card: see decision 0012."
+        "The outputs of the card were not written for 0.5 s, on a rig for the time that its wiring file sets, 50 ms at most: the control loop hung or died. On the simulator and the virtual card, registers in shared memory and a separate watchdog process simulate the card: see decision 0012."
       ],
       [
         "Reaction",
-        "The watchdog switches the drive-enable line off and, on the simulator and the virtual card, clears the outputs, whether or not the loop is alive; a loop that recovers latches the fault. The service reports a dead loop within 1 s; a reset starts a new one."
+        "The watchdog switches the drive-enable line off and, on the simulator and the virtual card, clears the outputs, whether or not the control loop is alive; a control loop that recovers latches the fault. The service reports a dead control loop within 1 s; a reset starts a new one."
       ],
       [
         "Within",
@@ -3975,11 +3975,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The watchdog's count of its checks, which the loop reads at each write, did not change for 0.5 s: the process of the watchdog was killed or hangs. A pause of the whole machine counts as two ticks. This fault occurs only on the simulator and the virtual card: on a rig, only the proof test at each start detects a failed watchdog."
+        "The watchdog's count of its checks, which the control loop reads at each write, did not change for 0.5 s: the process of the watchdog was killed or hangs. A pause of the whole machine counts as two ticks. This fault occurs only on the simulator and the virtual card: on a rig, only the proof test at each start detects a failed watchdog."
       ],
       [
         "Reaction",
-        "The loop switches the drive-enable line off, sets the outputs to zero volts, and stays in this state. If the loop dies before it has noticed, the service clears the outputs within 0.7 s of the loop's last write; if the service is dead as well, only the safety module and the e-stop remain."
+        "The control loop switches the drive-enable line off, sets the outputs to zero volts, and stays in this state. If it dies before it has noticed, the service clears the outputs within 0.7 s of the control loop's last write; if the service is dead as well, only the safety module and the e-stop remain."
       ],
       [
         "Within",
@@ -3995,7 +3995,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "fault",
     "name": "service_ended",
     "term": "service ended",
-    "meaning": "The service shut down and stopped the loop.",
+    "meaning": "The service shut down and stopped the control loop.",
     "source": "docs/reference/faults.md",
     "more": [
       [
@@ -4008,7 +4008,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Within",
-        "2 ms of its arrival in the loop."
+        "2 ms of its arrival in the control loop."
       ],
       [
         "Remedy",
@@ -4079,7 +4079,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "Hard stop in the same tick, regardless of any fault latched before. Zero volts replace the voltages of the step, or follow immediately after them if the sample counter was changed. The loop continues to record at zero volts, but does not start another motion: a reset starts a new loop."
+        "Hard stop in the same tick, regardless of any fault latched before. Zero volts replace the voltages of the step, or follow immediately after them if the sample counter was changed. The control loop continues to record at zero volts, but does not start another motion: a reset starts a new control loop."
       ],
       [
         "Within",
