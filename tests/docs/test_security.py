@@ -44,20 +44,20 @@ def test_numbers_are_those_of_the_code() -> None:
         "connections in total, as far as descriptors allow": f"{connections.MOST_SLOTS}",
         "connections of one browser session": f"{connections.BROWSER_SLOTS}",
         "descriptors reserved for all other purposes": f"{connections.RESERVE}",
-        "largest head of a request, and of a websocket": f"{security.LONGEST_HEAD // 1024} kB",
-        "time for the head of a request, and for its body": f"{connections.HEAD_S:g} s each",
+        "largest headers of a request, and of a WebSocket handshake": f"{security.LONGEST_HEAD // 1024} kB",
+        "time for the headers of a request, and for its body": f"{connections.HEAD_S:g} s each",
         "time for a sheet of charts, at the same rate as other bodies": (f"{connections.body_s(security.SHEETS):g} s"),
-        "time without progress of an answer": f"{connections.STALL_S:g} s",
+        "time without progress of a response": f"{connections.STALL_S:g} s",
         "wrong tokens of one address per minute before it is slowed": f"{authentication.ATTEMPTS}",
         "sign-ins of one address per minute with the token of one role": f"{authentication.SIGN_INS}",
-        "frames of a websocket per second, sustained and burst": (
+        "frames of a WebSocket per second, sustained and burst": (
             f"{connections.FRAMES_PER_S:g}, {connections.FRAMES_AT_ONCE:g}"
         ),
-        "bytes of a websocket per second, sustained and burst": (
+        "bytes of a WebSocket per second, sustained and burst": (
             f"{connections.BYTES_PER_S / 1024:g} kB, {connections.BYTES_AT_ONCE / 1024:g} kB"
         ),
-        "time until a websocket with a higher rate is closed": f"{connections.READ_TIMEOUT_S:g} s",
-        "websockets opened by a session per second, sustained and burst": (
+        "time until a WebSocket with a higher rate is closed": f"{connections.READ_TIMEOUT_S:g} s",
+        "WebSockets opened by a session per second, sustained and burst": (
             f"{connections.SOCKETS_PER_S:g}, {connections.SOCKETS_AT_ONCE}"
         ),
         "idle time after which a session ends, while the service runs": (f"{sessions.IDLE_S / 86_400:g} days"),
