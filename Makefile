@@ -16,8 +16,7 @@
 #   lock           pin the newest packages that pyproject.toml allows, with their hashes
 #
 # All output stays in .venv, .venv-newest, .cache, frontend/node_modules and backend/static. ARGS is passed to sinew
-# serve, pytest, soak or mutate. EXTRAS=rig or EXTRAS=postgres installs optional dependencies; set it from the first
-# install on.
+# serve, pytest, soak or mutate. EXTRAS=rig or EXTRAS=postgres installs optional dependencies, later as well.
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -90,19 +89,20 @@ screenshots: install-dev frontend
 	$(BIN)/python -m tests.e2e.screenshots
 
 # One stamp file per set of packages: make skips an installation whose stamp is newer than its sources.
-install: $(VENV)/.installed
+INSTALLED := $(VENV)/.installed$(if $(EXTRAS),-with-$(EXTRAS))
+install: $(INSTALLED)
 install-dev: $(VENV)/.installed-dev
 install-newest: install-dev frontend
 	$(MAKE) --no-print-directory VENV=.venv-newest install-dev
 
 LOCKS := $(wildcard .ci/locks/*.lock)
 
-$(VENV)/.installed: pyproject.toml .ci/install.py $(LOCKS) | $(BIN)/pip
+$(INSTALLED): pyproject.toml .ci/install.py $(LOCKS) | $(BIN)/pip
 	@echo "Installing Sinew into $(VENV); the first time this takes half a minute"
 	$(BIN)/python .ci/install.py $(EXTRAS)
 	@touch $@
 
-$(VENV)/.installed-dev: $(VENV)/.installed
+$(VENV)/.installed-dev: $(INSTALLED)
 	@echo "Installing what the tests and checks need"
 	$(BIN)/python .ci/install.py dev,rig,postgres,cluster,foxglove
 	@touch $@
