@@ -671,7 +671,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "control lease",
     "term": "control lease",
-    "meaning": "Right of one session to send commands.",
+    "meaning": "Right of one page or script to send commands.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -684,7 +684,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "operator",
     "term": "operator",
-    "meaning": "Person or script that holds the control lease.",
+    "meaning": "Person or script signed in with the operator's token, who may take the control lease.",
+    "source": "docs/glossary.md"
+  },
+  "concept:viewer": {
+    "kind": "concept",
+    "name": "viewer",
+    "term": "viewer",
+    "meaning": "Person or script signed in with the viewer's token, whose only command is STOP.",
     "source": "docs/glossary.md"
   },
   "concept:observer": {
@@ -724,7 +731,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "session",
     "term": "session",
-    "meaning": "Signed-in connection of one browser or script.",
+    "meaning": "Sign-in of one browser or script, valid for all its connections.",
     "source": "docs/glossary.md"
   },
   "concept:anonymous client": {
