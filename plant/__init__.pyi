@@ -78,6 +78,7 @@ from .interface import (
 )
 from .manual_input import NO_MANUAL_INPUT, ManualInput, SupportsManualInput
 from .message import Message, catalogue_entry
+from .messages import compiler_disabled
 from .parameters import (
     SHIPPED,
     SIDES,
@@ -197,6 +198,7 @@ __all__ = [
     "catalogue_entry",
     "compiled",
     "compiled_run",
+    "compiler_disabled",
     "elongation_A",
     "elongation_B",
     "escape_quantities",

@@ -37,8 +37,9 @@ def obstacle_angle_out_of_range(*, q_wall: float, minimum: float, maximum: float
 @catalogue_entry
 def obstacle_stiffness_out_of_range(*, k_wall: float, minimum: float, maximum: float) -> str:
     return (
-        f"stiffness of the obstacle: {Quantity(k_wall, 'N/m'):g} is outside {Quantity(minimum, 'N/m', maximum)}; "
-        "the integration steps of the simulator do not resolve a stiffer obstacle"
+        f"stiffness of the obstacle: {Quantity(k_wall, 'N/m'):g} is outside {Quantity(minimum, 'N/m', maximum)}; a "
+        "softer obstacle would not stop the joint, and the integration steps of the simulator do not resolve a "
+        "stiffer one"
     )
 
 
@@ -70,7 +71,7 @@ def section_without_entries(*, file: str, section: str, value: object) -> str:
 
 @catalogue_entry
 def unknown_parameter(*, file: str, section: str, name: str, known: Sequence[str]) -> str:
-    return f"{file}: unknown entry {section}.{name}; known are {', '.join(known)}"
+    return f"{file}: unknown entry {section}.{name}; choose one of {', '.join(known)}"
 
 
 @catalogue_entry
@@ -90,7 +91,7 @@ def parameter_is_not_a_list(*, label: str, value: object, items: str) -> str:
 
 @catalogue_entry
 def row_of_other_length(*, label: str, row: object, length: int, unit: str) -> str:
-    return f"{label}: row {row!r} must hold {length} numbers [{unit}]"
+    return f"{label}: row {row!r} must have {length} numbers [{unit}]"
 
 
 @catalogue_entry
@@ -105,9 +106,8 @@ def parameter_out_of_range(*, label: str, value: float, minimum: float, maximum:
 
 @catalogue_entry
 def static_friction_undecided(*, label: str, given: Sequence[str]) -> str:
-    return (
-        f"{label}.sigma_0 is missing, and {' and '.join(given)} require it: set it, to 0 for smoothed Coulomb friction"
-    )
+    verb = "requires" if len(given) == 1 else "require"
+    return f"{label}.sigma_0 is missing, and {' and '.join(given)} {verb} it: set it (0 for smoothed Coulomb friction)"
 
 
 @catalogue_entry
@@ -141,17 +141,20 @@ def parameters_are_not_toml(*, file: str, reason: str) -> str:
 
 @catalogue_entry
 def parameters_name_too_long(*, name: str, maximum: int) -> str:
-    return f"the name of the file {name[:40]}... has {len(name)} characters, {maximum} are the maximum: rename the file"
+    return (
+        f"the name of the file {name[:40]}... has {len(name)} characters, but at most {maximum} are allowed: rename "
+        "the file"
+    )
 
 
 @catalogue_entry
 def unknown_section(*, file: str, section: str, known: Sequence[str]) -> str:
-    return f"{file}: unknown section {section!r}; known are {', '.join(known)}"
+    return f"{file}: unknown section {section!r}; choose one of {', '.join(known)}"
 
 
 @catalogue_entry
 def output_range_of_one_side(*, file: str, side: str) -> str:
-    return f"{file}: motor_{side}.u_max: the output range is one for both sides, motor.u_max"
+    return f"{file}: motor_{side}.u_max: the output range is the same for both sides: set motor.u_max"
 
 
 @catalogue_entry
@@ -161,7 +164,7 @@ def spring_without_one_curve(*, label: str) -> str:
 
 @catalogue_entry
 def spring_order_out_of_range(*, label: str, coefficients: int) -> str:
-    return f"{label}.k has {coefficients} coefficients: give 3 to 6, for an order of 2 to 5"
+    return f"number of coefficients of {label}.k: {coefficients} is outside 3 to 6 (order 2 to 5)"
 
 
 @catalogue_entry
@@ -212,7 +215,7 @@ def correct_file() -> str:
 
 @catalogue_entry
 def wiring_name_too_long(*, length: int, maximum: int) -> str:
-    return f"its name has {length} characters, {maximum} are the maximum"
+    return f"its name has {length} characters, but at most {maximum} are allowed"
 
 
 @catalogue_entry
@@ -222,12 +225,12 @@ def rename_file() -> str:
 
 @catalogue_entry
 def wiring_entry_unknown() -> str:
-    return "it is unknown"
+    return "this name is unknown"
 
 
 @catalogue_entry
 def choose_known_entry(*, known: Sequence[str]) -> str:
-    return f"known are {', '.join(known)}"
+    return f"choose one of {', '.join(known)}"
 
 
 @catalogue_entry
@@ -277,7 +280,7 @@ def number_not_finite(*, value: object) -> str:
 
 @catalogue_entry
 def number_out_of_range(*, value: float, unit: str) -> str:
-    return f"{Quantity(value, unit):g} is out of bounds"
+    return f"{Quantity(value, unit):g} is out of range"
 
 
 @catalogue_entry
@@ -437,12 +440,12 @@ def server_not_answering(*, address: str, within_s: float) -> str:
 
 @catalogue_entry
 def load_cells_not_measured() -> str:
-    return "the load cells have not been measured with this wiring: do tare and calibration of the bring-up"
+    return "the load cells have not been calibrated with this wiring: do Tare and Calibration in the bring-up"
 
 
 @catalogue_entry
 def directions_not_proven() -> str:
-    return "the motors' directions are not proven with this wiring: do the direction step of the bring-up"
+    return "the directions of the motors are not confirmed with this wiring: do Motor directions in the bring-up"
 
 
 @catalogue_entry
@@ -531,7 +534,7 @@ def rig_without_fault_injection() -> str:
 
 @catalogue_entry
 def safety_module_tripped() -> str:
-    return "the safety module stays tripped: remove the cause it shows and acknowledge it at the rig"
+    return "the safety module stays tripped: remove the cause that it displays, and acknowledge the trip at the rig"
 
 
 # Simulator -----------------------------------------------------------------------------------------
@@ -554,7 +557,7 @@ def shaft_load_negative(*, load_A: float, load_B: float) -> str:
 
 @catalogue_entry
 def fault_requires_card(*, fault: str) -> str:
-    return f"{fault}: this fault requires a card, use --plant rig --virtual-card"
+    return f"{fault}: this fault requires the virtual card: start with --plant rig --virtual-card"
 
 
 @catalogue_entry
@@ -569,7 +572,7 @@ def injected_fault_persists(*, fault: str) -> str:
 
 @catalogue_entry
 def limit_still_exceeded() -> str:
-    return "the safety module stays tripped: tendon force or joint position is still out of bounds"
+    return "the safety module stays tripped: a tension or the joint position is still beyond its limit"
 
 
 # Recordings ----------------------------------------------------------------------------------------
@@ -578,7 +581,7 @@ def limit_still_exceeded() -> str:
 
 @catalogue_entry
 def recording_too_short(*, recording: str, samples: int) -> str:
-    return f"the recording {recording} cannot be played: it holds {samples} samples, but at least two are required"
+    return f"the recording {recording} cannot be played: it has too few samples ({samples}, at least 2 are required)"
 
 
 @catalogue_entry
@@ -657,24 +660,24 @@ def sample_out_of_range(*, recording: str, column: str, value: float, t: float, 
 @catalogue_entry
 def recording_ended(*, samples: int, difference_V: float, output: str, t: float) -> str:
     return (
-        f"the recording has ended after {samples} samples; the voltages differed by at most "
-        f"{Quantity(difference_V, 'V'):.3g}, {output} at t = {t:.3f} s"
+        f"the recording has ended after {samples} samples; the commanded voltages differed from the recorded ones by "
+        f"at most {Quantity(difference_V, 'V'):.3g} ({output} at t = {t:.3f} s)"
     )
 
 
 @catalogue_entry
 def replay_cannot_be_pushed() -> str:
-    return "the plant is a replay: nothing can be pushed in it; use the simulator for that"
+    return "a replay cannot be pushed: use the simulator"
 
 
 @catalogue_entry
 def replay_cannot_be_loaded() -> str:
-    return "the plant is a replay: nothing can be loaded in it; use the simulator for that"
+    return "a replay cannot load its motor shafts: use the simulator"
 
 
 @catalogue_entry
 def replay_without_fault_injection() -> str:
-    return "the plant is a replay: nothing can fail on request in it; use the simulator for that"
+    return "faults cannot be injected into a replay: use the simulator or the virtual card"
 
 
 @catalogue_entry
@@ -689,9 +692,11 @@ def replay_has_its_zeros() -> str:
 @catalogue_entry
 def unknown_plant(*, plant: str, installed: Sequence[str]) -> str:
     others = (
-        f"and from installed packages {', '.join(installed)}" if installed else "no installed package provides another"
+        f", or from an installed package {', '.join(installed)}"
+        if installed
+        else "; no installed package provides another plant"
     )
-    return f"there is no plant {plant}: known are simulator, rig and replay, {others}"
+    return f"there is no plant {plant}: choose simulator, rig or replay{others}"
 
 
 @catalogue_entry
@@ -706,7 +711,10 @@ def plant_not_imported(*, plant: str, package: str, reason: str) -> str:
 
 @catalogue_entry
 def plant_name_too_long(*, plant: str, maximum: int) -> str:
-    return f"the plant {plant[:20]}... has a name of {len(plant)} characters, {maximum} are the maximum: shorten it"
+    return (
+        f"the name of the plant {plant[:20]}... has {len(plant)} characters, but at most {maximum} are allowed: "
+        "shorten it"
+    )
 
 
 @catalogue_entry
@@ -721,7 +729,7 @@ def plant_not_created(*, plant: str, package: str, reason: str) -> str:
 
 @catalogue_entry
 def created_object_is_not_a_plant(*, plant: str, package: str, maker: str, kind: str, missing: str) -> str:
-    return f"plant {plant} of the package {package}: {maker} made {kind}, which is not a Plant: it has no {missing}"
+    return f"plant {plant} of the package {package}: {maker} returned {kind}, which is not a Plant: it has no {missing}"
 
 
 @catalogue_entry
@@ -748,17 +756,17 @@ def no_voltage_permitted() -> str:
 
 @catalogue_entry
 def not_a_measurement(*, kind: str) -> str:
-    return f"read returned a {kind}, but must return a Measurement"
+    return f"read returned an object of type {kind}, but must return a Measurement"
 
 
 @catalogue_entry
 def reading_without_floats(*, names: Sequence[str]) -> str:
-    return f"no floats: {', '.join(names)}"
+    return f"values that are not floats: {', '.join(names)}"
 
 
 @catalogue_entry
 def reading_not_finite(*, names: Sequence[str]) -> str:
-    return f"not finite: {', '.join(names)}"
+    return f"values that are not finite: {', '.join(names)}"
 
 
 @catalogue_entry
@@ -783,7 +791,7 @@ def safety_trip_invalid(*, value: float) -> str:
 
 @catalogue_entry
 def raw_reading_incomplete() -> str:
-    return "raw must be a RawReading, with nan values if the plant has no card"
+    return "raw must be a RawReading, with NaN values if the plant has no card"
 
 
 @catalogue_entry
@@ -858,7 +866,7 @@ def full_voltage_in_real_time() -> str:
 
 @catalogue_entry
 def voltage_not_limited(*, voltage: float, excess: float, u_max: float) -> str:
-    return f"at {voltage:g} V it moved {Angle(excess):.2g} further than at {u_max:g} V"
+    return f"at {voltage:g} V a motor turned {Angle(excess):.2g} further than at {u_max:g} V"
 
 
 @catalogue_entry
@@ -868,7 +876,7 @@ def refusal_without_message(*, operation: str) -> str:
 
 @catalogue_entry
 def attribute_contradicted(*, attribute: str, value: bool, operation: str) -> str:
-    return f"{attribute} is {value}: {operation} contradicts it"
+    return f"{attribute} is {value}, but {operation} is {'refused' if value else 'not refused'}"
 
 
 @catalogue_entry

@@ -73,12 +73,12 @@ def main() -> None:
 
     An error prints one line, a wiring file one per mistake, and exits non-zero.
     """
-    from plant import WiringError
+    from plant import WiringError, compiler_disabled
 
     exclude_working_directory()
     escape_unprintable_output()
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
-        fail("NUMBA_DISABLE_JIT is set, but the control laws run as machine code only: unset it")
+        fail(compiler_disabled())
     relax_garbage_collection()
     try:
         app()

@@ -15,6 +15,7 @@ from backend.commissioning.steps import StepId
 from backend.services import messages
 from backend.storage.database import open_database
 from plant.calibration import CellCalibration
+from plant.messages import directions_not_proven
 from plant.wiring import load_wiring
 from tests.api.conftest import client_with, problem, until
 from tests.e2e.service import running_service
@@ -133,7 +134,7 @@ def test_what_has_to_come_before_pretension_is_in_the_state(rig: httpx.Client) -
     assert confirmed(rig, "direction")[0]["state"] == "failed"
     switch_on(rig)
     unready, legal = read_readiness()
-    assert ("directions are not proven" in unready, legal) == (True, [])
+    assert (directions_not_proven() in unready, legal) == (True, [])
     assert problem(rig.post("/api/mode", json={"mode": "pretension"}))["message"] == unready
     rig.request("DELETE", "/api/faults/injection").raise_for_status()
     begin(rig, "direction")

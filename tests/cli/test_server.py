@@ -168,7 +168,7 @@ def said_by(words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
         ("ALLOWED_HOSTS", "http://rig.lab/", "without http://"),
         ("ALLOWED_HOSTS", '["rig.lab"', "rig.lab"),
         ("ALLOWED_HOSTS", "[1, 2]", "SINEW_ALLOWED_HOSTS"),
-        ("PLANT", "toaster", "there is no plant toaster: known are simulator, rig and replay"),
+        ("PLANT", "toaster", "there is no plant toaster: choose simulator, rig or replay"),
         ("PARAMS", "nowhere", "nowhere"),
         ("HOST", "a..b", "a..b"),
         ("PORT", "eight", PORT_IN_WORDS),

@@ -25,6 +25,7 @@ from plant.calibration import CellCalibration, CommissioningResults, apply_calib
 from plant.factory import make_plant
 from plant.interface import PlantChoice, PlantKind
 from plant.message import Message
+from plant.messages import load_cells_not_measured
 from plant.rig import Rig
 from plant.simulator import Simulator
 from plant.virtual_daq import VirtualRig
@@ -222,7 +223,7 @@ def test_a_rig_is_not_wound_up_before_its_load_cells_are_measured(measured: bool
     rig.open()
     rig.read()
     rig.zero(0.0, 0.0, 0.0)
-    assert ("do tare and calibration" in rig.unready) is not measured
+    assert (rig.unready == load_cells_not_measured()) is not measured
     assert (rig.unready == "") is measured
     rig.close()
     assert VirtualRig(WIRING, Simulator(PARAMETERS, 0)).unready == ""
@@ -243,7 +244,7 @@ def test_a_rig_goes_by_what_was_found_with_the_file_that_it_has_read(tmp_path: P
 
     assert (made().unproven, made().wired, made().wiring.load_cell_A.slope) == ("", known.wired, 10.7)
     file.write_text(said.replace("gain = { value = 1.0", "gain = { value = -1.0", 1), encoding="utf-8")
-    assert "load cells have not been measured" in made().unproven
+    assert made().unproven == load_cells_not_measured()
     assert made().wired == wiring_fingerprint(load_wiring(str(file))) != known.wired
     assert made().wiring.load_cell_A.slope == 10.0
 

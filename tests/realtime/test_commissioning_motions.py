@@ -43,6 +43,7 @@ from plant.dynamics import PlantState
 from plant.factory import make_plant
 from plant.interface import Measurement, PlantChoice, PlantKind
 from plant.manual_input import NO_MANUAL_INPUT, ManualInput
+from plant.messages import directions_not_proven
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 from plant.virtual_daq import VirtualRig
@@ -207,7 +208,7 @@ def test_it_is_not_begun_before_it_is_safe(tuning: SetTuning) -> None:
         return answer.reason
 
     bench.rig.prove_directions(proven=False)
-    assert "directions are not proven" in refused()
+    assert directions_not_proven() in refused()
     bench.rig.prove_directions(proven=True)
     assert "travel to the end switch" in refused(0.01)
     asyncio.run(bench.loop.send(SwitchDrives(on=False)))
@@ -302,7 +303,7 @@ def test_a_trial_that_proved_nothing_leaves_the_directions_unproven(tuning: SetT
     asyncio.run(loop.advance(0.01))
     refused = asyncio.run(loop.send(SetMode(Mode.PRETENSION)))
     assert isinstance(refused, Refused)
-    assert "directions are not proven" in refused.reason
+    assert directions_not_proven() in refused.reason
     loop.close()
 
 

@@ -33,6 +33,7 @@ from backend.storage.orm import StorageError
 from backend.storage.runs import Run
 from plant.calibration import CellCalibration, CommissioningResults
 from plant.interface import PlantChoice, PlantKind
+from plant.messages import directions_not_proven
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 from plant.virtual_daq import VirtualRig
@@ -196,7 +197,7 @@ def test_directions_whose_trial_is_given_up_are_proven_neither_in_the_loop_nor_o
         assert (step.running, step.state) == (None, StepState.FAILED)
         assert step.result is not None
         assert "abandoned after a motor test" in step.result.text
-        assert "directions are not proven" in rig.unproven
+        assert directions_not_proven() in rig.unproven
         assert not parts.supervisor.setup.commissioning_results.directions_proven  # nor at the next start
 
     try:
