@@ -13,57 +13,49 @@ from plant import Quantity, catalogue_entry
 
 @catalogue_entry
 def columns_of_unequal_length(*, name: str, length: int, expected: int) -> str:
-    return (
-        f"length of {name} is {Quantity(length, 'samples')}, must be at least {Quantity(expected, 'samples')} and "
-        f"at most {Quantity(expected, 'samples')}: give columns of equal length"
-    )
+    return f"{name} has {length} samples, but u has {expected}: give columns of equal length"
 
 
 @catalogue_entry
 def record_too_short(*, length: int, minimum: int) -> str:
-    return (
-        f"length of the record is {Quantity(length, 'samples')}, must be at least {Quantity(minimum, 'samples')}: "
-        "record for longer"
-    )
+    return f"the record has too few samples ({length}, at least {minimum} are required): record for longer"
 
 
 @catalogue_entry
 def signal_is_not_one_column(*, name: str, dimensions: int) -> str:
-    return (
-        f"number of dimensions of {name} is {dimensions}, must be at least 1 and at most 1: give one column per signal"
-    )
+    return f"{name} has {dimensions} dimensions, but must have one: give one column per signal"
 
 
 @catalogue_entry
 def samples_not_finite(*, name: str, count: int, first: int) -> str:
     return (
-        f"number of samples of {name} that are not finite (first at index {first}) is {Quantity(count, '1')}, must be "
-        "at most 0: cut the record before or after them"
+        f"{name} has samples that are not finite ({count}, the first at index {first}): cut the record before or "
+        "after them"
     )
 
 
 @catalogue_entry
 def sample_time_out_of_bounds(*, period_s: float, minimum_s: float, maximum_s: float) -> str:
     return (
-        f"sample time is {Quantity(period_s, 's')}, must be at least {Quantity(minimum_s, 's')} and at most "
-        f"{Quantity(maximum_s, 's')}: give the sample time in seconds"
+        f"the sample time is {Quantity(period_s, 's')}, but must be {Quantity(minimum_s, 's', maximum_s)}: give the "
+        "sample time in seconds"
     )
 
 
 @catalogue_entry
 def time_does_not_increase(*, duration_s: float, minimum_s: float) -> str:
     return (
-        f"length of the time column is {Quantity(duration_s, 's')}, must be at least {Quantity(minimum_s, 's')}: the "
-        "time column does not increase: give the sample time with --period and set --time none"
+        f"the time column does not increase: it spans {Quantity(duration_s, 's')}, but must span at least "
+        f"{Quantity(minimum_s, 's')}; give the sample time with --period and set --time none"
     )
 
 
 @catalogue_entry
 def time_step_not_positive(*, sample: int, step_s: float, minimum_s: float, maximum_s: float) -> str:
     return (
-        f"time step after sample {sample} is {Quantity(step_s, 's')}, must be at least {Quantity(minimum_s, 's')} and "
-        f"at most {Quantity(maximum_s, 's')}: the time column must increase from row to row; if its resolution is too "
-        "coarse, use --time none with --period"
+        f"the time step after sample {sample} is {Quantity(step_s, 's')}, but must be "
+        f"{Quantity(minimum_s, 's', maximum_s)}: the time must increase from row to row; if the resolution of the "
+        "time column is too coarse, use --time none with --period"
     )
 
 
@@ -72,35 +64,33 @@ def samples_missing(
     *, sample: int, gap_s: float, maximum_s: float, start_s: float, before_s: float, after_s: float
 ) -> str:
     return (
-        f"gap after sample {sample} is {Quantity(gap_s, 's')}, must be at most {Quantity(maximum_s, 's')}: samples are "
-        f"missing: use the part before the gap (--range {start_s:.6g}:{before_s:.6g}) or after it (--range "
-        f"{after_s:.6g}:), or use --resample if the gap is short"
+        f"samples are missing: the gap after sample {sample} is {Quantity(gap_s, 's')}, but may be at most "
+        f"{Quantity(maximum_s, 's')}; use the part before the gap (--range {start_s:.6g}:{before_s:.6g}) or after it "
+        f"(--range {after_s:.6g}:), or use --resample if the gap is short"
     )
 
 
 @catalogue_entry
 def sample_time_differs(*, sample_time_s: float, minimum_s: float, maximum_s: float) -> str:
     return (
-        f"sample time of the time column is {Quantity(sample_time_s, 's')}, must be at least "
-        f"{Quantity(minimum_s, 's')} and at most {Quantity(maximum_s, 's')}: give the sample time of the record, or "
-        "use --resample"
+        f"the sample time of the time column is {Quantity(sample_time_s, 's')}, but must be "
+        f"{Quantity(minimum_s, 's', maximum_s)}: give the sample time of the record, or use --resample"
     )
 
 
 @catalogue_entry
 def signal_is_constant(*, name: str, peak_to_peak: float, minimum: float) -> str:
-    unit = f"(unit of {name})"
     return (
-        f"peak-to-peak of {name} is {Quantity(peak_to_peak, unit)}, must be at least {Quantity(minimum, unit)}: a "
-        "constant signal allows no identification: excite the input and record again"
+        f"{name} is constant: its peak-to-peak value is {peak_to_peak:.6g}, but must be at least {minimum:g}; excite "
+        "the input and record again"
     )
 
 
 @catalogue_entry
 def output_is_saturated(*, limit: float, moving_percent: float, maximum_percent: float) -> str:
     return (
-        f"time with y at its limit of {limit:.6g} while u moves is {Quantity(moving_percent, '%')}, must be at most "
-        f"{Quantity(maximum_percent, '%')}: the output is saturated: excite with a smaller amplitude"
+        f"the output is saturated: y is at its limit of {limit:.6g} for {Quantity(moving_percent, '%')} of the record "
+        f"while u changes, but at most {Quantity(maximum_percent, '%')} is accepted; excite with a smaller amplitude"
     )
 
 
@@ -201,7 +191,7 @@ def dead_time_with_arx(*, structure: str) -> str:
 
 @catalogue_entry
 def dead_time_with_controller(*, structure: str) -> str:
-    return f"{structure} has a dead time, which this method cannot estimate: use --setpoint in place of --controller"
+    return f"{structure} has a dead time, which this method cannot estimate: use --setpoint instead of --controller"
 
 
 @catalogue_entry
@@ -249,12 +239,11 @@ def voltage_does_not_follow_force() -> str:
 
 @catalogue_entry
 def too_few_tensions(*, tensions_N: Sequence[float], minimum_distance_N: float) -> str:
-    present = (
-        f"there is {', '.join(f'{one:.3g} N' for one in sorted(tensions_N))} only" if tensions_N else "there is none"
-    )
+    found = ", ".join(f"{one:.3g} N" for one in sorted(tensions_N))
+    present = f"the only tensions are {found}" if len(tensions_N) > 1 else f"the only tension is {found}"
     return (
-        f"usable runs are required at two tensions at least {minimum_distance_N:g} N apart, {present}; identify at "
-        "more tensions"
+        f"usable runs are required at two tensions at least {minimum_distance_N:g} N apart, but "
+        f"{present if tensions_N else 'there is none'}; identify at more tensions"
     )
 
 
@@ -270,12 +259,12 @@ def run_not_finite() -> str:
 
 @catalogue_entry
 def run_too_short(*, length: int, minimum: int) -> str:
-    return f"its record has {length} samples, fewer than {minimum}"
+    return f"its record has too few samples ({length}, at least {minimum} are required)"
 
 
 @catalogue_entry
 def run_reverses_too_often(*, count: int, minimum: int) -> str:
-    return f"motor A turns without reversal in {count} samples, fewer than {minimum}"
+    return f"motor A turns without reversal in too few samples ({count}, at least {minimum} are required)"
 
 
 # Verdict of a model --------------------------------------------------------------------------------
@@ -362,8 +351,8 @@ def output_rests_at_limit(*, limit: float, moving_percent: float) -> str:
 @catalogue_entry
 def too_little_motion(*, counts: float, minimum: float) -> str:
     return (
-        f"too little motion: the output moved by {counts:.1f} counts; {minimum:.0f} are needed (use longer chips or a "
-        "larger amplitude)"
+        f"too little motion: the output moved by {counts:.1f} counts, but at least {minimum:.0f} are required (use "
+        "longer chips or a larger amplitude)"
     )
 
 
@@ -381,8 +370,9 @@ def friction_in_record(
 ) -> str:
     return (
         f"Coulomb friction accounts for {u_c:.3g} of the input: with friction in the model, the record gives K = "
-        f"{K:.4g} ± {K_std:.2g} and T = {T:.4g} ± {T_std:.2g} s{f' with a dead time of {t_d:.3g} s' if t_d else ''}, "
-        f"from which this linear model is {K_error_percent:+.1f} % and {T_error_percent:+.1f} % off"
+        f"{K:.4g} ± {K_std:.2g} and T = {T:.4g} ± {T_std:.2g} s{f' with a dead time of {t_d:.3g} s' if t_d else ''}; "
+        f"K and T of this linear model deviate from these values by {K_error_percent:+.1f} % and "
+        f"{T_error_percent:+.1f} %"
     )
 
 
@@ -404,7 +394,9 @@ def too_little_motion_for_validation() -> str:
 
 @catalogue_entry
 def fit_too_low(*, fit_percent: float, minimum_percent: float) -> str:
-    return f"fit of {format_percent(fit_percent)} % on validation data, where {minimum_percent:.0f} % are needed"
+    return (
+        f"fit of {format_percent(fit_percent)} % on validation data, but at least {minimum_percent:.0f} % is required"
+    )
 
 
 @catalogue_entry
@@ -495,56 +487,51 @@ def no_structure_fits(*, reasons: Sequence[str]) -> str:
 
 @catalogue_entry
 def step_too_short(*, length: int, minimum: int) -> str:
-    return (
-        f"length of the run is {Quantity(length, 'samples')}, must be at least {Quantity(minimum, 'samples')}: give u "
-        "and theta of equal length"
-    )
+    return f"u and theta of the run must have equal length and at least {minimum} samples, but u has {length}"
 
 
 @catalogue_entry
 def step_not_finite(*, name: str, count: int) -> str:
-    return (
-        f"number of samples of {name} that are not finite is {Quantity(count, '1')}, must be at most 0: repeat the run"
-    )
+    return f"{name} has samples that are not finite ({count}): repeat the run"
 
 
 @catalogue_entry
 def step_saturates(*, voltage_V: float, maximum_V: float) -> str:
     return (
-        f"voltage is {Quantity(voltage_V, 'V')}, must be at most {Quantity(maximum_V, 'V')}: the voltage saturates: "
-        "use a smaller step"
+        f"the voltage is {Quantity(voltage_V, 'V')}, but must stay below {Quantity(maximum_V, 'V')}, where it "
+        "saturates: use a smaller step"
     )
 
 
 @catalogue_entry
 def voltage_changes_after_step(*, change_V: float, maximum_V: float) -> str:
     return (
-        f"change of voltage after the step is {Quantity(change_V, 'V')}, must be at most {Quantity(maximum_V, 'V')}: "
-        "hold it"
+        f"the voltage must step to a constant value other than 0 V, but changes by {Quantity(change_V, 'V')} after "
+        f"the step (at most {Quantity(maximum_V, 'V')} is accepted): hold it constant"
     )
 
 
 @catalogue_entry
 def motor_is_loaded(*, force_N: float, maximum_N: float) -> str:
     return (
-        f"tendon force is {Quantity(force_N, 'N')}, must be at most {Quantity(maximum_N, 'N')}: the tendon loads the "
-        "motor: step in the direction that slackens the tendon, or detach the tendon"
+        f"the tendon loads the motor: its tension is {Quantity(force_N, 'N')}, but must be at most "
+        f"{Quantity(maximum_N, 'N')}; step in the direction that slackens the tendon, or detach the tendon"
     )
 
 
 @catalogue_entry
 def motor_hardly_moves(*, counts: float, minimum: float) -> str:
     return (
-        f"motion is {Quantity(counts, 'counts')}, must be at least {Quantity(minimum, 'counts')}: use a larger voltage "
-        "or record for longer"
+        f"the motor moves by {Quantity(counts, 'counts')}, but must move by at least {Quantity(minimum, 'counts')}: "
+        "use a larger voltage or record for longer"
     )
 
 
 @catalogue_entry
 def too_few_voltages(*, count: int, minimum: int) -> str:
     return (
-        f"number of different voltages is {Quantity(count, '1')}, must be at least {Quantity(minimum, '1')}: gain and "
-        "Coulomb friction cannot be separated with one voltage: apply steps of several voltages"
+        f"gain and Coulomb friction cannot be separated: number of different voltages is {count}, but must be at "
+        f"least {minimum}; apply steps of several voltages"
     )
 
 
@@ -556,8 +543,8 @@ def no_motor_fits_steps() -> str:
 @catalogue_entry
 def step_ends_early(*, duration_s: float, minimum_s: float) -> str:
     return (
-        f"time recorded after the step is {Quantity(duration_s, 's')}, must be at least {Quantity(minimum_s, 's')}: "
-        "record until the speed is steady"
+        f"the time recorded after the step is {Quantity(duration_s, 's')}, but must be at least "
+        f"{Quantity(minimum_s, 's')}: record until the speed is steady"
     )
 
 
@@ -597,8 +584,8 @@ def position_fitted(*, counts: float, misfit_percent: float) -> str:
 @catalogue_entry
 def angle_wraps(*, sample: int, jump: float, maximum: float) -> str:
     return (
-        f"jump of the angle after sample {sample} is {Quantity(jump, '(unit of y)')}, must be at most "
-        f"{Quantity(maximum, '(unit of y)')}: the angle wraps: unwrap it first (numpy.unwrap)"
+        f"the angle wraps: it jumps by {jump:.6g} after sample {sample}, but may change by at most "
+        f"{Quantity(maximum, '(unit of y)')}; unwrap it first (numpy.unwrap)"
     )
 
 
@@ -682,29 +669,26 @@ def unit_of_load_sweep(*, name: str, unit: str) -> str:
 @catalogue_entry
 def forces_unlike_elongations(*, forces: int, elongations: int) -> str:
     return (
-        f"number of forces is {Quantity(forces, '1')}, must be at least {Quantity(elongations, '1')} and at most "
-        f"{Quantity(elongations, '1')}: give one force per elongation"
+        f"the number of forces is {forces}, but the number of elongations is {elongations}: give one force per "
+        "elongation"
     )
 
 
 @catalogue_entry
 def points_not_finite(*, count: int) -> str:
-    return f"number of non-finite points is {Quantity(count, '1')}, must be at most 0: remove these points"
+    return f"some points are not finite ({count}): remove these points"
 
 
 @catalogue_entry
 def too_few_elongations(*, count: int, minimum: int) -> str:
-    return (
-        f"number of different elongations is {Quantity(count, '1')}, must be at least {Quantity(minimum, '1')}: "
-        "measure more points"
-    )
+    return f"the number of different elongations is {count}, but must be at least {minimum}: measure more points"
 
 
 @catalogue_entry
 def tendon_pushes(*, force_N: float, minimum_N: float) -> str:
     return (
-        f"smallest force is {Quantity(force_N, 'N')}, must be at least {Quantity(minimum_N, 'N')}: a tendon cannot "
-        "push: check the force sensor"
+        f"the smallest force is {Quantity(force_N, 'N')}, but must be at least {Quantity(minimum_N, 'N')}: a tendon "
+        "cannot push; check the force sensor"
     )
 
 
@@ -737,7 +721,7 @@ def dates_with_and_without_zone(*, name: str, date: str) -> str:
 @catalogue_entry
 def not_a_date(*, name: str, cell: str, row: int) -> str:
     return (
-        f"the time column '{name}' holds '{cell}' in row {row}: write numbers, or dates in one format such as "
+        f"the time column '{name}' contains '{cell}' in row {row}: write numbers, or dates in one format such as "
         "2026-03-04T10:20:30.125"
     )
 
@@ -765,8 +749,8 @@ def two_decimal_marks(
 def ambiguous_decimal_mark(*, name: str, cell: str, line: int, values: Mapping[str, float | None]) -> str:
     readings = " or ".join(f"{value:.10g} with a decimal {mark}" for mark, value in values.items())
     return (
-        f"column '{name}' holds '{cell}' in line {line}, which is {readings}: choose with --decimal point or --decimal "
-        "comma"
+        f"column '{name}' contains '{cell}' in line {line}, which is {readings}: choose with --decimal point or "
+        "--decimal comma"
     )
 
 
@@ -783,26 +767,26 @@ def column_missing(*, name: str, known: Sequence[str], heading_line: int | str |
 
 @catalogue_entry
 def no_heading() -> str:
-    return "the file holds no heading line with rows of numbers below it"
+    return "the file contains no heading line with rows of numbers below it"
 
 
 @catalogue_entry
 def ambiguous_heading(*, lines: Sequence[int]) -> str:
     options = " or ".join(f"--header {line}" for line in lines)
-    return f"lines {lines[0]} to {lines[-1]} may each be the header row: choose one with {options}"
+    return f"each of the lines {lines[0]} to {lines[-1]} may be the heading: choose one with {options}"
 
 
 @catalogue_entry
 def no_names_above_numbers(*, line: int, columns: int, text: str) -> str:
     return (
-        f"line {line}, above the first row of numbers, does not name {columns} columns: '{text}'. Give the header row "
+        f"line {line}, above the first row of numbers, does not name {columns} columns: '{text}'; give the heading "
         "with --header LINE"
     )
 
 
 @catalogue_entry
 def first_line_holds_numbers() -> str:
-    return "the first line holds numbers: insert a line with the column names above it"
+    return "the first line contains numbers: insert a line with the column names above it"
 
 
 @catalogue_entry
@@ -812,20 +796,22 @@ def heading_is_empty(*, line: int) -> str:
 
 @catalogue_entry
 def too_many_rows(*, rows: int, maximum: int) -> str:
-    return f"the file holds {rows} rows, at most {maximum} are read: cut it"
+    return f"the file has {rows} rows, but at most {maximum} are read: shorten it"
 
 
 @catalogue_entry
 def row_of_other_width(*, line: int, columns: int, heading_line: int, expected: int) -> str:
     return (
-        f"line {line} has {columns} columns, the heading (line {heading_line}) has {expected}; --header LINE takes "
-        "another line as the heading"
+        f"line {line} has a different number of columns ({columns}) than the heading in line {heading_line} "
+        f"({expected}); choose another line as the heading with --header LINE"
     )
 
 
 @catalogue_entry
 def other_decimal_mark(*, name: str, cell: str, line: int, mark: str) -> str:
-    return f"column '{name}' holds '{cell}' in line {line}, whose decimal mark differs from that of the table, a {mark}"
+    return (
+        f"column '{name}' contains '{cell}' in line {line}, whose decimal mark differs from that of the table, a {mark}"
+    )
 
 
 @catalogue_entry
@@ -835,14 +821,14 @@ def two_columns_of_table(*, name: str) -> str:
 
 @catalogue_entry
 def not_a_number(*, name: str, cell: str, line: int) -> str:
-    return f"column '{name}' holds '{cell}' in line {line}, which is not a number"
+    return f"column '{name}' contains '{cell}' in line {line}, which is not a number"
 
 
 @catalogue_entry
 def heading_repeated(*, name: str, cell: str, line: int) -> str:
     return (
-        f"column '{name}' holds '{cell}' in line {line}, which is not a number: the heading is repeated there; split "
-        "the file"
+        f"column '{name}' contains '{cell}' in line {line}, which is not a number: the heading is repeated there; "
+        "split the file"
     )
 
 
@@ -869,19 +855,19 @@ def doubtful_time_column(*, name: str) -> str:
 
 @catalogue_entry
 def time_unit_of_dates(*, name: str, cell: str) -> str:
-    return f"the time column '{name}' holds '{cell}', which is not a number and has no unit: omit --time-unit"
+    return f"the time column '{name}' contains '{cell}', which is not a number and has no unit: omit --time-unit"
 
 
 @catalogue_entry
 def date_order_of_numbers(*, name: str, known: str) -> str:
-    return f"the time column '{name}' holds numbers, not dates: --time-unit takes {known}"
+    return f"the time column '{name}' contains numbers, not dates: choose one of {known} for --time-unit"
 
 
 @catalogue_entry
 def rows_without_time(*, name: str, count: int, first_row: int) -> str:
     return (
-        f"number of rows without a time in '{name}' (first in row {first_row}) is {Quantity(count, '1')}, must be at "
-        "most 0: shorten the file, or give the sample time with --period and set --time none"
+        f"the time column '{name}' has rows without a time ({count}, the first in row {first_row}): shorten the "
+        "file, or give the sample time with --period and set --time none"
     )
 
 
@@ -901,27 +887,20 @@ def no_unit_of_time_column(*, name: str, step: float, known: str, period_s: floa
 
 @catalogue_entry
 def rows_in_reverse_order(*, largest_step_s: float) -> str:
-    return (
-        f"largest time step is {Quantity(largest_step_s, 's')}, must be at least {Quantity(0.0, 's')}: the rows are in "
-        "reverse order: reverse them"
-    )
+    return f"the rows are in reverse order: the largest time step is {Quantity(largest_step_s, 's')}; reverse the rows"
 
 
 @catalogue_entry
 def time_decreases_after_row(*, row: int, time_s: float, step_s: float, cause: str, skipped: int, rows: int) -> str:
     return (
-        f"time step after row {row} (at {time_s:.6g} s) is {Quantity(step_s, 's')}, must be at least "
-        f"{Quantity(0.0, 's')}: the time must not decrease{cause}; use the rows before it (--skip {skipped} --take "
-        f"{rows}) or after it (--skip {row})"
+        f"the time decreases by {Quantity(-step_s, 's')} after row {row} (at {time_s:.6g} s){cause}; use the rows "
+        f"before it (--skip {skipped} --take {rows}) or after it (--skip {row})"
     )
 
 
 @catalogue_entry
 def time_decreases(*, sample: int, step_s: float) -> str:
-    return (
-        f"time step after sample {sample} is {Quantity(step_s, 's')}, must be at least {Quantity(0.0, 's')}: the time "
-        "must not decrease"
-    )
+    return f"the time decreases by {Quantity(-step_s, 's')} after sample {sample}, but must not decrease"
 
 
 @catalogue_entry
@@ -929,16 +908,16 @@ def gap_too_long(
     *, sample: int, gap_s: float, maximum_s: float, start_s: float, before_s: float, after_s: float
 ) -> str:
     return (
-        f"gap after sample {sample} is {Quantity(gap_s, 's')}, must be at most {Quantity(maximum_s, 's')}: use the "
-        f"part before the gap (--range {start_s:.6g}:{before_s:.6g}) or after it (--range {after_s:.6g}:)"
+        f"the gap after sample {sample} is {Quantity(gap_s, 's')}, but may be at most {Quantity(maximum_s, 's')}: "
+        f"use the part before the gap (--range {start_s:.6g}:{before_s:.6g}) or after it (--range {after_s:.6g}:)"
     )
 
 
 @catalogue_entry
 def too_many_resampled(*, count: float, maximum: int) -> str:
     return (
-        f"number of samples after resampling is {Quantity(count, '1')}, must be at most {Quantity(maximum, '1')}: give "
-        "a longer sample time or a --range"
+        f"the number of samples after resampling is {Quantity(count, '1')}, but may be at most {maximum}: give a "
+        "longer sample time or a --range"
     )
 
 
@@ -952,7 +931,7 @@ def not_utf_8(*, file: str) -> str:
 
 @catalogue_entry
 def control_character(*, file: str, line: int, character: str) -> str:
-    return f"{file} is not a table of text: line {line} holds the control character U+{ord(character):04X}"
+    return f"{file} is not a table of text: line {line} contains the control character U+{ord(character):04X}"
 
 
 @catalogue_entry
@@ -967,17 +946,17 @@ def two_columns_of_parquet(*, name: str) -> str:
 
 @catalogue_entry
 def unreadable_values(*, name: str, kind: str) -> str:
-    return f"column '{name}' holds values of type {kind}, which Sinew does not read"
+    return f"column '{name}' contains values of type {kind}, which Sinew does not read"
 
 
 @catalogue_entry
 def dates_not_numbers(*, name: str) -> str:
-    return f"column '{name}' holds dates, not numbers"
+    return f"column '{name}' contains dates, not numbers"
 
 
 @catalogue_entry
 def values_not_numbers(*, name: str, kind: str) -> str:
-    return f"column '{name}' holds values of type {kind}, which are not numbers"
+    return f"column '{name}' contains values of type {kind}, which are not numbers"
 
 
 @catalogue_entry
@@ -1001,22 +980,19 @@ def no_time_column() -> str:
 @catalogue_entry
 def lines_may_be_missing(*, lines: int) -> str:
     return (
-        f"{lines} lines between rows are empty or commented out: they may be missing samples, which cannot be detected "
-        "without a time column. Delete those lines, or name the time column with --time COLUMN"
+        f"some lines between rows are empty or commented out ({lines}): they may be missing samples, which cannot be "
+        "detected without a time column. Delete those lines, or name the time column with --time COLUMN"
     )
 
 
 @catalogue_entry
 def columns_of_file_of_unequal_length(*, name: str, length: int, other: str, expected: int) -> str:
-    return (
-        f"length of {name} is {Quantity(length, 'samples')}, must be at least {Quantity(expected, 'samples')} and at "
-        f"most {Quantity(expected, 'samples')}: give columns of equal length; {other} has {expected}"
-    )
+    return f"{name} has {length} samples, but {other} has {expected}: give columns of equal length"
 
 
 @catalogue_entry
 def no_row_selected(*, rows: int, end_s: float) -> str:
-    return f"the selection contains no row: the file holds {rows} rows from 0 to {end_s:.6g} s"
+    return f"the selection contains no row: the file has {rows} rows from 0 to {end_s:.6g} s"
 
 
 @catalogue_entry
@@ -1029,7 +1005,10 @@ def rows_not_contiguous(*, row: int) -> str:
 
 @catalogue_entry
 def resampled_not_finite(*, name: str, count: int, first: int) -> str:
-    return f"{count} samples of '{name}' are not finite (first at index {first}): cut the record before or after them"
+    return (
+        f"'{name}' has samples that are not finite ({count}, the first at index {first}): cut the record before or "
+        "after them"
+    )
 
 
 # MATLAB file ---------------------------------------------------------------------------------------
@@ -1052,15 +1031,15 @@ def not_matlab() -> str:
 def only_matlab_objects(*, objects: Mapping[str, str], command: str) -> str:
     listed = ", ".join(f"{name} ({kind})" for name, kind in objects.items())
     return (
-        f"the MATLAB file holds objects, {listed}, and no numeric vectors: save the columns as vectors in MATLAB, as "
-        f"in {command}"
+        f"the MATLAB file contains objects, {listed}, and no numeric vectors: save the columns as vectors in MATLAB, "
+        f"as in {command}"
     )
 
 
 @catalogue_entry
 def no_vectors_in_matlab(*, others: Sequence[str]) -> str:
     listed = "; it has " + ", ".join(others) if others else ""
-    return f"the MATLAB file holds no numeric vectors{listed}"
+    return f"the MATLAB file contains no numeric vectors{listed}"
 
 
 @catalogue_entry
@@ -1095,7 +1074,7 @@ def matlab_not_numeric(*, name: str) -> str:
 
 @catalogue_entry
 def matlab_text(*, name: str) -> str:
-    return f"'{name}' of the file is a text"
+    return f"'{name}' of the file is text"
 
 
 @catalogue_entry
@@ -1120,4 +1099,4 @@ def matlab_array(*, name: str, dimensions: int) -> str:
 
 @catalogue_entry
 def matlab_vector_too_long(*, name: str, length: int, maximum: int) -> str:
-    return f"'{name}' of the file is a vector of {length} values, of which at most {maximum} are read: cut it"
+    return f"'{name}' of the file is a vector of {length} values, but at most {maximum} are read: shorten it"

@@ -349,13 +349,14 @@ def check_time(t: Signal, period_s: float) -> None:
         )
     largest = float(np.max(steps))
     typical = float(np.median(steps))
-    if largest > MAX_STEP * max(period_s, typical):
+    maximum_s = MAX_STEP * max(period_s, typical)
+    if largest > maximum_s:
         at = int(np.argmax(steps))
         raise RecordError(
             messages.samples_missing(
                 sample=at,
                 gap_s=largest,
-                maximum_s=MAX_STEP * period_s,
+                maximum_s=maximum_s,
                 start_s=float(t[0]),
                 before_s=float(t[at]),
                 after_s=float(t[at + 1]),
