@@ -39,6 +39,7 @@ from backend.identification import (
     identify_motor,
     identify_spring,
     joint_method_name,
+    not_utf_8,
     read_load_sweep,
     steady_speed,
     turn_from_rest,
@@ -567,7 +568,7 @@ def fit_spring_table(
         except PlainTextError as error:
             raise IdentificationError(messages.invalid_text(part=part, reason=error.message)) from None
     if "\ufffd" in text:
-        raise DataFileError(messages.table_is_not_utf8(name=name), FileFault.ENCODING)
+        raise DataFileError(not_utf_8(file=name), FileFault.ENCODING)
     mark = None if decimal is None else DecimalMark(decimal)
     x, F, columns = read_load_sweep(text, header=header, decimal=mark)
     reading = TableReading(

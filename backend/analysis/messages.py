@@ -1,5 +1,6 @@
 """Messages of the evaluation: why a figure was not measured, why a run has no result, and rejected comparisons."""
 
+from backend.units import format_count
 from plant import Angle, Quantity, catalogue_entry
 
 # Predictions ---------------------------------------------------------------------------------------
@@ -7,7 +8,7 @@ from plant import Angle, Quantity, catalogue_entry
 
 @catalogue_entry
 def law_without_prediction(*, law: str) -> str:
-    return f"of the law {law} no prediction is made"
+    return f"there is no prediction for the law {law}"
 
 
 @catalogue_entry
@@ -100,7 +101,8 @@ def no_hit() -> str:
 
 @catalogue_entry
 def hits_without_reaction(*, missed: int, hits: int) -> str:
-    return f"{missed} of {hits} hits were not detected or caused no contact reaction"
+    verb = "was" if missed == 1 else "were"
+    return f"{missed} of {hits} hits {verb} not detected or caused no contact reaction"
 
 
 @catalogue_entry
@@ -122,7 +124,10 @@ def hits_of_equal_stiffness(*, S_ref: float) -> str:
 
 @catalogue_entry
 def unequal_numbers_of_hits(*, soft: int, stiff: int) -> str:
-    return f"{soft} hits were at the lowest stiffness and {stiff} at the highest: the comparison needs equal numbers"
+    return (
+        "the comparison needs equal numbers of hits at the lowest and at the highest stiffness, but these are "
+        f"{soft} and {stiff}"
+    )
 
 
 @catalogue_entry
@@ -228,7 +233,7 @@ def no_excitation_completed() -> str:
 
 @catalogue_entry
 def reference_not_excited(*, signal: str) -> str:
-    return f"the reference of {signal} has no completed excitation of its own"
+    return f"no excitation of the reference of {signal} alone was completed"
 
 
 @catalogue_entry
@@ -249,8 +254,8 @@ def bandwidth_below_lines(*, gain: float, lowest_Hz: float) -> str:
 @catalogue_entry
 def excitation_above_voltage_limit(*, needed_V: float, limit_V: float) -> str:
     return (
-        f"the excitation needs a feed-forward voltage of {needed_V:.1f} V, the limit is {limit_V:g} V: "
-        "choose a smaller amplitude"
+        f"the excitation needs a feed-forward voltage of {needed_V:.1f} V, but the limit is {limit_V:g} V: choose a "
+        "smaller amplitude"
     )
 
 
@@ -308,11 +313,6 @@ def invalid_text(*, part: str, reason: str) -> str:
 
 
 @catalogue_entry
-def table_is_not_utf8(*, name: str) -> str:
-    return f"{name} is not UTF-8 text: save it as CSV in UTF-8"
-
-
-@catalogue_entry
 def fewer_samples_than_sweep(*, samples: int, needed: int) -> str:
     return f"the run contains {samples} samples, fewer than the {needed} of its sweep"
 
@@ -324,7 +324,7 @@ def run_without_excitation() -> str:
 
 @catalogue_entry
 def run_not_completed(*, end_state: str) -> str:
-    return f"the run ended as {end_state}"
+    return f"the run was not completed ({end_state})"
 
 
 @catalogue_entry
@@ -378,7 +378,7 @@ def run_ended_early(*, played_s: float, planned_s: float) -> str:
 
 @catalogue_entry
 def samples_missing(*, missed: int) -> str:
-    return f"the recording lacks {missed} samples"
+    return f"the recording lacks {format_count(missed, 'sample')}"
 
 
 @catalogue_entry
@@ -398,7 +398,7 @@ def not_settled() -> str:
 
 @catalogue_entry
 def still_moving_at_end() -> str:
-    return "the signal still moved at the end of the step's duration"
+    return "the signal was still moving at the end of the step's duration"
 
 
 @catalogue_entry
@@ -441,11 +441,6 @@ def steps_not_measured(*, missing: int, steps: int, start_s: float, reason: str)
 @catalogue_entry
 def no_step_completed() -> str:
     return "no such step was completed"
-
-
-@catalogue_entry
-def run_without_samples() -> str:
-    return "the run holds no samples of its program"
 
 
 @catalogue_entry

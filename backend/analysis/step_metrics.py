@@ -347,7 +347,7 @@ def compute_tracking_metrics(
     """
     t = columns["t"]
     if t.size == 0:
-        raise NoSamplesError(messages.run_without_samples())
+        raise NoSamplesError(messages.no_samples_of_program())
     period_s = float(np.median(np.diff(t))) if t.size > 1 else 0.0
     played_s = float(t[-1]) + period_s
     planned_s = program.duration_s

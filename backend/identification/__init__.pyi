@@ -14,6 +14,7 @@ from .estimation import (
 from .fitting import Method, fit_parameters
 from .friction import COLUMNS, LoadFrictionFit, LoadFrictionResult, TensionRun, estimate_load_friction
 from .importer import ImportSummary, Selection, TimeChoice, decode_text, import_record, read_mat, read_parquet
+from .messages import not_utf_8
 from .models import (
     TABLE_1,
     CorrelationTest,
@@ -101,6 +102,7 @@ __all__ = [
     "import_record",
     "joint_method_name",
     "judge_motor",
+    "not_utf_8",
     "rank",
     "read_csv",
     "read_load_sweep",

@@ -91,7 +91,7 @@ class Setting:
             return str(value)
         if self.kind == "text":
             if not isinstance(value, str):
-                raise self._build_error(value, "a text is required")
+                raise self._build_error(value, "text is required")
             check_range(self.name, len(value), None, self.maximum, "1", label=f"length of {self.symbol}")
             return value
         if self.kind == "boolean":

@@ -427,7 +427,7 @@ def compute_differences(database: Database, query: DifferencesRequest) -> Differ
 def _read_curve(session: Session, run_id: int, signal: str) -> Curve:
     samples = read_samples(session, run_id, [signal])
     if samples.t.size == 0:
-        raise UnknownRecordError(record_messages.no_recording_of_run(run=run_id))
+        raise UnknownRecordError(record_messages.run_without_samples(run=run_id))
     period_s = recordings.get(session, run_id).period_s
     return Curve(samples.t, samples.columns[signal].astype(np.float64), period_s)
 

@@ -223,11 +223,10 @@ class OwnExperiments:
         )
 
     def _load_stored(self, name: str) -> StoredExperiment:
-        base, at, number = name.partition("@")
-        if at and not (number.isdecimal() and len(number) < 10):
-            raise UnknownRecordError(record_messages.no_experiment(name=name))
+        base, _, number = name.partition("@")
+        has_version = number.isdecimal() and len(number) < 10
         with self._database.reading() as session:
-            return stored.get(session, base, int(number) if at else None)
+            return stored.get(session, base, int(number)) if has_version else stored.get(session, name)
 
 
 def build_own_experiment(stored_item: StoredExperiment, title: str | None = None) -> OwnExperiment:

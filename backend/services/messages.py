@@ -84,7 +84,7 @@ def own_work_at_limit(*, work: str, works: str, count: int, maximum: int) -> str
 
 @catalogue_entry
 def work_at_limit(*, works: str, count: int) -> str:
-    return f"{count} {works} are running or waiting: try again later"
+    return f"too many {works} are running or waiting ({count}): try again later"
 
 
 @catalogue_entry
@@ -190,12 +190,12 @@ def no_rest_in_sweep(*, S_ref: float, duration_s: float, reason: str) -> str:
 
 @catalogue_entry
 def sweep_in_progress_already() -> str:
-    return "the calibration is in progress already"
+    return "the calibration is already in progress"
 
 
 @catalogue_entry
 def run_prevents_sweep(*, run: int, kind: str) -> str:
-    return f"run {run}, {kind}, is in progress: wait for its end or abort it"
+    return f"run {run} ({kind}) is in progress: wait for its end or abort it"
 
 
 @catalogue_entry
@@ -253,7 +253,7 @@ def contact_threshold_within_noise(*, contact_N: float, std_N: float, factor: fl
 
 @catalogue_entry
 def only_with_virtual_card() -> str:
-    return "only with the virtual card: start with --plant rig --virtual-card"
+    return "this fault requires the virtual card: start with --plant rig --virtual-card"
 
 
 @catalogue_entry
@@ -299,7 +299,7 @@ def tripped_in_pause() -> str:
 
 @catalogue_entry
 def run_prevents_start(*, run: int, kind: str) -> str:
-    return f"run {run}, {kind}, is in progress: wait until it ends, or stop it"
+    return f"run {run} ({kind}) is in progress: wait for its end or abort it"
 
 
 @catalogue_entry
@@ -312,7 +312,7 @@ def seed_of_another_simulator(*, seed: int) -> str:
 
 @catalogue_entry
 def actuator_identification(*, identification: str, kind: str) -> str:
-    return f"{identification} is an {kind} identification: build a bank from it"
+    return f"{identification} is of kind {kind}: build a bank from it"
 
 
 @catalogue_entry
@@ -322,7 +322,7 @@ def identification_not_usable(*, identification: str, verdict: str) -> str:
 
 @catalogue_entry
 def values_are_active_already(*, identification: str) -> str:
-    return f"{identification} equals the active values: nothing would change"
+    return f"the values of {identification} are already active: nothing would change"
 
 
 @catalogue_entry
@@ -332,7 +332,8 @@ def no_parameters_to_undo() -> str:
 
 @catalogue_entry
 def identification_without_motor(*, run: int | None, side: str) -> str:
-    return f"run {run} has no K_m and T_m of motor {side}: evaluate it again"
+    named = "this identification" if run is None else f"run {run}"
+    return f"{named} has no K_m and T_m of motor {side}: evaluate it again"
 
 
 @catalogue_entry
@@ -372,7 +373,7 @@ def parameters_need_mode_off(*, mode: Mode) -> str:
 
 @catalogue_entry
 def tuning_changed_meanwhile() -> str:
-    return "the tuning was changed meanwhile: check it, then try again"
+    return "the tuning has changed in the meantime: check it, then try again"
 
 
 @catalogue_entry
@@ -419,7 +420,7 @@ def queue_is_full(*, maximum: int) -> str:
 
 @catalogue_entry
 def trigger_is_armed(*, who: str, condition: str) -> str:
-    return f"the trigger is armed. {who} has armed it: {condition}; disarm it first"
+    return f"{who} has armed the trigger ({condition}): disarm it first"
 
 
 @catalogue_entry
@@ -471,9 +472,9 @@ def rejection_within_noise(*, std_N: float, threshold_N: float, factor: float) -
 
 @catalogue_entry
 def starting_run_contains_tuning() -> str:
-    return "a run is being started and its record contains the tuning: stop it first"
+    return "a run is being started and its record contains the tuning: abort it first"
 
 
 @catalogue_entry
 def run_contains_tuning(*, kind: str) -> str:
-    return f"{kind} is running and its record contains the tuning: stop it first"
+    return f"a run of kind {kind} is in progress and its record contains the tuning: abort it first"

@@ -56,11 +56,6 @@ def unknown_metric(*, kind: str, metric: str) -> str:
 
 
 @catalogue_entry
-def no_recording_of_run(*, run: int) -> str:
-    return f"there is no recording of run {run}"
-
-
-@catalogue_entry
 def no_common_times() -> str:
     return "the two runs have no samples at common times"
 
@@ -79,7 +74,7 @@ def settings_not_usable(*, reason: str, software: str) -> str:
 
 @catalogue_entry
 def experiment_too_long(*, characters: int, maximum: int) -> str:
-    return f"the experiment has {characters} characters, but at most {maximum} are accepted"
+    return f"the experiment has {characters} characters, but at most {maximum} are allowed: shorten it"
 
 
 @catalogue_entry
@@ -139,11 +134,6 @@ def name_of_ready_made_experiment(*, name: str) -> str:
 
 
 @catalogue_entry
-def no_experiment(*, name: str) -> str:
-    return f"there is no experiment {name}"
-
-
-@catalogue_entry
 def no_saved_search(*, name: str, known: Sequence[str]) -> str:
     return f"there is no saved search {name!r}; known: {', '.join(known) or 'none'}"
 
@@ -168,7 +158,7 @@ def run_still_in_progress() -> str:
 
 @catalogue_entry
 def recording_too_long_for_digest(*, run: int) -> str:
-    return f"the service does not compute the digest of such a long recording: sinew runs lineage {run} does"
+    return f"the recording is too long for the service to compute its digest: use sinew runs lineage {run}"
 
 
 # Runs ----------------------------------------------------------------------------------------------
@@ -182,11 +172,6 @@ def run_is_being_evaluated(*, run: int) -> str:
 @catalogue_entry
 def unknown_kind_of_runs(*, kind: str) -> str:
     return f"there is no kind {kind!r} of runs"
-
-
-@catalogue_entry
-def non_printable_character() -> str:
-    return "it contains a non-printable character: delete it"
 
 
 # Signals -------------------------------------------------------------------------------------------
@@ -217,4 +202,4 @@ def name_differs_only_in_case(*, name: str, other: str) -> str:
 
 @catalogue_entry
 def too_many_studies(*, maximum: int) -> str:
-    return f"{maximum} studies are running or waiting already: stop one of them first"
+    return f"{maximum} studies are already running or waiting: stop one of them first"

@@ -83,7 +83,6 @@ from backend.storage import (
     LogQuery,
     Op,
     Query,
-    QueryError,
     Recording,
     Result,
     Run,
@@ -98,6 +97,7 @@ from backend.storage import (
     origins,
     parse_query,
     recordings,
+    require_printable,
     results,
     run_experiment_name,
     run_title,
@@ -342,7 +342,7 @@ class _RunConversion:
 
     def _limit_count(self, changes: list[ReferenceChange], most: int, what: str) -> list[ReferenceChange]:
         if len(changes) > most:
-            self.left_out.append(f"the last {len(changes) - most} of {len(changes)} {what}: {most} are the maximum")
+            self.left_out.append(f"the last {len(changes) - most} of {len(changes)} {what}: at most {most} are allowed")
         return changes[:most]
 
     def _collect_tunings(self) -> list[ReferenceChange]:
@@ -779,8 +779,7 @@ class RunQuery:
             raise RequestRejectedError(ErrorCode.BAD_VALUE, message, legal=[str(known) for known in RunKind])
         of_kind = [Compare(Value("kind", 0), Op.EQUAL, tuple(Value(kind, 0) for kind in self.kinds))]
         words = [Word(Value(word, 0)) for word in self.search.split()]
-        if not all(word.value.text.isprintable() for word in words):
-            raise QueryError(0, record_messages.non_printable_character())
+        require_printable(self.search)
         return All((*map(parse_query, self.where), *(of_kind if self.kinds else []), *words))
 
 

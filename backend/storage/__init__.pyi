@@ -92,12 +92,27 @@ from .orm import (
     StudyRow,
     UnfitError,
     UnknownRecordError,
+    build_unknown_record_error,
     require_distinct_name,
 )
 from .recordings import Chunk, Extent, NotRecordableError, Recording, RetentionEntry, Span
 from .results import NewResult, Result
 from .runs import EndState, NewRun, Run, RunKind, run_experiment_name, run_title
-from .search import ENDS, LONGEST, NONE, VERDICTS, All, Compare, Op, Query, QueryError, Value, Word, parse_query
+from .search import (
+    ENDS,
+    LONGEST,
+    NONE,
+    VERDICTS,
+    All,
+    Compare,
+    Op,
+    Query,
+    QueryError,
+    Value,
+    Word,
+    parse_query,
+    require_printable,
+)
 from .search_index import ValueSource, iterate_parameters
 from .settings import StoredSetting
 from .stations import HeldStation, assign_unowned_rows, session_station
@@ -182,6 +197,7 @@ __all__ = [
     "backup_database",
     "banks",
     "build_record_document",
+    "build_unknown_record_error",
     "commissioning",
     "connect_database",
     "connect_imported_bank",
@@ -218,6 +234,7 @@ __all__ = [
     "require_distinct_name",
     "require_identification_document",
     "require_intact_database",
+    "require_printable",
     "restore_database",
     "results",
     "run_experiment_name",

@@ -63,7 +63,7 @@ def require_fit(kind: str, column: Any, value: Any) -> None:
     elif isinstance(column.type, String):  # Text too
         length = column.type.length
         fits = isinstance(value, str) and len(value) <= (length or len(value))
-        needed = f"a text of {length} characters at most" if length else "a text"
+        needed = f"text of at most {length} characters" if length else "text"
     elif isinstance(column.type, Boolean):
         fits, needed = isinstance(value, bool), "true or false"
     else:
@@ -71,7 +71,7 @@ def require_fit(kind: str, column: Any, value: Any) -> None:
         fits = isinstance(value, numbers) and not isinstance(value, bool) and abs(value) <= MAX_RECORD_NUMBER
         needed = f"a number between -{MAX_RECORD_NUMBER} and {MAX_RECORD_NUMBER}"
     if not fits:
-        raise UnfitDocumentError(messages.part_unfit(part=f"{column.name} of a {kind}", value=value, needed=needed))
+        raise UnfitDocumentError(messages.part_unfit(part=f"{column.name} of the {kind}", value=value, needed=needed))
 
 
 def _is_instant(value: Any) -> bool:
@@ -87,23 +87,23 @@ def require_run(document: Document) -> None:
     kinds, bank = [str(kind) for kind in RunKind], document["bank_id"]
     if document["kind"] not in kinds:
         needed = f"one of {', '.join(kinds)}"
-        raise UnfitDocumentError(messages.part_unfit(part="kind of a run", value=document["kind"], needed=needed))
+        raise UnfitDocumentError(messages.part_unfit(part="kind of the run", value=document["kind"], needed=needed))
     if document["end_state"] == EndState.RUNNING:
         raise UnfitDocumentError(messages.exported_run_not_over())
     if document["end_state"] not in _OVER:
         needed = f"one of {', '.join(_OVER)}"
         raise UnfitDocumentError(
-            messages.part_unfit(part="end_state of a run", value=document["end_state"], needed=needed)
+            messages.part_unfit(part="end_state of the run", value=document["end_state"], needed=needed)
         )
     began, ended = document["started_at"], document["ended_at"]
     if ended is None or datetime.fromisoformat(ended) < datetime.fromisoformat(began):
         needed = f"a time after started_at, {began}"
-        raise UnfitDocumentError(messages.part_unfit(part="ended_at of a run", value=ended, needed=needed))
+        raise UnfitDocumentError(messages.part_unfit(part="ended_at of the run", value=ended, needed=needed))
     loop = document["settings"].get("loop")
     named = loop.get("bank") if isinstance(loop, Mapping) else None
     if named is not None and named != (bank or 0):
         needed = f"its bank_id, {bank}"
-        raise UnfitDocumentError(messages.part_unfit(part="settings.loop.bank of a run", value=named, needed=needed))
+        raise UnfitDocumentError(messages.part_unfit(part="settings.loop.bank of the run", value=named, needed=needed))
 
 
 def require_lines(document: Any) -> None:
@@ -129,16 +129,18 @@ def require_entry(entry: Mapping[str, Any]) -> None:
     if entry["S_nominal"] <= 0.0:
         needed = "a stiffness above 0 N·m/rad"
         raise UnfitDocumentError(
-            messages.part_unfit(part="S_nominal of a bank entry", value=entry["S_nominal"], needed=needed)
+            messages.part_unfit(part="S_nominal of the bank entry", value=entry["S_nominal"], needed=needed)
         )
     if not set(_MODELS) & set(entry["model"]):
         needed = f"an object with {', '.join(_MODELS)}"
-        raise UnfitDocumentError(messages.part_unfit(part="model of a bank entry", value=entry["model"], needed=needed))
+        raise UnfitDocumentError(
+            messages.part_unfit(part="model of the bank entry", value=entry["model"], needed=needed)
+        )
     for name in set(_MODELS) & set(entry["model"]):
         number = entry["model"][name]
         if not isinstance(number, int | float) or isinstance(number, bool) or not 0.0 < number <= _LARGEST_NUMBER:
             needed = f"a number above 0, at most {_LARGEST_NUMBER:g}"
-            raise UnfitDocumentError(messages.part_unfit(part=f"{name} of a bank entry", value=number, needed=needed))
+            raise UnfitDocumentError(messages.part_unfit(part=f"{name} of the bank entry", value=number, needed=needed))
 
 
 def require_identification_document(carried: Mapping[str, Any], *, of_run: bool) -> None:
@@ -146,7 +148,7 @@ def require_identification_document(carried: Mapping[str, Any], *, of_run: bool)
     known = (CALIBRATIONS, BANKS) if of_run else ()
     for name in carried:
         if name not in known:
-            needed = f"one of {', '.join(known)}" if known else "not permitted for this kind of record"
+            needed = f"one of {', '.join(known)}" if known else "left out for this kind of record"
             raise UnfitDocumentError(messages.part_unfit(part="a part of the document", value=name, needed=needed))
     steps, numbers = carried.get(CALIBRATIONS, []), carried.get(BANKS, [])
     if not isinstance(steps, list) or not all(_is_calibration(one) for one in steps):

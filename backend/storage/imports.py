@@ -88,7 +88,7 @@ def parse_required_record(kind: str, document: Any) -> Document:
 def _require_entries(entries: Any) -> None:
     if not isinstance(entries, list) or not entries:
         raise UnfitDocumentError(
-            messages.part_unfit(part="entries of a bank", value=entries, needed="a list of one or more")
+            messages.part_unfit(part="entries of the bank", value=entries, needed="a list of one or more")
         )
     for entry in entries:
         wanted = [column for column in _columns(BankEntryRow) if column.name not in ("bank_id", "position")]

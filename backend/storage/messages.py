@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from backend.units import format_count
 from plant import catalogue_entry
 
 # Records -------------------------------------------------------------------------------------------
@@ -16,16 +17,16 @@ def record_not_found(*, record: str, number: int) -> str:
 @catalogue_entry
 def name_too_similar(*, record: str, existing: str, name: str) -> str:
     return (
-        f"there is {record} {existing!r} already, whose name is too similar to {name!r}: use the "
-        "existing name, or choose a different one"
+        f"{record} {existing!r} already exists, and its name is too similar to {name!r}: use the existing name, or "
+        "choose a different one"
     )
 
 
 @catalogue_entry
 def text_too_long(*, column: str, text: str, maximum: int) -> str:
     return (
-        f"{column} cannot be {text[:40]!r}...: the text has {len(text)} characters, "
-        f"{maximum} are the maximum: shorten it"
+        f"{column} cannot be {text[:40]!r}...: the text has {len(text)} characters, but at most {maximum} are "
+        "allowed: shorten it"
     )
 
 
@@ -52,17 +53,17 @@ def identification_without_model(*, run_id: int) -> str:
 
 @catalogue_entry
 def run_not_recordable(*, run_id: int) -> str:
-    return f"run {run_id} has ended or has a recording already: record the samples in a new run"
+    return f"run {run_id} has ended or already has a recording: record the samples in a new run"
 
 
 @catalogue_entry
 def recording_removed(*, run_id: int, reason: str) -> str:
-    return f"there is no recording of run {run_id} any more: {reason}"
+    return f"the recording of run {run_id} no longer exists: {reason}"
 
 
 @catalogue_entry
 def parameter_missing(*, run_id: int, parameter: str) -> str:
-    return f"run {run_id}: its parameters have no number {parameter}"
+    return f"run {run_id}: its parameters do not contain a number {parameter}"
 
 
 @catalogue_entry
@@ -73,13 +74,16 @@ def run_of_another_station(*, run_id: int, station: str) -> str:
 
 @catalogue_entry
 def remark_too_long(*, length: int, tags: int, maximum_length: int, maximum_tags: int) -> str:
-    return f"a note of {length} characters and {tags} tags: at most {maximum_length} and {maximum_tags}; shorten it"
+    return (
+        f"a note of {format_count(length, 'character')} and {format_count(tags, 'tag')}: at most {maximum_length} "
+        f"and {maximum_tags} are allowed; shorten it"
+    )
 
 
 @catalogue_entry
 def invalid_tag(*, tag: str, maximum: int, reserved: str) -> str:
     return (
-        f"{tag[:maximum]!r} is not a tag: 1 to {maximum} letters, digits and . : + - _ without a space, "
+        f"{tag[:maximum]!r} is not a valid tag: use 1 to {maximum} letters, digits and . : + - _ without a space, "
         f"and not {reserved!r}"
     )
 
@@ -94,7 +98,7 @@ def tag_not_used(*, tag: str) -> str:
 
 @catalogue_entry
 def station_has_rows(*, station: str, rows: int, table: str) -> str:
-    return f"station {station} has {rows} rows of table {table} already: choose a new name"
+    return f"station {station} already has {format_count(rows, 'row')} of table {table}: choose a new name"
 
 
 @catalogue_entry
@@ -117,8 +121,8 @@ def claim_lost(*, service: str, life_s: float) -> str:
 @catalogue_entry
 def schema_too_new(*, schema: str, newest: str) -> str:
     return (
-        f"the database has schema {schema}, this version supports up to {newest}: "
-        "it was written by a newer version; install that one, or choose another data folder"
+        f"the database has schema {schema}, but this version supports schemas only up to {newest}: a newer version "
+        "wrote the database; install that version, or choose another data folder"
     )
 
 
@@ -138,7 +142,7 @@ def schema_not_named() -> str:
 @catalogue_entry
 def outdated_database_in_use(*, service: str, schema: str | None, version: str, newest: str) -> str:
     return (
-        f"{service} uses this database, and the database has schema {schema}, version {version} works with {newest}: "
+        f"{service} uses this database, which has schema {schema}, but version {version} requires schema {newest}: "
         "stop that service first, or use the commands of its version"
     )
 
@@ -146,8 +150,8 @@ def outdated_database_in_use(*, service: str, schema: str | None, version: str, 
 @catalogue_entry
 def database_outdated(*, schema: str | None, version: str, newest: str, folder: Path) -> str:
     return (
-        f"the database has schema {schema}, version {version} works with {newest}: "
-        f"`sinew db upgrade --data {folder}` migrates it and keeps a copy of its present state"
+        f"the database has schema {schema}, but version {version} requires schema {newest}: `sinew db upgrade --data "
+        f"{folder}` migrates it and keeps a copy of its present state"
     )
 
 
@@ -156,12 +160,12 @@ def database_outdated(*, schema: str | None, version: str, newest: str, folder: 
 
 @catalogue_entry
 def server_has_own_backup(*, dialect: str) -> str:
-    return f"a {dialect} database is backed up with its own tools (pg_dump)"
+    return f"back up a {dialect} database with its own tools (pg_dump)"
 
 
 @catalogue_entry
 def backup_exists(*, file: Path) -> str:
-    return f"{file} exists already: choose another name"
+    return f"{file} already exists: choose another name"
 
 
 @catalogue_entry
@@ -255,15 +259,14 @@ def database_unusable(*, file: Path, reason: str, remedy: str) -> str:
 
 @catalogue_entry
 def restore_in_progress() -> str:
-    return "a restore is in progress, or was killed while a service used the folder: wait until it ends, or repeat it"
+    return "a restore of this database is in progress or was interrupted: wait until it ends, or repeat it"
 
 
 @catalogue_entry
 def data_folder_not_writable(*, folder: Path, reason: str) -> str:
     return (
-        f"the data folder {folder} cannot be written: {reason}. Sinew must write to the folder "
-        "even to read from it: change its owner or mode, mount it writable, or copy it and name the "
-        "copy with --data"
+        f"the data folder {folder} is not writable: {reason}. Sinew must write to the folder even to read from it: "
+        "change its owner or mode, mount it writable, or copy it and name the copy with --data"
     )
 
 
@@ -274,7 +277,7 @@ def database_error(*, reason: str) -> str:
 
 @catalogue_entry
 def database_package_missing(*, package: str | None) -> str:
-    return f"SINEW_DATABASE_URL needs the Python package {package}, which is not installed"
+    return f"SINEW_DATABASE_URL requires the Python package {package}, which is not installed"
 
 
 @catalogue_entry
@@ -290,12 +293,12 @@ def invalid_database_url(*, reason: str) -> str:
 
 @catalogue_entry
 def part_unfit(*, part: str, value: object, needed: str) -> str:
-    return f"{part} cannot be {str(value)[:40]!r}: it is {needed}; create the file again from the run"
+    return f"{part} cannot be {str(value)[:40]!r}: it must be {needed}; create the file again from the run"
 
 
 @catalogue_entry
 def exported_run_not_over() -> str:
-    return "the run was not over at its export: export it again after its end"
+    return "the run was still in progress when it was exported: export it again after its end"
 
 
 @catalogue_entry
@@ -310,12 +313,12 @@ def unknown_record_kind(*, record: object) -> str:
 
 @catalogue_entry
 def wrong_parts_of_record(*, record: str, parts: Sequence[str]) -> str:
-    return f"a {record} has the parts {', '.join(parts)}"
+    return f"a record of kind {record} must have the fields {', '.join(parts)}"
 
 
 @catalogue_entry
 def wrong_parts_of_bank_entry(*, parts: Sequence[str]) -> str:
-    return f"an entry of a bank has the parts {', '.join(parts)}"
+    return f"an entry of a bank must have the fields {', '.join(parts)}"
 
 
 @catalogue_entry
@@ -395,7 +398,7 @@ def meaningless_character(*, character: str) -> str:
 
 @catalogue_entry
 def operator_not_for_text(*, name: str, operator: str) -> str:
-    return f"{name} is a text, to which {operator} does not apply: use = != ~"
+    return f"{name} is text, to which {operator} does not apply: use = != ~"
 
 
 @catalogue_entry
@@ -445,7 +448,7 @@ def operator_not_for_word(*, name: str, operator: str) -> str:
 
 @catalogue_entry
 def name_in_no_run(*, name: str) -> str:
-    return f"no stored run has a {name!r}"
+    return f"no stored run has a value {name!r}"
 
 
 @catalogue_entry

@@ -451,8 +451,13 @@ def require(session: Session, row_class: type[Row], identifier: int, what: str) 
     """Return the row with this identifier. Raises UnknownRecordError."""
     row = session.get(row_class, identifier)
     if row is None:
-        raise UnknownRecordError(messages.record_not_found(record=what, number=identifier))
+        raise build_unknown_record_error(what, identifier)
     return row
+
+
+def build_unknown_record_error(what: str, identifier: int) -> UnknownRecordError:
+    """Return the error for a record that does not exist; ``what`` names its kind."""
+    return UnknownRecordError(messages.record_not_found(record=what, number=identifier))
 
 
 def require_distinct_name(what: str, name: str, others: Iterable[str]) -> None:

@@ -133,10 +133,15 @@ def parse_query(text: str) -> Query:
     """Return the query tree of a text. Raises QueryError."""
     if len(text) > LONGEST:
         raise QueryError(LONGEST, messages.search_too_long(maximum=LONGEST))
-    for place, letter in enumerate(text):
-        if not letter.isprintable() and not letter.isspace():  # NUL and surrogates, which no database accepts
-            raise QueryError(place, messages.unprintable_character())
+    require_printable(text)
     return _Parser(text).whole()
+
+
+def require_printable(text: str) -> None:
+    """Raise QueryError for NUL, surrogates and other characters that no database accepts."""
+    for place, letter in enumerate(text):
+        if not letter.isprintable() and not letter.isspace():
+            raise QueryError(place, messages.unprintable_character())
 
 
 def find_names(query: Query) -> Iterator[str]:

@@ -12,7 +12,7 @@ def draws_without_spread() -> str:
 
 @catalogue_entry
 def seed_is_an_axis() -> str:
-    return "the seed is an axis already: omit seeds"
+    return "the seed is already an axis: omit seeds"
 
 
 @catalogue_entry
@@ -37,7 +37,7 @@ def no_equal_factors(*, first: float, last: float) -> str:
 
 @catalogue_entry
 def unknown_setting(*, known: str) -> str:
-    return f"unknown setting; known are {known}"
+    return f"unknown setting; choose one of {known}"
 
 
 @catalogue_entry
@@ -82,11 +82,6 @@ def other_software(*, installed: str, recorded: str) -> str:
         f"Sinew {installed} is installed, but the study was created with Sinew {recorded}: use that version, or "
         "start a new study"
     )
-
-
-@catalogue_entry
-def unknown_bank(*, number: int) -> str:
-    return f"there is no bank {number}"
 
 
 # Executors and clusters ----------------------------------------------------------------------------
@@ -135,12 +130,12 @@ def computed_elsewhere(*, study: int, runner: str) -> str:
 
 @catalogue_entry
 def not_an_axis(*, axes: str) -> str:
-    return f"it is not an axis of this study; axes are {axes}"
+    return f"it is not an axis of this study; its axes: {axes}"
 
 
 @catalogue_entry
 def same_axis_twice() -> str:
-    return "it is x already"
+    return "it is already the x axis"
 
 
 @catalogue_entry

@@ -21,7 +21,7 @@ from backend.experiments import (
     split_values,
 )
 from backend.models import Value, complete_motion
-from backend.storage import Bank, StudyPoint, UnknownRecordError
+from backend.storage import Bank, StudyPoint, UnknownRecordError, build_unknown_record_error
 from backend.studies import messages
 from backend.tuning import PointModel, Robustness, TuningError, compute_loop_margins
 from plant import ErrorCode, ParameterError, PlantParameters, parse_parameters
@@ -237,7 +237,7 @@ def _simulate_point(base: StudyBase, point: Point, figures: dict[str, float | No
 
     def load_bank(number: int) -> Bank:
         if number not in banks:
-            raise UnknownRecordError(messages.unknown_bank(number=number))
+            raise build_unknown_record_error("bank", number)
         return banks[number]
 
     figures |= compute_loop_metrics(parameters, list_point_models(load_bank(loop.bank) if loop.bank else None), loop)

@@ -176,7 +176,7 @@ def test_one_report_of_both_runs(operator: httpx.Client, played: list[int]) -> N
 
 def test_a_search_that_says_nothing_is_refused(operator: httpx.Client, played: list[int]) -> None:
     for where, said in (
-        ("durtion_s < 5", "character 1: no stored run has a 'durtion_s'"),
+        ("durtion_s < 5", "character 1: no stored run has a value 'durtion_s'"),
         ("kind = sequense", "did you mean sequence"),
         ("(a", "character 1: the bracket is not closed"),
         ("a " * 600, "1000 characters at most"),

@@ -29,7 +29,7 @@ from tests.exports.stored import NEW, held, noise, recorded
 from tests.migrations.old_schema import migrated
 from tests.models.earlier import BEFORE
 from tests.models.earlier_identifications import BAND, QUALITY
-from tests.reasons import TextWith
+from tests.reasons import Reason, TextWith
 from tests.refusals import refused
 
 # An export is taken in as the run that it was, or refused with what is wrong, and then nothing of it is stored.
@@ -112,15 +112,25 @@ def test_what_a_csv_says_of_itself_has_to_hold(
         ('"samples":2300', '"samples":2299', "wrong_number_of_samples", {"samples": 2300, "stated": 2299}),
         ('"period_s":0.001', '"period_s":0.0015', "times_not_multiples", {"period_s": 0.0015}),
         ('"of":"run 2"', '"of":"trip 2"', "not_of_a_run", {"content": "trip 2"}),
-        ('"end_state":"completed"', '"end_state":"running"', "invalid_run", {"reason": TextWith("not over")}),
+        (
+            '"end_state":"completed"',
+            '"end_state":"running"',
+            "invalid_run",
+            {"reason": Reason("exported_run_not_over")},
+        ),
         (
             '"end_state":"completed"',
             '"end_state":7',
             "invalid_run",
-            {"reason": TextWith("end_state of a run cannot be '7'")},
+            {"reason": Reason("part_unfit", part="end_state of the run", value=7)},
         ),
-        ('"kind":"actuator_identification",', "", "invalid_run", {"reason": TextWith("a run has the parts")}),
-        ('"who":"Ana"', f'"who":"{"x" * 201}"', "invalid_run", {"reason": TextWith("who of a run cannot be")}),
+        (
+            '"kind":"actuator_identification",',
+            "",
+            "invalid_run",
+            {"reason": Reason("wrong_parts_of_record", record="run")},
+        ),
+        ('"who":"Ana"', f'"who":"{"x" * 201}"', "invalid_run", {"reason": Reason("part_unfit", part="who of the run")}),
         ('"run":{', '"run":[],"was":{', "invalid_metadata", {"name": "run"}),
         ("# sinew-export: {", "# sinew-export: [", "metadata_unreadable", {}),
         ('"value":0.075', '"value":0.076', "metadata_changed", {}),
