@@ -294,7 +294,7 @@ def limit_was_active(*, limit: str, duration_s: float) -> str:
 
 @catalogue_entry
 def fewer_samples_than_excitation(*, samples: int, needed: int) -> str:
-    return f"the run contains {samples} samples, fewer than the {needed} of its excitation"
+    return f"the run contains too few samples ({samples}; its excitation has {needed})"
 
 
 @catalogue_entry
@@ -314,7 +314,7 @@ def invalid_text(*, part: str, reason: str) -> str:
 
 @catalogue_entry
 def fewer_samples_than_sweep(*, samples: int, needed: int) -> str:
-    return f"the run contains {samples} samples, fewer than the {needed} of its sweep"
+    return f"the run contains too few samples ({samples}; its sweep has {needed})"
 
 
 @catalogue_entry

@@ -8,8 +8,8 @@ from plant import Angle, catalogue_entry
 @catalogue_entry
 def wrong_initial_tensions(*, F_A: float, F_B: float, minimum: float, maximum: float) -> str:
     return (
-        f"the tendon forces are {F_A:.1f} N and {F_B:.1f} N, {minimum:g} to {maximum:g} N are required: "
-        "wind the tendons by hand"
+        f"the tensions are {F_A:.1f} N and {F_B:.1f} N, but {minimum:g} to {maximum:g} N is required: wind the "
+        "tendons by hand"
     )
 
 
@@ -20,7 +20,10 @@ def several_problems(*, problems: tuple[str, ...]) -> str:
 
 @catalogue_entry
 def loop_stopped_in_motor_test(*, motor: str) -> str:
-    return f"the loop stopped while motor {motor} was tested: see the status line; reset it, and try again"
+    return (
+        f"the control loop stopped while motor {motor} was tested: see the status line; reset the control loop, and "
+        "try again"
+    )
 
 
 @catalogue_entry
@@ -48,7 +51,7 @@ def joint_contradicts_tensions(*, motor: str, q: float, F: float) -> str:
 
 @catalogue_entry
 def motors_exchanged(*, driven: str, turned: str) -> str:
-    return f"the voltage for motor {driven} turned motor {turned}: exchange motor_A.channel and motor_B.channel"
+    return f"the voltage for motor {driven} turned motor {turned}: swap motor_A.channel and motor_B.channel"
 
 
 @catalogue_entry
@@ -63,7 +66,7 @@ def invalid_motor_encoder(*, motor: str) -> str:
 
 @catalogue_entry
 def motor_encoders_exchanged() -> str:
-    return "the encoders of the motors are exchanged: exchange encoder_A.counter and encoder_B.counter"
+    return "the encoders of the motors are swapped: swap encoder_A.counter and encoder_B.counter"
 
 
 @catalogue_entry
@@ -81,7 +84,10 @@ def wrong_sign_of_motor_encoder(*, motor: str) -> str:
 
 @catalogue_entry
 def loop_stopped_in_homing(*, cause: str) -> str:
-    return f"the control loop stopped during the motion ({cause}): see the status line; reset it, and try again"
+    return (
+        f"the control loop stopped during the motion ({cause}): see the status line; reset the control loop, and try "
+        "again"
+    )
 
 
 @catalogue_entry
@@ -91,7 +97,7 @@ def not_homed(*, cause: str, remedy: str) -> str:
 
 @catalogue_entry
 def tension_in_homing(*, cause: str, maximum_N: float, remedy: str) -> str:
-    return f"{cause}, {maximum_N:g} N at most: {remedy}"
+    return f"{cause} (at most {maximum_N:g} N is permitted): {remedy}"
 
 
 # Load cells ----------------------------------------------------------------------------------------
@@ -100,8 +106,8 @@ def tension_in_homing(*, cause: str, maximum_N: float, remedy: str) -> str:
 @catalogue_entry
 def load_cell_zero_too_large(*, tendon: str, zero_V: float, maximum_V: float) -> str:
     return (
-        f"load cell {tendon} reads {zero_V:.2f} V without load, at most {maximum_V:g} V is "
-        "permitted: slacken its tendon, or adjust its amplifier"
+        f"load cell {tendon} reads {zero_V:.2f} V without load, but at most {maximum_V:g} V is permitted: slacken "
+        "its tendon, or adjust its amplifier"
     )
 
 
@@ -112,32 +118,30 @@ def load_cells_have_tables() -> str:
 
 @catalogue_entry
 def weights_too_close(*, minimum_N: float) -> str:
-    return f"take weights at least {minimum_N:g} N apart, the lighter one first"
+    return f"use weights at least {minimum_N:g} N apart, the lighter one first"
 
 
 @catalogue_entry
 def weights_not_distinguished(*, tendon: str, difference_V: float, lightest_N: float, heaviest_N: float) -> str:
     return (
-        f"load cell {tendon} reads {1e3 * difference_V:.2f} mV more under {heaviest_N:g} N than under "
-        f"{lightest_N:g} N, at least 1 mV is required to distinguish weights: "
-        "check its cable, amplifier and channel"
+        f"load cell {tendon} reads {1e3 * difference_V:.2f} mV more under {heaviest_N:g} N than under {lightest_N:g} "
+        "N, but at least 1 mV is required to distinguish weights: check its cable, amplifier and channel"
     )
 
 
 @catalogue_entry
 def wrong_sign_of_load_cell(*, tendon: str, slope: float, wiring_slope: float) -> str:
     return (
-        f"load cell {tendon} has {slope:.4g} N/V, the wiring file gives {wiring_slope:.4g} N/V, "
-        f"the opposite sign: change the sign of load_cell_{tendon}.slope, or exchange its two leads"
+        f"load cell {tendon} has {slope:.4g} N/V, but the wiring file gives {wiring_slope:.4g} N/V, with the "
+        f"opposite sign: change the sign of load_cell_{tendon}.slope, or swap the two leads of the load cell"
     )
 
 
 @catalogue_entry
 def load_cell_not_linear(*, tendon: str, deviation_N: float, maximum_N: float) -> str:
     return (
-        f"load cell {tendon} deviates from its line by {deviation_N:.2f} N, at most "
-        f"{maximum_N:g} N are permitted: check the weights, or calibrate it by a "
-        "table in the wiring file"
+        f"load cell {tendon} deviates from its line by {deviation_N:.2f} N, but at most {maximum_N:g} N is "
+        "permitted: check the weights, or calibrate it by a table in the wiring file"
     )
 
 
@@ -149,16 +153,16 @@ def invalid_load_cell(*, tendon: str) -> str:
 @catalogue_entry
 def load_cell_saturated(*, tendon: str, voltage: float, maximum_V: float) -> str:
     return (
-        f"load cell {tendon} reads up to {voltage:.2f} V, {maximum_V:.2f} V is the end "
-        "of its input range: reduce the load or the gain of its amplifier"
+        f"load cell {tendon} reads up to {voltage:.2f} V, but its input range ends at {maximum_V:.2f} V: reduce the "
+        "load or the gain of its amplifier"
     )
 
 
 @catalogue_entry
 def load_cell_too_noisy(*, tendon: str, noise_N: float, maximum_N: float) -> str:
     return (
-        f"load cell {tendon} has noise of {noise_N:.2f} N, at most {maximum_N:g} N are "
-        "permitted: let it come to rest, check shield and ground"
+        f"load cell {tendon} has noise of {noise_N:.2f} N, but at most {maximum_N:g} N is permitted: let it come to "
+        "rest, and check shield and ground"
     )
 
 
@@ -167,7 +171,7 @@ def load_cell_too_noisy(*, tendon: str, noise_N: float, maximum_N: float) -> str
 
 @catalogue_entry
 def not_at_pretension(*, F_A: float, F_B: float, pretension_N: float) -> str:
-    return f"the tendon forces are {F_A:.1f} N and {F_B:.1f} N, not {pretension_N:g} N: calibrate the load cells"
+    return f"the tensions are {F_A:.1f} N and {F_B:.1f} N, not {pretension_N:g} N: calibrate the load cells"
 
 
 @catalogue_entry
@@ -182,8 +186,8 @@ def module_did_not_trip(*, timeout_s: float) -> str:
 @catalogue_entry
 def stopped_without_module() -> str:
     return (
-        "the control loop stopped, but not because of the safety module: see the status line"
-        "; restore the limit of the module"
+        "the control loop stopped, but not because of the safety module: see the status line; restore the limit of "
+        "the module"
     )
 
 
@@ -204,16 +208,15 @@ def tension_after_trip() -> str:
 
 @catalogue_entry
 def voltage_too_low(*, motor: str, u: float) -> str:
-    return f"motor {motor} was given {u:.2f} V only: too little to test whether its drive was disabled"
+    return f"motor {motor} received only {u:.2f} V, which is too little to test whether its drive was disabled"
 
 
 @catalogue_entry
 def drive_not_disabled(*, motor: str, u: float, duration_s: float, angle: float, maximum: float) -> str:
     return (
-        f"motor {motor} did not turn back while it was given {u:.2f} V for {duration_s:g} s "
-        "more (it turned by "
-        f"{Angle(angle):.4f}, {Angle(maximum):g} are required): check how the "
-        "module disables the drives"
+        f"motor {motor} did not turn back while it received {u:.2f} V for another {duration_s:g} s (it turned back "
+        f"by {Angle(-angle):.4f}, but at least {Angle(-maximum):g} is required): check how the module disables the "
+        "drives"
     )
 
 
@@ -231,12 +234,12 @@ def tensions_out_of_bounds(
 
 @catalogue_entry
 def loop_stopped_in_pretension() -> str:
-    return "the control loop stopped while the tension rose: see the status line"
+    return "the control loop stopped while the tensions rose: see the status line"
 
 
 @catalogue_entry
 def pretension_not_reached(*, timeout_s: float) -> str:
-    return f"the pretension was not reached within {timeout_s:g} s"
+    return f"pretension was not reached within {timeout_s:g} s"
 
 
 # Wiring test ---------------------------------------------------------------------------------------
@@ -249,7 +252,7 @@ def invalid_sensor(*, sensor: str, place: str) -> str:
 
 @catalogue_entry
 def other_sensor_moved(*, sensor: str, entry: str, other: str, other_entry: str) -> str:
-    return f"the {other} moved instead of the {sensor}: exchange {entry} and {other_entry} in the wiring file"
+    return f"the {other} moved instead of the {sensor}: swap {entry} and {other_entry} in the wiring file"
 
 
 @catalogue_entry
@@ -260,8 +263,8 @@ def sensor_did_not_move(*, sensor: str, entry: str, place: str) -> str:
 @catalogue_entry
 def sensor_moved_too_little(*, sensor: str, section: str, value: float, minimum: float, unit: str) -> str:
     return (
-        f"the {sensor} moved by {value:.2f} {unit} only, {minimum:g} are "
-        f"required: move it further, or correct {section}"
+        f"the {sensor} moved by only {value:.2f} {unit}, but at least {minimum:g} {unit} is required: move it "
+        f"further, or correct {section}"
     )
 
 
@@ -298,7 +301,7 @@ def lockout_not_stored(*, state: str, reason: str) -> str:
 
 @catalogue_entry
 def wiring_file_changed() -> str:
-    return "the wiring file has changed since the loop was started: repeat the command"
+    return "the wiring file has changed since the control loop started: repeat the command"
 
 
 @catalogue_entry
@@ -313,4 +316,4 @@ def no_end_switch_position() -> str:
 
 @catalogue_entry
 def other_steps_first(*, steps: str) -> str:
-    return f"first: {steps}"
+    return f"do {steps} first"

@@ -5,12 +5,12 @@ from plant import catalogue_entry
 
 @catalogue_entry
 def another_program_running() -> str:
-    return "another program is running: wait for its end or stop it"
+    return "another program is running: wait for its end or abort it"
 
 
 @catalogue_entry
 def loop_stopped() -> str:
-    return "the loop is stopped: reset it first"
+    return "the control loop is stopped: reset it first"
 
 
 @catalogue_entry

@@ -1,5 +1,6 @@
 """Messages about experiments: invalid texts, expressions, settings and parts, and identifications that cannot run."""
 
+from backend.units import format_count
 from plant import Angle, catalogue_entry
 
 # Expressions ---------------------------------------------------------------------------------------
@@ -27,7 +28,7 @@ def no_value(*, expression: str, reason: str) -> str:
 
 @catalogue_entry
 def expression_too_long(*, expression: str, maximum: int) -> str:
-    return f"{expression[:40]!r}… has {len(expression)} characters, at most {maximum} are accepted: shorten it"
+    return f"{expression[:40]!r}… has {len(expression)} characters, but at most {maximum} are allowed: shorten it"
 
 
 @catalogue_entry
@@ -37,12 +38,12 @@ def not_an_expression(*, expression: str) -> str:
 
 @catalogue_entry
 def too_many_operations(*, maximum: int) -> str:
-    return f"an expression has at most {maximum} numbers, names and operations: simplify it"
+    return f"an expression can have at most {maximum} numbers, names and operations: simplify it"
 
 
 @catalogue_entry
 def expression_nested_too_deep(*, maximum: int) -> str:
-    return f"an expression is nested at most {maximum} times: simplify it"
+    return f"an expression can be nested at most {maximum} levels deep: simplify it"
 
 
 @catalogue_entry
@@ -126,7 +127,7 @@ def unsupported_tag(*, tag: str) -> str:
 
 @catalogue_entry
 def text_too_long(*, characters: int, maximum: int) -> str:
-    return f"it has {characters} characters, at most {maximum} are accepted: shorten it"
+    return f"it has {characters} characters, but at most {maximum} are allowed: shorten it"
 
 
 @catalogue_entry
@@ -136,7 +137,7 @@ def not_yaml_or_json(*, reason: str) -> str:
 
 @catalogue_entry
 def not_an_experiment() -> str:
-    return "an experiment is a mapping with format, name, title and phases"
+    return "an experiment must be a mapping with format, name, title and phases"
 
 
 @catalogue_entry
@@ -151,12 +152,12 @@ def not_json(*, reason: str) -> str:
 
 @catalogue_entry
 def text_nested_too_deep(*, maximum: int) -> str:
-    return f"it is nested deeper than {maximum} times"
+    return f"it is nested more than {maximum} levels deep"
 
 
 @catalogue_entry
 def key_not_a_text(*, key: object) -> str:
-    return f"the key {key!r} is not a text"
+    return f"the key {key!r} is not text"
 
 
 @catalogue_entry
@@ -204,7 +205,7 @@ def list_is_empty() -> str:
 
 @catalogue_entry
 def invalid_name() -> str:
-    return "a name has letters, digits and _, begins with a letter and is 40 characters at most"
+    return "use at most 40 letters, digits and _, a letter first"
 
 
 @catalogue_entry
@@ -230,8 +231,8 @@ def formula_without_signal(*, expression: str, known: str) -> str:
 
 @catalogue_entry
 def wrong_number_of_arguments(*, function: str, minimum: int, maximum: int, count: int) -> str:
-    expected = f"{minimum}" if minimum == maximum else f"{minimum} to {maximum}"
-    return f"{function} takes {expected} values, here are {count}"
+    expected = format_count(minimum, "value") if minimum == maximum else f"{minimum} to {maximum} values"
+    return f"{function} takes {expected}, but got {count}"
 
 
 @catalogue_entry
@@ -284,7 +285,7 @@ def bias_not_calibrated_at(*, S: float, calibrated_S: tuple[float, ...]) -> str:
 
 @catalogue_entry
 def too_many_contact_changes(*, maximum: int) -> str:
-    return f"{maximum} changes of the contact reaction are the maximum: split the experiment"
+    return f"at most {maximum} changes of the contact reaction are allowed: split the experiment"
 
 
 @catalogue_entry
@@ -314,7 +315,7 @@ def no_motion() -> str:
 
 @catalogue_entry
 def too_many_parts(*, maximum: int) -> str:
-    return f"{maximum} parts are the maximum, including repetitions"
+    return f"at most {maximum} parts are allowed, including repetitions: remove some"
 
 
 @catalogue_entry
@@ -324,12 +325,12 @@ def crest_defined_twice() -> str:
 
 @catalogue_entry
 def fewer_lines_or_longer_period(*, maximum_Hz: float) -> str:
-    return f"{maximum_Hz:g} Hz is the maximum: choose fewer lines or a longer period"
+    return f"choose fewer lines or a longer period, so that it is at most {maximum_Hz:g} Hz"
 
 
 @catalogue_entry
 def too_many_tunings(*, maximum: int) -> str:
-    return f"{maximum} changes of the tuning are the maximum: split the experiment"
+    return f"at most {maximum} changes of the tuning are allowed: split the experiment"
 
 
 @catalogue_entry
@@ -342,7 +343,7 @@ def reference_beyond_obstacle(*, q_ref: float, q_wall: float) -> str:
 
 @catalogue_entry
 def too_many_obstacles(*, maximum: int) -> str:
-    return f"{maximum} changes of the obstacle are the maximum: split the experiment"
+    return f"at most {maximum} changes of the obstacle are allowed: split the experiment"
 
 
 @catalogue_entry
@@ -408,7 +409,7 @@ def program_in_unknown_form() -> str:
 
 @catalogue_entry
 def not_a_list_of_segments(*, meaning: str) -> str:
-    return f"it needs a {meaning}"
+    return f"it must be a {meaning}"
 
 
 @catalogue_entry
@@ -454,14 +455,17 @@ def excitation_slackens_tendon() -> str:
 
 @catalogue_entry
 def excitation_saturates(*, u: float, u_max: float) -> str:
-    return f"the motors would need {u:.1f} V of {u_max:g} V: use a smaller amplitude or a longer chip"
+    return (
+        f"the motors would need {u:.1f} V, but at most {u_max:g} V is available: use a smaller amplitude or a longer "
+        "chip"
+    )
 
 
 @catalogue_entry
 def excitation_moves_too_little(*, counts: float, minimum: float) -> str:
     return (
-        f"not enough motion: {counts:.1f} encoder counts expected, {minimum:g} needed: "
-        "use a longer chip or a larger amplitude"
+        f"not enough motion: {counts:.1f} encoder counts are expected, but at least {minimum:g} are required: use a "
+        "longer chip or a larger amplitude"
     )
 
 

@@ -24,12 +24,12 @@ def number_too_large(*, number: str) -> str:
 
 @catalogue_entry
 def too_many_digits(*, number: str, digits: int, maximum: int) -> str:
-    return f"the whole number {number[:20]}... has {digits} digits: {maximum} at most are stored"
+    return f"the whole number {number[:20]}... has {digits} digits, but at most {maximum} are stored"
 
 
 @catalogue_entry
 def metadata_of_another_format(*, version: int) -> str:
-    return f"its metadata are not of format {version}: use the version of Sinew that wrote it"
+    return f"its metadata are not of format {version}: use the version of Sinew that wrote the file"
 
 
 @catalogue_entry
@@ -72,7 +72,7 @@ def csv_without_metadata() -> str:
 
 @catalogue_entry
 def heading_line_differs(*, line_number: int, line: str, expected: str, maximum: int) -> str:
-    return f"line {line_number} is “{line[:maximum]}” where “{expected[:maximum]}” belongs"
+    return f"line {line_number} is “{line[:maximum]}”, but must be “{expected[:maximum]}”"
 
 
 @catalogue_entry
@@ -97,7 +97,8 @@ def row_groups_too_large() -> str:
 
 @catalogue_entry
 def column_metadata_differ(*, column: str, metadata: Mapping[str, str]) -> str:
-    return f"{column} has {metadata}"
+    listed = ", ".join(f"{name} = {value}" for name, value in metadata.items())
+    return f"the metadata of {column} are {listed or 'missing'}"
 
 
 # MATLAB --------------------------------------------------------------------------------------------
@@ -106,8 +107,8 @@ def column_metadata_differ(*, column: str, metadata: Mapping[str, str]) -> str:
 @catalogue_entry
 def too_many_samples_for_matlab(*, content: str, samples: int, maximum: int) -> str:
     return (
-        f"{content} has {samples} samples, a MATLAB file of version 5 can contain {maximum} at most: "
-        "choose Parquet, which MATLAB reads with parquetread"
+        f"{content} has {samples} samples, but a MATLAB file of version 5 can contain at most {maximum}: choose "
+        "Parquet, which MATLAB reads with parquetread"
     )
 
 
@@ -152,7 +153,7 @@ def unknown_compression(*, compression: str) -> str:
 @catalogue_entry
 def chunk_too_large(*, size: int, maximum: int) -> str:
     return (
-        f"a chunk of it decompresses to {size} bytes, but {maximum} are the maximum, and an export "
+        f"a chunk of it decompresses to {size} bytes, but at most {maximum} are accepted, and a chunk of an export "
         "has a million: export the run again"
     )
 
@@ -162,7 +163,7 @@ def chunk_too_large(*, size: int, maximum: int) -> str:
 
 @catalogue_entry
 def file_type_not_supported(*, supported: Sequence[str]) -> str:
-    return f"its type is not supported, choose one of {', '.join(f'.{kind}' for kind in supported)}"
+    return f"its type is not supported: choose one of {', '.join(f'.{kind}' for kind in supported)}"
 
 
 @catalogue_entry
@@ -223,7 +224,7 @@ def bundle_without_member(*, member: str) -> str:
 
 @catalogue_entry
 def manifest_of_another_format(*, manifest: str, version: int) -> str:
-    return f"{manifest} is not of format {version}: use the version of Sinew that wrote it"
+    return f"{manifest} is not of format {version}: use the version of Sinew that wrote the file"
 
 
 @catalogue_entry
@@ -248,7 +249,7 @@ def content_changed(*, name: str, manifest: str) -> str:
 
 @catalogue_entry
 def records_of_another_run(*, run_id: int, manifest: str, records: str) -> str:
-    return f"{manifest} is of run {run_id}, {records} of another run"
+    return f"{manifest} is of run {run_id}, but {records} is of another run"
 
 
 @catalogue_entry
@@ -276,7 +277,7 @@ def member_unreadable(*, member: str, reason: str) -> str:
 
 @catalogue_entry
 def wrong_number_of_samples(*, samples: int, stated: int) -> str:
-    return f"it holds {samples} samples, its metadata state {stated}"
+    return f"the number of its samples is {samples}, but its metadata state {stated}"
 
 
 @catalogue_entry

@@ -8,7 +8,7 @@ from plant import catalogue_entry
 
 @catalogue_entry
 def packet_too_long(*, message_type: str, size_bytes: int, maximum_bytes: int) -> str:
-    return f"{message_type} takes {size_bytes} bytes, at most {maximum_bytes} can be sent: shorten it"
+    return f"{message_type} takes {size_bytes} bytes, but at most {maximum_bytes} can be sent: shorten it"
 
 
 @catalogue_entry
@@ -50,12 +50,12 @@ def law_requires_pretension(*, law: str) -> str:
 
 @catalogue_entry
 def safety_module_requires_pretension() -> str:
-    return "the safety module can be tested only while both tendons hold the pretension"
+    return "the safety module can be tested only while both tendons are at the pretension"
 
 
 @catalogue_entry
 def baseline_gains_fixed() -> str:
-    return "the gains of a baseline law are fixed while its program runs: wait for its end or stop it"
+    return "the gains of a baseline law are fixed while its program runs: wait for its end or abort it"
 
 
 @catalogue_entry
@@ -66,12 +66,12 @@ def references_not_in_mode(*, mode: str) -> str:
 @catalogue_entry
 def mode_change_not_legal(*, current: str, wanted: str, legal: tuple[str, ...]) -> str:
     names = ", ".join(legal) or "none: wait for the end of the stop, then reset the fault if there is one"
-    return f"{current} cannot change to {wanted}; legal now: {names}"
+    return f"{current} cannot change directly to {wanted}; legal now: {names}"
 
 
 @catalogue_entry
 def mode_requires_taut_tendons(*, mode: str, tension_N: float) -> str:
-    return f"{mode} is possible only after both tendons hold {tension_N:g} N"
+    return f"{mode} is possible only after both tendons have reached {tension_N:g} N"
 
 
 # Contact -------------------------------------------------------------------------------------------
@@ -80,7 +80,7 @@ def mode_requires_taut_tendons(*, mode: str, tension_N: float) -> str:
 
 @catalogue_entry
 def bias_not_increasing() -> str:
-    return "the points of the external-force bias must have increasing S: the bias is unchanged"
+    return "the points of the external-force bias must be finite and have increasing S: the bias is unchanged"
 
 
 @catalogue_entry
@@ -222,7 +222,7 @@ def plant_without_end_switch() -> str:
 
 @catalogue_entry
 def tendons_too_taut(*, F_A: float, F_B: float, maximum_N: float) -> str:
-    return f"the tendons hold {F_A:.1f} N and {F_B:.1f} N, at most {maximum_N:g} N is safe: slacken the tendons"
+    return f"the tensions are {F_A:.1f} N and {F_B:.1f} N, but at most {maximum_N:g} N is safe: slacken the tendons"
 
 
 @catalogue_entry
@@ -241,7 +241,7 @@ def unknown_command(*, command: str) -> str:
 
 @catalogue_entry
 def command_failed(*, command: str, reason: str) -> str:
-    return f"{command} ended in {reason}"
+    return f"{command} failed: {reason}"
 
 
 @catalogue_entry
@@ -322,14 +322,14 @@ def first_message_not_setup(*, message_type: str) -> str:
 
 @catalogue_entry
 def not_a_ring_buffer(*, fd: int) -> str:
-    return f"file descriptor {fd} holds no ring buffer"
+    return f"file descriptor {fd} does not refer to a ring buffer"
 
 
 @catalogue_entry
 def ring_buffer_of_other_version(*, width: int, expected: int) -> str:
     return (
-        f"the ring buffer has rows of {width} values, this version's samples have {expected}: "
-        "both processes must run the same version"
+        f"the ring buffer has rows of {width} values, but the samples of this version have {expected}: both "
+        "processes must run the same version"
     )
 
 

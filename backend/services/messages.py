@@ -235,9 +235,7 @@ def bias_not_measured(*, reason: str) -> str:
 
 @catalogue_entry
 def contact_reaction_needs_bias() -> str:
-    return (
-        "the contact reaction requires a calibrated external-force bias: hold the joint at rest and calibrate it first"
-    )
+    return "contact reaction requires a calibrated external-force bias: hold the joint at rest and calibrate it first"
 
 
 @catalogue_entry

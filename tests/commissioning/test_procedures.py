@@ -30,11 +30,13 @@ from backend.realtime.commands import (
     SwitchDrives,
     TryModule,
 )
+from backend.realtime.messages import safety_module_requires_pretension
 from backend.realtime.modes import MODE_CODE, HomingEnd, Mode
 from backend.sample import INDEX
 from plant.interface import InjectedFault, InjectedFaultKind, MotorCommand, Sensor
 from plant.manual_input import ManualInput
 from plant.message import Message
+from plant.messages import directions_not_proven
 from tests.commissioning.rigs import WIRING, CommissionedRig, played, with_entries
 
 # Every step on a virtual card: correct wiring passes, and the responsible step finds each error.
@@ -223,7 +225,7 @@ def test_homing_reports_its_findings_and_withdraws_contradicted_directions() -> 
     rig.rig.prove_directions(proven=True)
     (finding,) = played(rig, StepId.HOME)
     assert (why(finding).code, why(finding).values["cause"]) == ("not_homed", HomingEnd.MOTOR_OFF)
-    assert "directions are not proven" in rig.rig.unproven
+    assert directions_not_proven() in rig.rig.unproven
 
 
 def test_homing_takes_the_end_switch_for_where_it_is() -> None:
@@ -265,7 +267,7 @@ def test_a_step_that_contradicts_the_wiring_withdraws_at_once_what_was_proven(
     assert ready == ""
     assert not finding.passed
     assert isinstance(after, Refused)
-    assert "directions are not proven" in after.reason
+    assert directions_not_proven() in after.reason
 
 
 # Pretension and trip of the safety module: invalid readings and other stops do not pass.
@@ -401,7 +403,7 @@ def test_the_other_checks_are_armed_while_the_loop_goes_on_to_command() -> None:
         early, fault, u_A = asyncio.run(work())
     finally:
         rig.loop.close()
-    assert "both tendons hold the pretension" in early.reason
+    assert early.reason == safety_module_requires_pretension()
     assert fault == FAULT_CODE[Fault.SENSOR_JUMP]
     assert u_A == 0.0
 

@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from backend.experiments.messages import wrong_number_of_arguments
 from backend.experiments.parser import (
     SIGNAL_NAMES,
     ExpressionError,
@@ -203,9 +204,9 @@ def test_it_says_what_the_language_of_experiments_says(q: float, S: float, expre
         ("q.real", "is not supported"),
         ("__import__('os')", "is not supported"),
         ("'text' if q else 1", "is not supported"),
-        ("sqrt(q, 2)", "sqrt takes 1 values, here are 2"),
-        ("min(q)", "min takes 2 to 50 values, here are 1"),
-        ("abs()", "abs takes 1 values"),
+        ("sqrt(q, 2)", wrong_number_of_arguments(function="sqrt", minimum=1, maximum=1, count=2)),
+        ("min(q)", wrong_number_of_arguments(function="min", minimum=2, maximum=50, count=1)),
+        ("abs()", wrong_number_of_arguments(function="abs", minimum=1, maximum=1, count=0)),
         ("round(q, ndigits=1)", "is not supported"),
         ("[q for q in q]", "is not supported"),
         ("q" + " + q" * 200, "characters"),
