@@ -52,24 +52,22 @@ def data_folder_lock_lost(*, lock: Path, reason: str) -> str:
 
 @catalogue_entry
 def data_folder_path_in_use(*, folder: Path) -> str:
-    return (
-        f"another service works on the folder {folder}, or on an earlier folder at this path: stop it or choose --data"
-    )
+    return f"another service uses the folder {folder}, or an earlier folder at this path: stop it or choose --data"
 
 
 @catalogue_entry
 def data_folder_in_use(*, folder: Path) -> str:
-    return f"another service works on the folder {folder}: stop it or choose --data"
+    return f"another service uses the folder {folder}: stop it or choose --data"
 
 
 @catalogue_entry
 def service_is_starting(*, folder: Path) -> str:
-    return f"the service on the folder {folder} is still starting: try again after it has printed its address"
+    return f"the service that uses the folder {folder} is still starting: try again after it has printed its address"
 
 
 @catalogue_entry
 def no_service(*, folder: Path) -> str:
-    return f"no service works on the folder {folder}: start it with `sinew serve`, or choose --data"
+    return f"no service uses the folder {folder}: start it with `sinew serve`, or choose --data"
 
 
 @catalogue_entry

@@ -14,8 +14,8 @@ def not_signed_in() -> str:
 @catalogue_entry
 def stop_without_session() -> str:
     return (
-        "nothing was stopped, not signed in: sign in again with the link that the service printed at its start, or "
-        "with a token of the data folder"
+        "nothing was stopped, because you are not signed in: sign in again with the link that the service printed at "
+        "its start, or with a token of the data folder"
     )
 
 
@@ -51,4 +51,4 @@ def temporary_tuning_active() -> str:
 
 @catalogue_entry
 def trial_in_progress() -> str:
-    return "a trial is in progress: keep or revert the tuning before saving"
+    return "a trial is in progress: keep or revert its tuning first"

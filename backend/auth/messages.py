@@ -88,7 +88,7 @@ def command_without_token(*, header: str) -> str:
 
 @catalogue_entry
 def recipient_not_connected(*, name: str) -> str:
-    return f"{name} is not another operator with an open page: choose a connected operator"
+    return f"no other operator named {name} has an open page: choose a connected operator"
 
 
 @catalogue_entry

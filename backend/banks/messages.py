@@ -16,8 +16,8 @@ def no_identifications() -> str:
 @catalogue_entry
 def other_parameters(*, name: str, parameter: str, recorded: object, current: object) -> str:
     return (
-        f"{name} was made with other parameters: {parameter} was {recorded}, it is {current} now; "
-        "identify again, or use the parameters of that run"
+        f"{name} was made with other parameters: {parameter} was {recorded}, but is now {current}; identify again, "
+        "or use the parameters of that run"
     )
 
 
@@ -116,7 +116,7 @@ def wrong_number_of_entries(*, maximum: int) -> str:
 
 @catalogue_entry
 def unknown_key(*, name: str, known: str) -> str:
-    return f"{name} may have {known} and nothing else"
+    return f"{name} may contain only {known}"
 
 
 @catalogue_entry

@@ -41,8 +41,8 @@ def unknown_method(*, name: str, known: str) -> str:
 @catalogue_entry
 def folder_used_by_another_version(*, folder: str) -> str:
     return (
-        f"a service or command of another version works on {folder}, and this version "
-        "would migrate its database: stop the other one first"
+        f"a service or command of another version uses {folder}, and this version would migrate its database: stop "
+        "the other one first"
     )
 
 
@@ -53,7 +53,7 @@ def database_is_on_a_server() -> str:
 
 @catalogue_entry
 def database_in_use(*, holder: str, file: str) -> str:
-    return f"{holder} works on {file}, from another folder: stop it first; nothing was changed"
+    return f"{holder} uses {file} from another folder: stop it first; nothing was changed"
 
 
 # Reports -------------------------------------------------------------------------------------------
@@ -91,4 +91,4 @@ def input_ended() -> str:
 
 @catalogue_entry
 def given_up() -> str:
-    return "given up"
+    return "cancelled by the operator"

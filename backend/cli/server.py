@@ -35,6 +35,7 @@ from backend.cli.options import (
     open_configured_database,
 )
 from backend.cli.output import AsJson, angle_unit, console, fail, print_json, print_table, restore_garbage_collection
+from backend.messages import no_service
 from backend.units import format_quantity, parse_quantity
 
 if TYPE_CHECKING:
@@ -192,7 +193,7 @@ def foxglove(
     os.setpriority(os.PRIO_PROCESS, 0, BACKGROUND_NICENESS)  # below the control loop and the service
     settings = load_settings(data=data)
     if read_service_address(settings.data) is None:
-        fail(f"no service works on the folder {settings.data}: start it with `sinew serve`, or choose --data")
+        fail(no_service(folder=settings.data))
     local_token = secrets.token_urlsafe(24)
     """Token if the service requires none: any web page may open a connection to a port of this machine."""
 

@@ -382,7 +382,7 @@ async def serve_foxglove(
             while True:
                 source = find_source()
                 if source is None:
-                    has_received, why = False, "no service works on the folder"
+                    has_received, why = False, "no service uses the folder"
                 else:
                     key = key_of(source)
                     await gateway.accept_key(key)

@@ -25,7 +25,7 @@ def vendor_server_ended() -> str:
 
 @catalogue_entry
 def request_is_not_json() -> str:
-    return "this is not JSON"
+    return "the request is not JSON"
 
 
 @catalogue_entry

@@ -37,7 +37,7 @@ def range_between_samples() -> str:
 
 @catalogue_entry
 def signals_not_recorded(*, signals: Sequence[str], recorded: Sequence[str]) -> str:
-    return f"no signal {', '.join(signals)} in this recording; it has {', '.join(recorded)}"
+    return f"this recording has no signal {', '.join(signals)}; it has {', '.join(recorded)}"
 
 
 @catalogue_entry
@@ -60,7 +60,7 @@ def runs_not_removable(*, refused: Sequence[int], removable: Sequence[int]) -> s
 
 @catalogue_entry
 def run_came_into_use(*, run_id: int) -> str:
-    return f"run {run_id} has come into use in the meantime; its samples are kept"
+    return f"run {run_id} is now in use: its samples are kept"
 
 
 @catalogue_entry

@@ -46,14 +46,14 @@ def page_of_another_version(
     *, reported: str | None, reported_layout: str, installed: str, installed_layout: str
 ) -> str:
     return (
-        f"the visible page: Sinew {reported}, layout {reported_layout} wrote it, "
-        f"this installation has Sinew {installed}, layout {installed_layout}"
+        f"the visible page: Sinew {reported}, layout {reported_layout} wrote it, but this installation has Sinew "
+        f"{installed}, layout {installed_layout}"
     )
 
 
 @catalogue_entry
 def output_of_another_version(*, name: str, reported: str | None, installed: str | None) -> str:
-    return f"the output of {name}: the report manifest names version {reported}, this installation has {installed}"
+    return f"the output of {name}: the report manifest names version {reported}, but this installation has {installed}"
 
 
 @catalogue_entry
@@ -101,8 +101,9 @@ def report_of_a_series() -> str:
 @catalogue_entry
 def result_of_other_definitions(*, version: int, current: int, run_id: int) -> str:
     return (
-        f"the result: it was computed by version {version} of the definitions of metrics and criteria, this version of "
-        f"Sinew uses version {current}: recompute it with `sinew runs evaluate {run_id}`, and export the report again"
+        f"the result: it was computed by version {version} of the definitions of metrics and criteria, but this "
+        f"version of Sinew uses version {current}: recompute it with `sinew runs evaluate {run_id}`, and export the "
+        "report again"
     )
 
 
@@ -200,7 +201,7 @@ def run_is_a_session(*, run_id: int) -> str:
 
 @catalogue_entry
 def run_not_ended(*, run_id: int) -> str:
-    return f"run {run_id} has not ended yet: leave it out, or wait for its end"
+    return f"run {run_id} has not ended: leave it out, or wait for its end"
 
 
 @catalogue_entry
@@ -213,7 +214,7 @@ def too_many_samples(*, samples: int, maximum: int) -> str:
 
 @catalogue_entry
 def sheet_too_large(*, quantity: str, number: int, maximum: int, remedy: str) -> str:
-    return f"{quantity}: this sheet of charts has {number} or more, at most {maximum} are drawn: {remedy}"
+    return f"{quantity}: this sheet of charts has {number} or more, but at most {maximum} are drawn: {remedy}"
 
 
 @catalogue_entry
@@ -235,7 +236,7 @@ def root_is_not_svg(*, element: str) -> str:
 
 @catalogue_entry
 def element_not_allowed(*, element: str, allowed: Sequence[str]) -> str:
-    return f"it has an element <{element}>; allowed in a sheet are only {', '.join(allowed)}"
+    return f"it has an element <{element}>; a sheet may contain only {', '.join(allowed)}"
 
 
 @catalogue_entry
@@ -255,9 +256,9 @@ def side_out_of_range(*, side: str, length_mm: float, minimum_mm: float, maximum
 
 @catalogue_entry
 def document_type_not_allowed() -> str:
-    return "it has a document type (<!DOCTYPE>), which a sheet does not need: entities are not read"
+    return "it has a document type (<!DOCTYPE>), which is not allowed in a chart sheet"
 
 
 @catalogue_entry
 def instruction_not_allowed(*, instruction: str) -> str:
-    return f"it has a processing instruction <?{instruction}?>"
+    return f"it has a processing instruction <?{instruction}?>, which is not allowed in a chart sheet"

@@ -20,17 +20,17 @@ def text_not_supported() -> str:
 
 @catalogue_entry
 def message_too_large(*, size_bytes: int, maximum_bytes: int) -> str:
-    return f"a message has {size_bytes} bytes, at most {maximum_bytes} are accepted"
+    return f"a message has {size_bytes} bytes, but at most {maximum_bytes} are accepted"
 
 
 @catalogue_entry
 def too_many_messages(*, maximum_per_s: float) -> str:
-    return f"more than {maximum_per_s:g} messages a second"
+    return f"the browser sent more than {maximum_per_s:g} messages per second"
 
 
 @catalogue_entry
 def too_many_viewers(*, maximum: int) -> str:
-    return f"{maximum} viewers have the scene open already"
+    return f"{maximum} viewers already have the scene open"
 
 
 @catalogue_entry

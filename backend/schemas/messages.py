@@ -27,7 +27,7 @@ def unknown_name(*, label: str) -> str:
 
 @catalogue_entry
 def text_required(*, label: str) -> str:
-    return f"{label}: a text is required"
+    return f"{label}: text is required"
 
 
 @catalogue_entry
@@ -57,12 +57,12 @@ def unknown_choice(*, label: str, value: str, legal: str) -> str:
 
 @catalogue_entry
 def number_required(*, label: str, unit: str) -> str:
-    return f"{label}: a number is needed{f' in {unit}' if unit else ''}"
+    return f"{label}: a number{f' in {unit}' if unit else ''} is required"
 
 
 @catalogue_entry
 def whole_number_required(*, label: str, unit: str) -> str:
-    return f"{label}: a whole number is needed{f' in {unit}' if unit else ''}"
+    return f"{label}: a whole number{f' in {unit}' if unit else ''} is required"
 
 
 @catalogue_entry
@@ -82,12 +82,12 @@ def not_a_boolean(*, label: str, value: str) -> str:
 
 @catalogue_entry
 def too_many_characters(*, label: str, length: int, maximum: int) -> str:
-    return f"{label}: {length} characters are too many; {maximum} at most"
+    return f"{label}: too many characters ({length}); at most {maximum} are allowed"
 
 
 @catalogue_entry
 def too_many_items(*, label: str, length: int, maximum: int) -> str:
-    return f"{label}: {length} are too many; {maximum} at most"
+    return f"{label}: too many items ({length}); at most {maximum} are allowed"
 
 
 @catalogue_entry
@@ -97,12 +97,12 @@ def empty_text(*, label: str) -> str:
 
 @catalogue_entry
 def too_few_characters(*, label: str, length: int, minimum: int) -> str:
-    return f"{label}: {length} characters are too few; {minimum} at least"
+    return f"{label}: too few characters ({length}); at least {minimum} are required"
 
 
 @catalogue_entry
 def too_few_items(*, label: str, length: int, minimum: int) -> str:
-    return f"{label}: {length} are too few; {minimum} at least"
+    return f"{label}: too few items ({length}); at least {minimum} are required"
 
 
 # Chart layouts -------------------------------------------------------------------------------------

@@ -105,8 +105,8 @@ def upgrade_missing(*, path: str, origin: str) -> str:
 @catalogue_entry
 def page_not_found(*, path: str) -> str:
     return (
-        f"There is no page at {path}. The dashboard is at /. If a reverse proxy serves it below a path, start "
-        "the service with --public-url and the whole address, such as https://rig.lab/sinew/."
+        f"there is no page at {path}. The dashboard is at /. If a reverse proxy serves it below a path, start the "
+        "service with --public-url and the whole address, such as https://rig.lab/sinew/"
     )
 
 

@@ -39,8 +39,8 @@ def no_robust_lambda(*, maximum_s: float, M_s: float) -> str:
 @catalogue_entry
 def no_lambda_for_both_motors(*, minimum_s: float, maximum_s: float) -> str:
     return (
-        f"no λ_motor is robust for both motors: one needs {Quantity(minimum_s, 's'):.3g} at least, one "
-        f"{Quantity(maximum_s, 's'):.3g} at most"
+        f"no λ_motor is robust for both motors: one needs at least {Quantity(minimum_s, 's'):.3g}, the other at most "
+        f"{Quantity(maximum_s, 's'):.3g}"
     )
 
 

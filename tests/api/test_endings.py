@@ -94,7 +94,7 @@ def test_a_data_folder_taken_away_is_told_and_nothing_is_lost_once_it_is_back(tm
         wait_for_problems(operator, f"the data folder {data} was deleted, moved or replaced")
         second = sinew("serve", "--port", "0", "--data", str(data))
         assert second.returncode == 1
-        assert "another service works on the folder" in second.stderr
+        assert "another service uses the folder" in second.stderr
         wait_for_problems(operator, "samples cannot be stored")
         aside.rename(data)
         wait_for_problems(operator, "")

@@ -48,7 +48,7 @@ def test_what_is_no_sheet_is_refused_in_words(operator: httpx.Client) -> None:
     assert answer.status_code == 422
     problem = answer.json()["error"]
     assert problem["code"] == "not_a_sheet"
-    assert problem["message"].startswith("this is not a chart sheet: it has an element <script>; allowed in a sheet")
+    assert problem["message"].startswith("this is not a chart sheet: it has an element <script>; ")
 
 
 def test_a_sheet_that_is_too_large_is_refused_before_it_is_read(operator: httpx.Client) -> None:

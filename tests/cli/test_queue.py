@@ -91,4 +91,4 @@ def test_what_the_service_refuses_is_told_in_its_words(service: Service, words: 
 def test_without_a_service_it_says_so(tmp_path: Path) -> None:
     refused: subprocess.CompletedProcess[str] = sinew("queue", "show", folder=tmp_path)
     assert refused.returncode == 1
-    assert f"no service works on the folder {tmp_path}" in refused.stderr
+    assert f"no service uses the folder {tmp_path}" in refused.stderr

@@ -100,7 +100,7 @@ def test_stop_is_on_the_page_of_somebody_who_is_signed_out(browser: Browser, ser
     expect(said).to_contain_text(
         "Zero volts in"
         if lapsed
-        else "STOP NOT CONFIRMED: use the stop at the machine. nothing was stopped, not signed in"
+        else "STOP NOT CONFIRMED: use the stop at the machine. nothing was stopped, because you are not signed in"
     )
     context.close()
 
