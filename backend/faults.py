@@ -68,7 +68,7 @@ EXPLANATIONS: dict[Fault, Explanation] = {
     ),
     Fault.SLACK: Explanation(
         "A tendon was slack for too long.",
-        "Check both tendons and load cells; reset, go through pretension again, then use a higher stiffness.",
+        "Check both tendons and load cells; reset, repeat pretension, then use a higher stiffness.",
     ),
     Fault.SENSOR_INVALID: Explanation(
         "A sensor returned no valid value.", "Check its cable and supply; reset when the reading is valid again."
@@ -80,22 +80,22 @@ EXPLANATIONS: dict[Fault, Explanation] = {
         "A sensor changed faster than the rig can move.", "Check connectors and shielding, then reset."
     ),
     Fault.IMPLAUSIBLE: Explanation(
-        "Tension and motor positions contradict each other.",
-        "Check for a slipped or torn tendon and the load cell's zero; reset and go through pretension again.",
+        "Tendon tension and encoder positions are inconsistent.",
+        "Check for a slipped or torn tendon and the load cell's zero; reset, then repeat pretension.",
     ),
     Fault.DEADLINES_MISSED: Explanation(
         "The control loop missed several deadlines in a row.",
         "Close other programs on this machine and check the control loop timing; then reset.",
     ),
     Fault.SERVICE_LOST: Explanation(
-        "The control loop lost the heartbeat of the service and stopped softly.", "See the service's log, then reset."
+        "The control loop lost the heartbeat of the service and stopped softly.", "Check the service log, then reset."
     ),
     Fault.OPERATOR_LOST: Explanation(
         "The connection to the page that held control was lost.", "Open the dashboard again, take control, then reset."
     ),
     Fault.SAFETY_MODULE: Explanation(
         "The independent safety module disabled the motors.",
-        "Remove the cause it shows, acknowledge it at the rig, then reset.",
+        "Remove the cause that the module shows, acknowledge the trip at the module, then reset.",
     ),
     Fault.PLANT_ERROR: Explanation(
         "The plant could not be read or written.", "Check the DAQ card and its connections, then reset."
@@ -124,7 +124,7 @@ EXPLANATIONS: dict[Fault, Explanation] = {
     ),
     Fault.INTERNAL_ERROR: Explanation(
         "The control loop failed because of an error in its own code.",
-        "Reset: this starts a new control loop. Keep the flight record and the log, and report them; "
+        "Reset: this starts a new control loop. Report the error with the flight record and the log; "
         "if the fault recurs, do not continue.",
     ),
 }

@@ -351,7 +351,7 @@ class FaultDescriber:
                     _format_reading("F_B", m.F_B, ".1f", "N"),
                     _format_reading("q", m.q, "", "rad"),
                 )
-                return Fault.SAFETY_MODULE, f"the loop read {', '.join(readings)} then"
+                return Fault.SAFETY_MODULE, f"at the trip, {', '.join(readings)}"
             case fault_detection.IMPLAUSIBLE_READING:
                 return describe_implausible_reading(fault, state.previous, state.newest, m, command)
             case fault_detection.SLACK:
@@ -359,7 +359,7 @@ class FaultDescriber:
                 slack, taut = _format_tensions(m, lambda F: F_slack > F)
                 return Fault.SLACK, f"{slack} below the limit of {F_slack:g} N for more than {SLACK_MAX_S:g} s{taut}"
             case _:
-                return Fault.DEADLINES_MISSED, f"{missed} periods of 1 ms missed in a row"
+                return Fault.DEADLINES_MISSED, f"{missed} consecutive periods of 1 ms missed"
 
     def find_static_fault(self, m: Measurement, card_reading: RawReading = NO_RAW) -> tuple[Fault, str]:
         """Return the fault that one measurement shows without its history."""

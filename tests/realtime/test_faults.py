@@ -365,7 +365,7 @@ WITHOUT_UNIT = re.compile(r"(?<![\w.-])-?\d+(?:\.\d+)?(?![\d.]|:? (?:rad|N|V|s|m
         ),
         (
             InjectedFault(InjectedFaultKind.DRIFT_DOWN, Sensor.THETA_A),
-            r"Tension and motor positions contradict each other: F_A = .*",
+            r"Tendon tension and encoder positions are inconsistent: F_A = .*",
         ),
         (
             InjectedFault(InjectedFaultKind.SAFETY_TRIP),
@@ -398,7 +398,7 @@ def test_a_reading_that_is_no_number_is_told_without_a_unit(lab: PlantParameters
     seen = FaultDetectionState(*(len(FaultDetectionState._fields) * [None]))  # type: ignore[arg-type]
     m = NOT_MEASURED._replace(F_B=12.0)
     _, detail = FaultDescriber(lab).describe(tripped, seen, m, m, MotorCommand(0.0, 0.0), NO_RAW, 0)
-    assert detail == "the loop read no valid reading from F_A, F_B = 12.0 N, no valid reading from q then"
+    assert detail == "at the trip, no valid reading from F_A, F_B = 12.0 N, no valid reading from q"
 
 
 # What must not be in the loop is a trip at zero volts, told and recorded; that loop is not reset.

@@ -3719,7 +3719,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Remedy",
-        "Check both tendons and load cells; reset, go through pretension again, then use a higher stiffness."
+        "Check both tendons and load cells; reset, repeat pretension, then use a higher stiffness."
       ]
     ]
   },
@@ -3757,7 +3757,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A motor encoder did not move by a count for 0.1 s although its motor was driven; or a load cell did not change by even one digit while its motor turned by 2 rad; or a reading stayed constant while tension and encoders began to contradict each other (see implausible). A constant reading without motion is not a fault."
+        "A motor encoder did not move by a count for 0.1 s although its motor was driven; or a load cell did not change by even one digit while its motor turned by 2 rad; or a reading stayed constant while tension and encoders became inconsistent (see implausible). A constant reading without motion is not a fault."
       ],
       [
         "Reaction",
@@ -3802,7 +3802,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "fault",
     "name": "implausible",
     "term": "implausible",
-    "meaning": "Tension and motor positions contradict each other.",
+    "meaning": "Tendon tension and encoder positions are inconsistent.",
     "source": "docs/reference/faults.md",
     "more": [
       [
@@ -3819,7 +3819,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Remedy",
-        "Check for a slipped or torn tendon and the load cell's zero; reset and go through pretension again."
+        "Check for a slipped or torn tendon and the load cell's zero; reset, then repeat pretension."
       ]
     ]
   },
@@ -3869,7 +3869,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Remedy",
-        "See the service's log, then reset."
+        "Check the service log, then reset."
       ]
     ]
   },
@@ -3919,7 +3919,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Remedy",
-        "Remove the cause it shows, acknowledge it at the rig, then reset."
+        "Remove the cause that the module shows, acknowledge the trip at the module, then reset."
       ]
     ]
   },
@@ -4094,7 +4094,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Remedy",
-        "Reset: this starts a new control loop. Keep the flight record and the log, and report them; if the fault recurs, do not continue."
+        "Reset: this starts a new control loop. Report the error with the flight record and the log; if the fault recurs, do not continue."
       ]
     ]
   },
