@@ -180,7 +180,7 @@ class ControlHandover:
             self._close(handover, HandoverStatus.WITHDRAWN)  # taken over, which the lease has logged
         elif handover.status is HandoverStatus.ASKED and holder.user.session != handover.giver.session:
             handover.giver = holder.user  # the request now goes to the new holder
-            self._on_change(f"{name}'s request for control goes to {holder.user.name} now", "")
+            self._on_change(f"{name}'s request for control is now addressed to {holder.user.name}", "")
         elif holder.user.session != handover.giver.session:
             text = f"{self._get_name(handover.giver)} no longer holds control"
             self._close(handover, HandoverStatus.FREED, text)

@@ -248,7 +248,7 @@ def recordings(
         return
     total, limit = f"{found.total_bytes / 1e9:.3f} GB", f"{settings.recordings_GB:g} GB"
     console.print(
-        found.describe or f"recordings take {total}, limit {limit}: nothing needs to be deleted",
+        found.describe or f"recordings use {total}, limit {limit}: nothing needs to be deleted",
         highlight=False,
         markup=False,
     )

@@ -320,7 +320,7 @@ class Supervisor:
         self._ready.add_done_callback(lambda ready: ready.cancelled() or ready.exception())  # a start may be abandoned
         self._process, self._channel = launched.process, (channel := launched.channel)
         self.started_with = self.setup.commissioning_results
-        _LOG.info("Loop process %d started.", self._process.pid)
+        _LOG.info("Control loop process %d started.", self._process.pid)
         with suppress(ChannelClosedError):  # _watch detects and reports its end
             channel.send(encode(self.setup))
         asyncio.get_running_loop().add_reader(channel.fileno(), self._receive)
@@ -490,7 +490,7 @@ class Supervisor:
             channel.close()
         was_alive, self.granted, self._process = self.is_alive, None, None
         self._reason = _reason_of_end(status, self._reason)
-        _LOG.info("Loop process %d: %s", process.pid, self._reason)
+        _LOG.info("Control loop process %d: %s", process.pid, self._reason)
         died = LoopExitedError(messages.loop_not_running(reason=self._reason))
         if self._ready is not None and not self._ready.done():
             self._ready.set_exception(died)

@@ -48,7 +48,7 @@ class Overview:
         """One sentence if the limit is exceeded, else an empty string."""
         if self.total_bytes <= self.rule.max_bytes:
             return ""
-        takes = f"recordings take {_gigabytes(self.total_bytes)}, limit {_gigabytes(self.rule.max_bytes)}"
+        takes = f"recordings use {_gigabytes(self.total_bytes)}, limit {_gigabytes(self.rule.max_bytes)}"
         age = format_count(self.rule.keep_days, "day")
         if not self.may_go:
             return (
@@ -99,8 +99,8 @@ def _remove(database: Database, run: RetentionEntry, who: str) -> None:
     with database.session() as session:
         if next((held.in_use for held in recordings.load_held(session) if held.run_id == run.run_id), True):
             raise NotRemovableError(messages.run_came_into_use(run_id=run.run_id))
-        recordings.mark_removed(session, run.run_id, f"the samples were deleted by {who} on {day} to make room")
-        text = f"samples of run {run.run_id} deleted to make room, {_gigabytes(run.size_bytes)}"
+        recordings.mark_removed(session, run.run_id, f"the samples were deleted by {who} on {day} to free storage")
+        text = f"samples of run {run.run_id} deleted to free storage, {_gigabytes(run.size_bytes)}"
         events.add(session, EventKind.RETENTION, text, who=who, run_id=run.run_id)
     more = True
     while more:

@@ -215,7 +215,7 @@ class _Capture:
         if self.have < self.armed.after:
             missing.append(f"{self.have * T_s:.3f} of {self.armed.after * T_s:.3f} s recorded after it: {self.ended}")
         if self.lost:
-            missing.append(f"{self.lost} samples are missing (nan): the service read too late")
+            missing.append(f"{self.lost} samples are missing (NaN): the service read too late")
         of = f", {self.number} of {self.armed.captures}" if self.armed.captures > 1 else ""
         return "; ".join([f"trigger: {self.armed.condition.describe()}{of}", *missing])
 

@@ -271,9 +271,7 @@ class ActuatorService:
         finally:
             self._stop_waiters.remove(waiter)
         if self.player.has_recording:
-            self._event_log.add_mark(
-                MarkKind.NOTE, "STOP was pressed: the recording is paused", stopped.arrived_tick, who
-            )
+            self._event_log.add_mark(MarkKind.NOTE, "STOP was pressed: playback paused", stopped.arrived_tick, who)
         else:
             self._event_log.add_mark(MarkKind.TRIP, EXPLANATIONS[Fault.STOP_PRESSED].message, stopped.arrived_tick, who)
         return self.live_state.build_stop_proof(stopped)

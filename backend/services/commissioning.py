@@ -158,7 +158,7 @@ class CommissioningResultStore:
         except Exception as error:
             _log.exception("The service could not store that the directions are wrong.")
             self.problem = (
-                f"Do {STEP[StepId.DIRECTION].title} again: the service could not store that "
+                f"Repeat {STEP[StepId.DIRECTION].title}: the service could not store that "
                 f"the directions are wrong ({error})."
             )
         finally:

@@ -185,7 +185,7 @@ class BiasSweep:
             self._view = None
             raise
         if self.is_running:  # not aborted meanwhile
-            self._task = asyncio.create_task(self._run(points, accepted.tick, who), name="learning over S")
+            self._task = asyncio.create_task(self._run(points, accepted.tick, who), name="calibration over S")
 
     async def stop(self, who: str) -> None:
         """Stop the sweep and restore S_ref.
@@ -266,7 +266,7 @@ class BiasSweep:
         """Restore S_ref from before the sweep, if the joint is still in mode run."""
         if self._live_state.mode is Mode.RUN and self._supervisor.is_alive:
             with suppress(RequestRejectedError, LoopExitedError):
-                await self._command_stiffness(self._start_references[1], why="as before the calibration")
+                await self._command_stiffness(self._start_references[1], why="restored after the calibration")
 
     def _set_progress(self, point: int, S_ref: float) -> None:
         self._view = SweepView(under_way=True, point=point, points=SWEEP_POINTS, S_ref=S_ref, why="")

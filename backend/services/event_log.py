@@ -21,7 +21,7 @@ from backend.supervision import Part
 # them.
 
 
-EVENT_LOG_PART = Part("The event log", "Events wait in memory meanwhile.")
+EVENT_LOG_PART = Part("The event log", "Events wait in memory until it has restarted.")
 
 BOUND = 10_000
 """Events that wait in memory while the database accepts none: several hours, a few MB."""

@@ -220,7 +220,7 @@ def _assess_actuator(
     # The worst run is one that fails because of voltage or slack; among feasible ones, that with the least motion.
     worst = min(predicted, key=lambda item: (item.is_feasible, item.q_counts))
     u_peak, F_min = max(item.u_peak_V for item in predicted), min(item.F_min_N for item in predicted)
-    label = "Peak-to-peak joint motion by the excitation alone"
+    label = "Peak-to-peak joint motion caused by the excitation alone"
     return _Assessment(
         figures=[
             Expectation(name="q_counts", label=label, value=worst.q_counts, unit="encoder counts"),

@@ -47,6 +47,7 @@ from backend.storage import (
     settings,
     stored_entry_name,
 )
+from backend.units import format_count
 from plant import PlantChoice, PlantKind, PlantParameters
 
 # Checklist -----------------------------------------------------------------------------------------
@@ -111,7 +112,7 @@ def _check_identification(
         )
     for other in before:
         if other is not None and other.created_at > estimate.created_at:
-            return _build_step(name, ChecklistState.OUTDATED, f"older than the identification of the {other.kind}", run)
+            return _build_step(name, ChecklistState.OUTDATED, f"older than the {other.kind} identification", run)
     return _build_step(name, ChecklistState.DONE, estimate.verdict, run)
 
 
@@ -142,17 +143,17 @@ def _check_bank(
         if run is not None and run.parameters != parameters:
             entry = next(stored_entry_name(one) for one in bank.entries if one.identification_id == source.id)
             detail = (
-                f"{title} does not match the plant parameters: its {entry} entry, run {run.id}, was "
-                "identified with others"
+                f"{title} does not match the plant parameters: its {entry} operating point (run {run.id}) was "
+                "identified with other parameters"
             )
             return _build_step("bank", ChecklistState.OUTDATED, detail, at=bank)
         newer = next((one for one in estimates if is_newer_at_same_point(one, source)), None)
         if newer is not None:
-            detail = f"{title} is older than the identification of run {newer.run_id} at the same point"
+            detail = f"{title} is older than the identification of run {newer.run_id} at the same operating point"
             return _build_step("bank", ChecklistState.OUTDATED, detail, at=bank)
     if bank.id != in_use:
         return _build_step("bank", ChecklistState.MISSING, f"{title} is built but not active: activate it", at=bank)
-    return _build_step("bank", ChecklistState.DONE, f"{title} in use", at=bank)
+    return _build_step("bank", ChecklistState.DONE, f"{title} is active", at=bank)
 
 
 def is_newer_at_same_point(one: Identification, source: Identification) -> bool:
@@ -187,7 +188,7 @@ def _check_experiment(run: Run | None, in_use: int | None) -> ChecklistStep:
     if run is None:
         return _build_step("experiment", ChecklistState.MISSING, "no experiment completed yet")
     if run.bank_id != in_use:
-        return _build_step("experiment", ChecklistState.OUTDATED, f"run {run.id} was made with another bank", run)
+        return _build_step("experiment", ChecklistState.OUTDATED, f"run {run.id} used another bank", run)
     return _build_step("experiment", ChecklistState.DONE, f"{run.kind}, run {run.id}", run)
 
 
@@ -198,7 +199,9 @@ def _check_report(session: Session, run: Run | None) -> ChecklistStep:
         one for form in ("html", "pdf") if (one := results.newest_report(session, run.id, form)) is not None
     ]
     if not stored_items:
-        return _build_step("report", ChecklistState.MISSING, f"run {run.id} has no report yet: open its report", run)
+        return _build_step(
+            "report", ChecklistState.MISSING, f"run {run.id} has no report yet: open the report to create it", run
+        )
     return _build_step("report", ChecklistState.DONE, f"created from run {run.id}", run)
 
 
@@ -351,7 +354,7 @@ class LineageGraph:
         if origins.BANKS in self._read_embedded(run):
             digest = None, "its bank was not imported with the run: import the run in a bundle, which contains the bank"
         elif banks_during_run.computed:
-            digest = None, f"the program computes the numbers of its banks: {', '.join(banks_during_run.computed)}"
+            digest = None, f"the program computes its bank numbers: {', '.join(banks_during_run.computed)}"
         return self._add_node(
             kind=LineageKind.GAINS, node="gains", title="Gains", detail=detail, digest=digest, origins=made_of
         )
@@ -375,8 +378,8 @@ class LineageGraph:
             return node
         newest = banks.newest_version(self._session, bank)
         marks = [f"version {newest} of this bank is newer"] if newest > bank.version else []
-        marks += ["an entry was identified again" for one in made_of if self._nodes[one].out_of_date][:1]
-        title, entries = f"{bank.name} v{bank.version}", f"{len(bank.entries)} entries"
+        marks += ["an operating point was identified again" for one in made_of if self._nodes[one].out_of_date][:1]
+        title, entries = f"{bank.name} v{bank.version}", format_count(len(bank.entries), "operating point")
         detail = entries if _list_sources(bank) else f"{entries}, imported"
         digest = document_digest(_extract_content(bank)), ""
         return self._add_node(
@@ -569,7 +572,7 @@ def _describe_difference(then: Document, now: Document) -> str:
 
 def _format_value(value: float | str | None) -> str:
     if value is None:
-        return "not there"
+        return "not defined"
     return f"{value:.6g}" if type(value) is float else str(value)
 
 

@@ -65,7 +65,7 @@ def build_mark(event: Event | LoopExited, now: int) -> Mark | None:
                 MarkKind.NOTE, f"contact: {F_ext_hat:.1f} N, threshold of the contact reaction {contact_N:g} N", tick
             )
         case BiasLost(tick):
-            return Mark(MarkKind.NOTE, "zeros set again: recalibrate the external-force bias", tick)
+            return Mark(MarkKind.NOTE, "encoder zeros set again: recalibrate the external-force bias", tick)
         case PushReleased(tick, why):
             return Mark(MarkKind.NOTE, f"push released: {why}", tick)
         case TuningChanged(tick, 0, lam_q, lam_S):
@@ -97,7 +97,7 @@ def build_mark(event: Event | LoopExited, now: int) -> Mark | None:
 # the number of missed samples.
 
 
-LIVE_STREAM_PART = Part("The live stream", "Charts and state were not updated meanwhile; no sample is lost.")
+LIVE_STREAM_PART = Part("The live stream", "Charts and state were not updated during the failure; no sample was lost.")
 
 RATE_HZ = 30.0
 """Frames per second."""

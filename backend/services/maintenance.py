@@ -117,7 +117,7 @@ def _build_backup_view(copy: Path) -> BackupView:
 # Retention -----------------------------------------------------------------------------------------
 
 
-MAINTENANCE_PART = Part("The check of the disk space of the recordings", "Recordings may exceed their limit unnoticed.")
+MAINTENANCE_PART = Part("The disk-space check for recordings", "Recordings may exceed their limit unnoticed.")
 
 CHECK_PERIOD_S = 600.0
 """Period of the check of the sizes [s]; a recording grows by 80 MB an hour."""

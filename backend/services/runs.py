@@ -268,7 +268,7 @@ def build_recorded_experiment(database: Database, run_id: int) -> RecordedExperi
     document = {
         "format": FORMAT,
         "name": f"as_run_{run_id}",
-        "title": f"As run {run_id}",
+        "title": f"References of run {run_id}",
         "description": _describe_recorded(run_id, found),
         **({} if made.law is Law.CASCADE else {"law": str(made.law)}),
         "phases": [{"name": "recorded", "title": "Recorded", "parts": found.parts}],

@@ -213,7 +213,7 @@ def build_safety_chain(
             name="loop",
             good=is_ticking,
             silent_s=link.silent_s,
-            says="last tick" if is_ticking else "no ticks; last sample",
+            says="last sample" if is_ticking else "no new samples; last sample",
         ),
         *build_downstream_links(
             supervisor.setup.plant, supervisor.card.state(), supervisor.watchdog_monitor, alive, fault
@@ -231,7 +231,7 @@ def _build_restarting_links(supervisor: Supervisor, link: LinkView, fault: Fault
     is_intact = not (card.expired or card.safety_tripped or monitor.is_watchdog_lost or fault is Fault.SAFETY_MODULE)
     return [
         ChainLinkView(name="service", good=True, silent_s=None, says="waiting for the control loop"),
-        ChainLinkView(name="loop", good=True, silent_s=None, says=f"is restarted: {link.restarting}"),
+        ChainLinkView(name="loop", good=True, silent_s=None, says=f"restarting {link.restarting}"),
         *(one.model_copy(update={"good": one.good or is_intact}) for one in downstream),
     ]
 
@@ -641,7 +641,7 @@ class LiveState:
             self.is_expected(fault),
         )
         if is_expected:
-            message, remedy = f"The bring-up provoked this trip: {message}", ""
+            message, remedy = f"The bring-up caused this trip: {message}", ""
         elif fault is Fault.SAFETY_MODULE and self.plant.simulated:
             remedy = (
                 "Remove the obstacle or the push that caused the trip, then reset: Reset also "

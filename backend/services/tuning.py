@@ -149,7 +149,7 @@ class TuningService:
     async def redo(self, who: str) -> TuningView:
         """Restore the tuning that the last undo has replaced. Raises like ``undo``."""
         stack, other = self._live_state.redo_stack, self._live_state.undo_stack
-        return await self._move_between_stacks(stack, other, "done again", messages.nothing_to_redo(), who)
+        return await self._move_between_stacks(stack, other, "redone", messages.nothing_to_redo(), who)
 
     async def _move_between_stacks(
         self, stack: deque[ResolvedTuning], other: deque[ResolvedTuning], done: str, nothing: str, who: str
@@ -347,7 +347,7 @@ class TuningService:
                 return
             restored = self._drop_unusable_rejection(before)
             tick = await self._send_tuning(restored) if self._supervisor.is_alive else self._set_active(restored)
-            ended = f"trial over, {cause}" if cause else "trial over"
+            ended = f"trial ended {cause}" if cause else "trial ended"
             self._event_log.add_mark(MarkKind.TUNING, f"{ended}: {restored.describe_difference(tried)}", tick, who)
 
     def _require_no_override(self) -> None:

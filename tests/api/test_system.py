@@ -253,9 +253,9 @@ def lines_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, level: str | None)
 def test_info_names_what_happens_with_its_identifiers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lines = lines_of(tmp_path, monkeypatch, "info")
     text = "\n".join(lines)
-    started = re.search(r"Loop process (\d+) started", text)
+    started = re.search(r"Control loop process (\d+) started", text)
     assert started is not None
-    assert f"Loop process {started[1]}: ended with status 0" in text
+    assert f"Control loop process {started[1]}: ended with status 0" in text
     assert re.search(r"The service started: plant simulator, data folder \S+, address http://127\.0\.0\.1:\d+", text)
     assert re.search(r"mode: off → pretension by operator", text)
     assert "The service stopped: " in text

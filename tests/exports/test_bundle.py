@@ -469,7 +469,7 @@ def test_a_bank_whose_number_is_computed_is_told(here: Database, tmp_path: Path)
     with refused(ExportError, "run_computes_bank", run_id=3, expression="1 + 1"):
         b"".join(bundle.write_bundle(here, run, None, tmp_path))
     (gains,) = [box for box in boxes(here, run).values() if box.kind == "gains"]
-    assert gains.no_sha256 == "the program computes the numbers of its banks: 1 + 1"
+    assert gains.no_sha256 == "the program computes its bank numbers: 1 + 1"
 
 
 def test_stations_on_one_database_each_get_their_own(there: Database, run: int, file: Path, tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def test_a_planned_restart_is_no_fault_of_the_chain(planned: bool) -> None:
     links = {one.name: one for one in build_safety_chain(cast(Supervisor, stand_in), None, link, Fault.NONE)}
     assert list(links) == ["page", "service", "loop", "watchdog", "safety_module"]
     assert [one.good for one in links.values()] == [True, planned, planned, planned, True]
-    assert links["loop"].says == ("is restarted: applying run 3" if planned else "no ticks; last sample")
+    assert links["loop"].says == ("restarting applying run 3" if planned else "no new samples; last sample")
 
 
 def test_links_of_a_package_are_unknown() -> None:

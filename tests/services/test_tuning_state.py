@@ -454,7 +454,7 @@ def test_undo_and_redo_of_each_part_of_a_tuning(database: Database, bank_walk: B
     with database.reading() as session:
         told = [event.text for event in events.find(session, limit=100)]
     assert "undone: λ_q 0.61 → 0.5 s" in told
-    assert "done again: λ_q 0.5 → 0.61 s" in told
+    assert "redone: λ_q 0.5 → 0.61 s" in told
     assert "undone: b 0.25 → 0" in told
     assert "undone: interpolate yes → no" in told
 

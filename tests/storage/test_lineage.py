@@ -306,7 +306,10 @@ def test_what_holds_no_more_is_marked_where_it_stands(database: Database) -> Non
         recordings.remove_chunks(session, source, 10)
     found = boxes(database, run)
     assert found[f"identification-{estimate.id}"].out_of_date == f"identified again in run {again}"
-    assert found[f"bank-{bank.id}"].out_of_date == "version 2 of this bank is newer; an entry was identified again"
+    assert (
+        found[f"bank-{bank.id}"].out_of_date
+        == "version 2 of this bank is newer; an operating point was identified again"
+    )
     data = found[f"data-{source}"]
     assert data.out_of_date == "the samples were deleted"
     assert data.sha256 is None

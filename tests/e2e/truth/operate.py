@@ -242,7 +242,7 @@ def _outside(found: Findings, moment: Moment) -> None:
         found.sentence("threshold of contacts", told, _template("reactionEnabled"), touch["contact_N"])
     elif sweep and sweep["under_way"]:
         found.sentence(
-            "learning over S", told, _template("sweepRunning"), sweep["point"], sweep["points"], sweep["S_ref"]
+            "calibration over S", told, _template("sweepRunning"), sweep["point"], sweep["points"], sweep["S_ref"]
         )
     rows = moment.shown.tables.get(OPERATE["calibration"], [])
     found.same("number of points that were learned", len(rows), len(touch["learned"]))
