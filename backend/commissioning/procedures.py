@@ -118,9 +118,9 @@ async def check_directions(context: ProcedureContext) -> StepFinding:
         figure
         for response in responses
         for figure in (
-            MeasuredNumber(f"motor {response.motor} turned by", to_finite(response.own), "rad"),
-            MeasuredNumber(f"joint moved by, with motor {response.motor}", to_finite(response.q), "rad"),
-            MeasuredNumber(f"tensions rose by, with motor {response.motor}", to_finite(response.F), "N"),
+            MeasuredNumber(f"rotation of motor {response.motor}", to_finite(response.own), "rad"),
+            MeasuredNumber(f"joint motion caused by motor {response.motor}", to_finite(response.q), "rad"),
+            MeasuredNumber(f"tension increase caused by motor {response.motor}", to_finite(response.F), "N"),
         )
     ]
     problems = [problem for response in responses for problem in find_direction_problems(response)]
@@ -242,7 +242,7 @@ async def home_joint(context: ProcedureContext) -> StepFinding:
         MeasuredNumber("largest voltage", to_finite(float(np.abs(motion[:, [INDEX["u_A"], INDEX["u_B"]]]).max())), "V"),
         MeasuredNumber("current joint position", to_finite(float(rows[-1, INDEX["q"]])), "rad"),
     )
-    return StepFinding(True, f"the joint's encoder counts from the end switch at {Angle(position):.4g}", figures)
+    return StepFinding(True, f"the joint encoder is zeroed at the end switch ({Angle(position):.4g})", figures)
 
 
 def _describe_end(cause: ModeCause) -> Message:
@@ -279,7 +279,7 @@ _REMOVE_LOAD = (
 async def tare_load_cells(context: ProcedureContext) -> StepFinding:
     """Set the mean voltage of 1 s without load as the zero of both load cells."""
     await context.switch_drives_off()
-    await context.request_action("Slacken both tendons and take everything off the load cells, and confirm", SLACK)
+    await context.request_action("Slacken both tendons, remove all load from the load cells, and confirm", SLACK)
     await context.release_rig()
     context.report_phase("measuring")
     rows = await context.record(AVERAGING_S)
@@ -431,7 +431,7 @@ async def apply_pretension(context: ProcedureContext) -> StepFinding:
     )
     if not is_near_pretension(F):
         raise StepFailedError(messages.not_at_pretension(F_A=F_A, F_B=F_B, pretension_N=PRETENSION_N))
-    return StepFinding(True, f"both tendons rose together to {PRETENSION_N:g} N", figures)
+    return StepFinding(True, f"both tensions rose together to {PRETENSION_N:g} N", figures)
 
 
 async def check_safety_module(context: ProcedureContext) -> StepFinding:
@@ -440,7 +440,7 @@ async def check_safety_module(context: ProcedureContext) -> StepFinding:
     The person lowers the limit of the module below the pretension. After the trip, the loop drives the motors for
     another DRIVE_TIME_S, so that only the module can release them.
     """
-    context.report_phase("winding up to the pretension")
+    context.report_phase("applying pretension")
     await _wind_up(context)
     before = await context.measure_mean("F_A", "F_B")
     first = context.loop.ring.count
@@ -465,12 +465,12 @@ async def check_safety_module(context: ProcedureContext) -> StepFinding:
     after = rows[-100:, [INDEX["F_A"], INDEX["F_B"]]].mean(axis=0)
     remaining_V = float(np.abs(rows[tripped:, [INDEX["u_A"], INDEX["u_B"]]]).max())
     figures = (
-        MeasuredNumber("tension before", to_finite(float(before.mean())), "N"),
+        MeasuredNumber("tension before the trip", to_finite(float(before.mean())), "N"),
         MeasuredNumber("voltage still applied to motor A", to_finite(float(volts[0])), "V"),
         MeasuredNumber("voltage still applied to motor B", to_finite(float(volts[1])), "V"),
-        MeasuredNumber("rotation of motor A meanwhile", to_finite(float(turned[0])), "rad"),
-        MeasuredNumber("rotation of motor B meanwhile", to_finite(float(turned[1])), "rad"),
-        MeasuredNumber("tension 1 s after", to_finite(float(after.mean())), "N"),
+        MeasuredNumber("rotation of motor A under this voltage", to_finite(float(turned[0])), "rad"),
+        MeasuredNumber("rotation of motor B under this voltage", to_finite(float(turned[1])), "rad"),
+        MeasuredNumber("tension 1 s after the trip", to_finite(float(after.mean())), "N"),
     )
     problem = None if remaining_V == 0.0 else messages.voltage_after_trip()
     problem = problem or find_uncut_drive(volts, turned)
@@ -515,7 +515,7 @@ def compute_peaks(F: Rows) -> tuple[float, float]:
 
 async def _wind_up(context: ProcedureContext) -> tuple[float, float]:
     """Apply pretension; return the highest tension and the largest difference of both [N]."""
-    context.report_phase("winding up")
+    context.report_phase("applying pretension")
     await context.request_action("Keep clear of the rig: the motors apply pretension. Confirm to begin")
     await context.release_rig()
     await context.switch_drives_on()
@@ -627,10 +627,10 @@ async def check_wiring(context: ProcedureContext) -> StepFinding:
         await context.record(0.3)
         rows = context.read_since(first)
         excursions = {sensor: _compute_excursion(average_blocks(rows, sensor.signal)) for sensor in group}
-        figures.append(MeasuredNumber(f"{wanted.words} moved by", to_finite(excursions[wanted]), wanted.unit))
+        figures.append(MeasuredNumber(f"{wanted.words}, change", to_finite(excursions[wanted]), wanted.unit))
         problems += _find_sensor_problems(context, wanted, excursions)
         if wanted in _ENCODERS:
-            await context.request_action("Turn it back to where it was, and confirm", SLACK)
+            await context.request_action("Turn it back to its initial position, and confirm", SLACK)
         await context.release_rig()
     if problems:
         return StepFinding(False, messages.several_problems(problems=tuple(dict.fromkeys(problems))), tuple(figures))
@@ -724,6 +724,6 @@ async def set_zero(context: ProcedureContext) -> StepFinding:
     how = "the end switch" if homing else "its zero mark"
     return StepFinding(
         True,
-        f"the joint's encoder counts from {how}",
+        f"the joint encoder is zeroed at {how}",
         (MeasuredNumber("joint position that was set", position, "rad"),),
     )

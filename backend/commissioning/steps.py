@@ -55,14 +55,14 @@ STEPS: tuple[CommissioningStep, ...] = (
         StepId.WIRING_TEST,
         "Wiring test",
         "Drives off, tendons slack. Turn the joint, then each motor, and pull at each tendon, as "
-        "prompted: each time the expected sensor has to change, in the expected direction.",
+        "prompted: each time, the expected sensor must change in the expected direction.",
         holds_days=30.0,
     ),
     CommissioningStep(
         StepId.TARE,
         "Tare",
         "Slacken both tendons and remove all load from the load cells: the mean voltage over 1 s becomes their "
-        "zero. The control loop restarts, so that the encoders lose their zero: repeat Zero afterwards.",
+        "zero. The control loop restarts and the encoder zeros are lost: repeat Zero afterwards.",
         holds_days=1.0,
         needs=(StepId.WIRING_TEST,),
     ),
@@ -70,7 +70,7 @@ STEPS: tuple[CommissioningStep, ...] = (
         StepId.CALIBRATE,
         "Calibration",
         "Hang two known weights on each load cell, one after the other: they determine slope and offset. "
-        "The control loop restarts, so that the encoders lose their zero: repeat Zero afterwards.",
+        "The control loop restarts and the encoder zeros are lost: repeat Zero afterwards.",
         holds_days=180.0,
         needs=(StepId.WIRING_TEST,),
         inputs=(
@@ -82,7 +82,7 @@ STEPS: tuple[CommissioningStep, ...] = (
         StepId.ZERO,
         "Zero",
         "Move the joint to a known position, its zero mark or the end switch: the encoders count from "
-        "there. They lose this zero at each start of the control loop.",
+        "there. Each start of the control loop clears this zero.",
         holds_days=1.0,
         needs=(StepId.WIRING_TEST,),
     ),
@@ -90,7 +90,7 @@ STEPS: tuple[CommissioningStep, ...] = (
         StepId.DIRECTION,
         "Motor directions",
         "Keep clear of the rig. Each motor turns a little, with 1 V at most, and back: its encoder count "
-        "and its tension have to rise, and the joint has to move to its side.",
+        "and its tension must increase, and the joint must move to its side.",
         holds_days=30.0,
         needs=(StepId.WIRING_TEST, StepId.ZERO),
     ),
@@ -107,16 +107,16 @@ STEPS: tuple[CommissioningStep, ...] = (
     CommissioningStep(
         StepId.PRETENSION,
         "Pretension",
-        "Keep clear of the rig. Both motors apply the pretension: both tensions have to rise together, "
-        "none beyond its limit.",
+        "Keep clear of the rig. Both motors apply the pretension: both tensions must rise together "
+        "without exceeding their limit.",
         holds_days=30.0,
         needs=(StepId.TARE, StepId.CALIBRATE, StepId.ZERO, StepId.DIRECTION),
     ),
     CommissioningStep(
         StepId.SAFETY_MODULE,
         "Safety module",
-        "At the pretension, lower the limit at the safety module until it trips. The control loop drives "
-        "both motors for another 0.3 s, with 1 V at most: they have to turn back, because the module has "
+        "With pretension applied, lower the limit at the safety module until it trips. The control loop drives "
+        "both motors for another 0.3 s, with 1 V at most: they must turn back, because the module has "
         "disabled the drives.",
         holds_days=30.0,
         needs=(StepId.PRETENSION,),
