@@ -61,10 +61,10 @@ class ComplianceMetrics:
     """Metrics of a compliance run from the first push on; ``reasons`` by name for those not measured."""
 
     rmse_raw_N: float = declare_metric(
-        "N", "RMSE, raw", "F_A − F_B against −S_ref q/r_j as measured; the paper: 2.239 N"
+        "N", "RMSE, raw", "F_A − F_B relative to −S_ref q/r_j, as measured; paper: 2.239 N"
     )
     rmse_aligned_N: float | None = declare_metric(
-        "N", "RMSE, aligned", "as RMSE, raw, but without the sensor delay and the means at rest"
+        "N", "RMSE, aligned", "same as “RMSE, raw”, without the sensor delay and the means at rest"
     )
     rmse_estimated_N: float | None = declare_metric(
         "N", "RMSE, estimated", "F_ext_hat against F_B − F_A, without the sensor delay and the means at rest"
@@ -77,8 +77,12 @@ class ComplianceMetrics:
     )
     largest_push_N: float = declare_metric("N", "Strongest push", "largest |F_A − F_B|, aligned")
     deviation_S: float = declare_metric("N·m/rad", "Stiffness deviation", "max |S − S_ref| from the first push on")
-    min_tension_N: float = declare_metric("N", "Smallest tension", "of both load cells from the start of the program")
-    max_tension_N: float = declare_metric("N", "Largest tension", "of both load cells from the start of the program")
+    min_tension_N: float = declare_metric(
+        "N", "Smallest tension", "smallest reading of both load cells from the start of the program"
+    )
+    max_tension_N: float = declare_metric(
+        "N", "Largest tension", "largest reading of both load cells from the start of the program"
+    )
     peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
     reasons: Mapping[str, str] = field(default_factory=dict)
 
@@ -805,15 +809,19 @@ class RobustnessMetrics:
         "longest time from a load step until |θ_ref − θ| stays within 5 % of its maximum",
     )
     error_integral_A: float = declare_metric(
-        "rad·s", "Integral of the error of A", "of θ_A,ref − θ_A while its load is on"
+        "rad·s", "Integral of the error of A", "integral of θ_A,ref − θ_A while its load is applied"
     )
     error_integral_B: float = declare_metric(
-        "rad·s", "Integral of the error of B", "of θ_B,ref − θ_B while its load is on"
+        "rad·s", "Integral of the error of B", "integral of θ_B,ref − θ_B while its load is applied"
     )
     deviation_q: float = declare_metric("rad", "Joint deviation", "max |q − q_ref| from the first load on")
     deviation_S: float = declare_metric("N·m/rad", "Stiffness deviation", "max |S − S_ref| from the first load on")
-    min_tension_N: float = declare_metric("N", "Smallest tension", "of both load cells from the start of the program")
-    max_tension_N: float = declare_metric("N", "Largest tension", "of both load cells from the start of the program")
+    min_tension_N: float = declare_metric(
+        "N", "Smallest tension", "smallest reading of both load cells from the start of the program"
+    )
+    max_tension_N: float = declare_metric(
+        "N", "Largest tension", "largest reading of both load cells from the start of the program"
+    )
     peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
     reasons: Mapping[str, str] = field(default_factory=dict)
 

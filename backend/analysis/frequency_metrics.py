@@ -330,7 +330,9 @@ class BodeMetrics(WholeMetrics):
         "Hz", "Bandwidth of q", "frequency at which |q/q_ref| falls to 0.707 of its static value 1"
     )
     bandwidth_q_predicted_Hz: float | None = declare_metric(
-        "Hz", "Bandwidth of q, predicted", "the same, of the response predicted from the models and the active gains"
+        "Hz",
+        "Bandwidth of q, predicted",
+        "frequency at which |q/q_ref|, predicted from models and active gains, falls to 0.707",
     )
     gain_off_q_dB: float | None = declare_metric(
         "dB",
@@ -362,7 +364,9 @@ class BodeMetrics(WholeMetrics):
         "Hz", "Bandwidth of S", "frequency at which |S/S_ref| falls to 0.707 of its static value 1"
     )
     bandwidth_S_predicted_Hz: float | None = declare_metric(
-        "Hz", "Bandwidth of S, predicted", "the same, of the response predicted from the models and the active gains"
+        "Hz",
+        "Bandwidth of S, predicted",
+        "frequency at which |S/S_ref|, predicted from models and active gains, falls to 0.707",
     )
     gain_off_S_dB: float | None = declare_metric(
         "dB",

@@ -103,9 +103,15 @@ _COUNTS_WHERE_EXACT = 4000, 8000
 class ActuatorMetrics:
     """Loads of the actuator during the excitation."""
 
-    motion_counts: float = declare_metric("1", "Joint motion", "peak to peak during the excitation, in encoder counts")
-    min_tension_N: float = declare_metric("N", "Smallest tension", "of both load cells during the excitation")
-    max_tension_N: float = declare_metric("N", "Largest tension", "of both load cells during the excitation")
+    motion_counts: float = declare_metric(
+        "1", "Joint motion", "peak-to-peak motion during the excitation, in encoder counts"
+    )
+    min_tension_N: float = declare_metric(
+        "N", "Smallest tension", "smallest reading of both load cells during the excitation"
+    )
+    max_tension_N: float = declare_metric(
+        "N", "Largest tension", "largest reading of both load cells during the excitation"
+    )
     peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| during the excitation")
 
 
@@ -272,10 +278,10 @@ class SideSteps:
 class MotorMetrics:
     """Estimates of both motors, and their loads."""
 
-    K_m_A: float = declare_metric("rad/(V·s)", "K_m of motor A", "least squares on position over all steps")
-    K_m_B: float = declare_metric("rad/(V·s)", "K_m of motor B", "least squares on position over all steps")
-    T_m_A: float = declare_metric("s", "T_m of motor A", "least squares on position over all steps")
-    T_m_B: float = declare_metric("s", "T_m of motor B", "least squares on position over all steps")
+    K_m_A: float = declare_metric("rad/(V·s)", "K_m of motor A", "least-squares fit of the position over all steps")
+    K_m_B: float = declare_metric("rad/(V·s)", "K_m of motor B", "least-squares fit of the position over all steps")
+    T_m_A: float = declare_metric("s", "T_m of motor A", "least-squares fit of the position over all steps")
+    T_m_B: float = declare_metric("s", "T_m of motor B", "least-squares fit of the position over all steps")
     u_c_A: float = declare_metric("V", "Coulomb voltage of motor A", "voltage that overcomes Coulomb friction")
     u_c_B: float = declare_metric("V", "Coulomb voltage of motor B", "voltage that overcomes Coulomb friction")
     turn_rad: float = declare_metric("rad", "Largest rotation", f"largest |θ| of both motors, of ±{Angle(15.7)}")
@@ -470,12 +476,16 @@ class SpringMetrics:
 
     rms_A_N: float = declare_metric("N", "Error of spring A", "RMS of measured minus fitted force, recommended order")
     rms_B_N: float = declare_metric("N", "Error of spring B", "RMS of measured minus fitted force, recommended order")
-    max_error_N: float = declare_metric("N", "Largest error", "of both springs, recommended order")
+    max_error_N: float = declare_metric(
+        "N", "Largest error", "largest |measured − fitted force| of both springs, recommended order"
+    )
     hysteresis_N: float = declare_metric(
         "N", "Hysteresis", "largest mean force difference between loading and unloading"
     )
-    min_tension_N: float = declare_metric("N", "Smallest tension", "of both load cells during the sweep")
-    max_tension_N: float = declare_metric("N", "Largest tension", "of both load cells during the sweep")
+    min_tension_N: float = declare_metric(
+        "N", "Smallest tension", "smallest reading of both load cells during the sweep"
+    )
+    max_tension_N: float = declare_metric("N", "Largest tension", "largest reading of both load cells during the sweep")
     q_deviation: float = declare_metric(
         "rad", "Joint deviation", "largest |q| during the sweep; 0 would be perfect antagonism"
     )

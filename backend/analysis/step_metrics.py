@@ -300,8 +300,12 @@ class OverallMetrics:
     deviation_q: float | None = declare_metric("rad", "Joint deviation", "max |q − q_ref| while S alone steps")
     rmse_q: float = declare_metric("rad", "RMSE of q", "root mean square of q − q_ref, whole run, steps included")
     rmse_S: float = declare_metric("N·m/rad", "RMSE of S", "root mean square of S − S_ref, whole run, steps included")
-    min_tension_N: float = declare_metric("N", "Smallest tension", "of both load cells from the start of the program")
-    max_tension_N: float = declare_metric("N", "Largest tension", "of both load cells from the start of the program")
+    min_tension_N: float = declare_metric(
+        "N", "Smallest tension", "smallest reading of both load cells from the start of the program"
+    )
+    max_tension_N: float = declare_metric(
+        "N", "Largest tension", "largest reading of both load cells from the start of the program"
+    )
     peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
     u_rest_rms_V: float | None = declare_metric(
         "V",
@@ -477,8 +481,12 @@ def rms(error: NDArray[np.float64]) -> float:
 class WholeMetrics:
     """Metrics that every experiment has, over all samples of the program."""
 
-    min_tension_N: float = declare_metric("N", "Smallest tension", "of both load cells from the start of the program")
-    max_tension_N: float = declare_metric("N", "Largest tension", "of both load cells from the start of the program")
+    min_tension_N: float = declare_metric(
+        "N", "Smallest tension", "smallest reading of both load cells from the start of the program"
+    )
+    max_tension_N: float = declare_metric(
+        "N", "Largest tension", "largest reading of both load cells from the start of the program"
+    )
     peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
 
 

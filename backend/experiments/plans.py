@@ -265,9 +265,9 @@ class ActuatorIdentificationPlan:
         maximum=2.0,
         unit="s",
         symbol="t_c",
-        meaning="shortest time between two changes of the sequence",
+        meaning="shortest time between two level changes of the sequence",
     )
-    bits: int = integer_setting(7, 4, 12, "n", "length of the shift register; a period has 2^n - 1 chips")
+    bits: int = integer_setting(7, 4, 12, "n", "length of the shift register; a period has 2^n − 1 chips")
     periods: int = integer_setting(
         2, 1, 10, "p", "periods of the sequence; the last third of the excitation is used for validation"
     )
