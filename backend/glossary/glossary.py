@@ -106,6 +106,26 @@ FORMS: dict[str, type[Schema]] = {
 }
 
 
+_FIELD_LABELS = {
+    "push.duration_s": "push duration",
+    "touch.contact_N": "contact threshold",
+    "touch.learn": "calibrate",
+    "touch.forget": "discard the bias",
+    "touch.sweep": "calibrate over S",
+    "trigger.upper": "upper level",
+    "trigger.before_s": "time before the trigger",
+    "trigger.after_s": "time after the trigger",
+    "tuning.interpolate": "gain interpolation",
+    "tuning.duration_s": "trial duration",
+    "identification.tensions_N": "tension list",
+    "identification.amplitude_rad": "PRBS amplitude",
+    "identification.chip_s": "chip duration",
+    "identification.bits": "register bits",
+    "identification.settle_s": "hold time",
+}
+"""Labels of fields whose names are abbreviations or contain a unit, by form and name."""
+
+
 def build_field_terms() -> list[GlossaryTerm]:
     """Return a term for each field of each form that has a description."""
     return [
@@ -122,7 +142,7 @@ def _build_field_term(form: str, name: str, field: FieldInfo) -> GlossaryTerm:
     meaning = str(field.description).removesuffix(f" [{unit}]")
     low, high = read_bounds(field)
     accepted = () if low is None or high is None else (("Accepted", f"{Quantity(low, unit, high):g}"),)
-    label = QUANTITY_LABELS.get(name, name.replace("_", " "))
+    label = _FIELD_LABELS.get(f"{form}.{name}") or QUANTITY_LABELS.get(name, name.replace("_", " "))
     return GlossaryTerm(TermKind.SETTING, f"{form}.{name}", label, meaning, "" if unit == "1" else unit, more=accepted)
 
 
@@ -421,7 +441,7 @@ def _read_document(name: str) -> str:
 
 OUTCOMES: dict[Outcome, str] = {
     Outcome.PASSED: "Every criterion was measured on the whole run and passed.",
-    Outcome.FAILED: "At least one criterion was measured and failed; one failed criterion decides.",
+    Outcome.FAILED: "At least one criterion was measured and failed; a single failed criterion is sufficient.",
     Outcome.INCOMPLETE: "The run ended early, or a criterion could not be measured: a criterion passes "
     "only if it was measured completely.",
     Outcome.NEUTRAL: "No verdict: this kind of run has no criteria.",
@@ -432,8 +452,9 @@ CRITERIA: dict[str, tuple[str, str, str]] = {
     "fail": ("fail", "The metric violates its bound; the measured data suffice for this verdict.", ""),
     "not_measured": (
         "not measured",
-        "The metric was not measured, or only in part, for the given reason. It is neither passed nor failed.",
-        f"a step is measured from rest, and has settled within ±{100 * SETTLING_BAND:g} %",
+        "The metric was not measured, or only in part, for the given reason. The criterion neither passes nor fails.",
+        "a step must start from rest; its settling time and overshoot require that it settles within "
+        f"±{100 * SETTLING_BAND:g} %",
     ),
 }
 """Term, meaning and rule of each result of a criterion."""
@@ -446,16 +467,16 @@ GRADES: dict[Grade, tuple[str, str]] = {
         f"gain within {validation.CAUTION_GAIN_ERROR_PERCENT:g} % of the geometric value, no Coulomb friction found",
     ),
     Grade.CAUTION: (
-        "The model may be used; the listed reasons name what is uncertain.",
+        "The model may be used; the listed reasons describe its uncertainty.",
         f"fit ≥ {validation.MIN_FIT_PERCENT:g} %, standard errors of K and T within "
         f"±{validation.MAX_STD_PERCENT:g} %, gain within "
         f"{validation.MAX_GAIN_ERROR_PERCENT:g} % of the geometric value",
     ),
     Grade.UNUSABLE: (
-        "No gains should be computed from this model, for the listed reasons.",
+        "Do not compute gains from this model, for the listed reasons.",
         f"less than {validation.MIN_COUNTS:g} counts of motion, fit < {validation.MIN_FIT_PERCENT:g} %, "
         f"a standard error of K or T beyond ±{validation.MAX_STD_PERCENT:g} %, "
-        f"or gain more than {validation.MAX_GAIN_ERROR_PERCENT:g} % off the geometric value",
+        f"or gain more than {validation.MAX_GAIN_ERROR_PERCENT:g} % from the geometric value",
     ),
 }
 """Meaning and rule of each grade; a number that could not be computed never improves a grade."""
@@ -471,19 +492,19 @@ ENDS: dict[EndState, str] = {
 
 MODES: dict[Mode, str] = {
     Mode.OFF: "Zero volts; the tendons are slack.",
-    Mode.PRETENSION: "Both motors wind up from slack until the tendons hold 10 N, and hold them there.",
-    Mode.RUN: "The loops of position and stiffness are closed and follow the references; everything is recorded.",
-    Mode.COMPLIANCE: "The joint loop is open: q_ref acts through geometry alone and a push moves the joint. "
+    Mode.PRETENSION: "Both motors wind up the tendons to a tension of 10 N and hold it.",
+    Mode.RUN: "The position and stiffness loops are closed and follow the references; all samples are recorded.",
+    Mode.COMPLIANCE: "The joint loop is open: q_ref acts through the geometry only, and a push moves the joint. "
     "Stiffness stays controlled.",
     Mode.IDENTIFY: "An excitation is applied to identify motors, springs or the actuator.",
     Mode.EXPERIMENT: "The control loop executes a program of references.",
-    Mode.STOPPING: "The joint is brought to rest under tension, then to zero volts.",
+    Mode.STOPPING: "The control loop brings the joint to rest under tension, then sets zero volts.",
     Mode.TRIPPED: "A fault is latched at zero volts; Reset returns to mode off after the cause is removed.",
 }
 
 CAUSES: dict[Cause | HomingEnd, str] = {
     Cause.ASKED_FOR: "A person or a script requested this mode.",
-    Cause.PROGRAM: "An experiment or identification began its program.",
+    Cause.PROGRAM: "An experiment or identification started its program.",
     Cause.PROGRAM_ENDED: "A program ended.",
     Cause.CONTACT: "A contact was detected; the joint is compliant until a mode is chosen.",
     Cause.STANDING: "A soft stop has brought the joint to rest.",
@@ -503,31 +524,33 @@ CAUSES: dict[Cause | HomingEnd, str] = {
 }
 
 CHAIN: dict[str, tuple[str, str]] = {
-    "page": ("Page in control", "The page that holds control sends heartbeats. After 2 s without one the loop "
-             "holds its references; 2 s later the loop stops softly."),
-    "service": ("Service", "The loop receives the heartbeat of the service; after 0.34 s without it the loop stops "
-                "softly."),
-    "loop": ("Loop process", "Samples arrive from the 1 kHz loop; after 1 s without one the loop counts as failed."),
-    "watchdog": ("Watchdog, drive-enable", "The card disables the drives if the loop does not write in time; a test "
-                 "proves this before each start."),
-    "safety_module": ("Safety module", "Independent of the controller: it disables the motors at F_max or at the end "
-                      "of the joint's range and stays tripped until it is acknowledged at the rig."),
+    "page": ("Page in control", "The page that holds control sends heartbeats. After 2 s without one, the "
+             "control loop holds its references; 2 s later it stops softly."),
+    "service": ("Service", "The control loop receives the heartbeat of the service; after 0.34 s without one, it "
+                "stops softly."),
+    "loop": ("Control loop", "The control loop sends samples at 1 kHz; after 1 s without one, the service reports its "
+             "failure."),
+    "watchdog": ("Watchdog, drive-enable", "The card disables the drives if the control loop does not write in "
+                 "time; a proof test verifies this at each start."),
+    "safety_module": ("Safety module", "Independent of the control loop: it disables the motors at F_max or at the "
+                      "end of the joint's range and stays tripped until a person acknowledges the trip at the rig."),
 }  # fmt: skip
 """Term and meaning of each link of the safety chain; each watches the one before it."""
 
 STEPS: dict[StepState, str] = {
     StepState.NEVER: "This step of the bring-up has not been done for this wiring.",
-    StepState.CURRENT: "Done, and still valid for this wiring and within its period of validity.",
-    StepState.OUT_OF_DATE: "Done, but out of date since a change of the wiring, a start of the control "
-    "loop or the end of its period of validity.",
+    StepState.CURRENT: "Done, and valid for this wiring; the period of validity has not ended.",
+    StepState.OUT_OF_DATE: "Done, but out of date: the wiring has changed, a later wiring test has failed, "
+    "the control loop has been restarted (Zero, Homing), or the period of validity has ended.",
     StepState.FAILED: "The last execution failed.",
 }
 
 SETUP: dict[ChecklistState, str] = {
-    ChecklistState.MISSING: "Nothing of this step is stored yet.",
-    ChecklistState.DONE: "It exists and was made from the active settings.",
-    ChecklistState.OUTDATED: "It exists, but was made with other parameters, or an earlier step was repeated since.",
-    ChecklistState.UNUSABLE: "It exists, but its verdict rejects its use.",
+    ChecklistState.MISSING: "No result of this step is stored yet.",
+    ChecklistState.DONE: "The result exists and was created with the active settings.",
+    ChecklistState.OUTDATED: "The result was created with other parameters or another bank, or an earlier "
+    "step has been repeated since.",
+    ChecklistState.UNUSABLE: "The result exists, but its verdict is “not usable”.",
 }
 
 TIMING: dict[str, str] = {
@@ -539,7 +562,7 @@ TIMING: dict[str, str] = {
 """Terms of the header for fields of ``TimingView``, whose descriptions are the meanings."""
 
 ROUND_TRIP_TIME = GlossaryTerm(
-    TermKind.TIMING, "latency_ms", "Link", "time from this page to the service and back", "ms"
+    TermKind.TIMING, "latency_ms", "Link", "round-trip time from this page to the service and back", "ms"
 )
 
 

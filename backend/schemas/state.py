@@ -299,7 +299,7 @@ class TouchOrder(Schema):
     )
     sweep: Literal["begin", "stop"] | None = Field(
         default=None,
-        description="calibrate over the whole stiffness range, point by point, with no person at the "
+        description="calibrate over the whole stiffness range, point by point; nobody may touch the "
         "joint; not permitted together with another field",
     )
 
@@ -409,9 +409,9 @@ class TimingView(Schema):
     """Timing of the control loop."""
 
     period_s: float = quantity("s", "sampling period")
-    rate_Hz: float = quantity("Hz", "ticks per second over the last 5 s")
-    lateness_p50_ms: float = quantity("ms", "median lateness of the ticks of the last 5 s")
-    lateness_p99_ms: float = quantity("ms", "99th percentile of lateness of the ticks of the last 5 s")
+    rate_Hz: float = quantity("Hz", "control steps per second over the last 5 s")
+    lateness_p50_ms: float = quantity("ms", "median lateness of the control steps in the last 5 s")
+    lateness_p99_ms: float = quantity("ms", "99th percentile of the lateness of the control steps in the last 5 s")
     overruns: int = Field(description="deadlines missed since the loop started")
 
 

@@ -206,7 +206,7 @@ class TuningParts(Schema):
     lam_S: float = quantity("s", "tuning parameter of the stiffness loop")
     lam_motor: float = quantity("s", "tuning parameter of the motor loops")
     b: float = quantity("1", "weight of the reference in the outer loops' proportional part")
-    interpolate: bool = Field(description="whether gains are interpolated between bank entries instead of switched")
+    interpolate: bool = Field(description="whether gains are interpolated between operating points instead of switched")
     motion: Motion = Field(description="how references are followed: by the paper's law, or by a trajectory")
     u_plan: float = quantity("V", "voltage limit of time-optimal motion")
     k_ext: float = quantity("1", "gain of the compensation of the estimated external force; 0 for none")
@@ -231,7 +231,7 @@ class TuningView(ChosenTuning):
     u_plan_max: float = quantity(
         "V", "largest voltage limit accepted: the remaining voltage is reserved for load, friction and feedback"
     )
-    entry: float = Field(description="index of the active bank entry, fractional during interpolation")
+    entry: float = Field(description="index of the active operating point in the bank, fractional during interpolation")
     entry_name: str = Field(description="name of that entry, from its tension; empty without a bank")
 
 
@@ -243,7 +243,7 @@ class TuningRequest(Schema):
     lam_motor: float | None = quantity("s", "tuning parameter of the motor loops", default=None, **ANY_SIZE)
     b: float | None = quantity("1", "weight of the reference, 0 to 1", default=None, **ANY_SIZE)
     interpolate: bool | None = Field(
-        default=None, description="whether gains are interpolated between bank entries instead of switched"
+        default=None, description="whether gains are interpolated between operating points instead of switched"
     )
     motion: Motion | None = Field(default=None, description="how references are followed")
     u_plan: float | None = quantity(

@@ -122,7 +122,7 @@ def too_small(label: str, value: float, minimum: float, unit: str = "1") -> Mess
 
 
 TRIAL_TIME = "duration of the trial"
-INTERPOLATE = "whether gains are interpolated between bank entries instead of switched"
+INTERPOLATE = str(TrialRequest.model_fields["interpolate"].description)
 CAMERA = {**DEFAULT_PREFERENCES.model_dump(mode="json"), "camera": "from above"}
 
 REFUSED: list[tuple[str, Any, list[str | int] | None, Message]] = [

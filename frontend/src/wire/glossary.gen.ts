@@ -25,7 +25,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "antagonistic",
     "term": "antagonistic",
-    "meaning": "Said of two motors that pull a joint in opposite directions.",
+    "meaning": "Describes two motors that pull a joint in opposite directions.",
     "source": "docs/glossary.md"
   },
   "concept:tendon": {
@@ -45,14 +45,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "pretension",
     "term": "pretension",
-    "meaning": "Tension of both tendons before the loops close.",
+    "meaning": "Initial tension of both tendons, applied before the loops are closed.",
     "source": "docs/glossary.md"
   },
   "concept:slack": {
     "kind": "concept",
     "name": "slack",
     "term": "slack",
-    "meaning": "Said of a tendon whose tension is below the minimum for a taut tendon.",
+    "meaning": "Describes a tendon whose tension is below the minimum for a taut tendon.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -65,7 +65,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "taut",
     "term": "taut",
-    "meaning": "Said of a tendon that is not slack.",
+    "meaning": "Describes a tendon that is not slack.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -244,7 +244,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "headless",
     "term": "headless",
-    "meaning": "Said of a run without the page and the service.",
+    "meaning": "Describes a run without the page and the service.",
     "source": "docs/glossary.md"
   },
   "concept:ring buffer": {
@@ -284,7 +284,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "motion",
     "term": "motion",
-    "meaning": "Way in which the loops follow references: lambda or time-optimal.",
+    "meaning": "Method by which the loops follow references: lambda or time-optimal.",
     "source": "docs/glossary.md"
   },
   "concept:decoupler": {
@@ -551,7 +551,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "STOP",
     "term": "STOP",
-    "meaning": "Command for zero volts within two ticks, accepted from every signed-in person at any time.",
+    "meaning": "Command that sets zero volts within two control steps; every signed-in person may send it at any time.",
     "source": "docs/glossary.md"
   },
   "concept:soft stop": {
@@ -578,7 +578,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "trip",
     "term": "trip",
-    "meaning": "Response to a fault with zero volts, latched until Reset.",
+    "meaning": "Response to a fault: zero volts, latched until Reset.",
     "source": "docs/glossary.md"
   },
   "concept:fault": {
@@ -605,7 +605,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "injected fault",
     "term": "injected fault",
-    "meaning": "Fault that an operator provokes in the simulator.",
+    "meaning": "Fault that an operator triggers on the simulator or on the virtual card.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -698,7 +698,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "observer",
     "term": "observer",
-    "meaning": "Signed-in person without the control lease.",
+    "meaning": "Signed-in operator or viewer without the control lease.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -758,7 +758,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "live stream",
     "term": "live stream",
-    "meaning": "Samples that the service sends to pages and scripts.",
+    "meaning": "Samples, states and events that the service sends to pages and scripts.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -1112,7 +1112,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "part",
     "term": "part",
-    "meaning": "Step of an experiment: a motion, a hold, a push.",
+    "meaning": "Element of an experiment: a motion, a hold, a push.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -1125,7 +1125,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "hold",
     "term": "hold",
-    "meaning": "Time range of a run with constant references and without disturbance.",
+    "meaning": "Interval of a run with constant references and without disturbance.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -1145,7 +1145,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "composer",
     "term": "composer",
-    "meaning": "Area of the page in which a person builds an experiment from parts.",
+    "meaning": "Editor of the page in which a person builds an experiment from parts.",
     "source": "docs/glossary.md"
   },
   "concept:run": {
@@ -1212,7 +1212,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "not measured",
     "term": "not measured",
-    "meaning": "Said of a metric without a value; the reason is given.",
+    "meaning": "Describes a metric without a value; the reason is given.",
     "source": "docs/glossary.md"
   },
   "concept:lineage": {
@@ -1279,7 +1279,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "gateway",
     "term": "gateway",
-    "meaning": "Port that checks the token and relays the live stream to Foxglove.",
+    "meaning": "Server that checks the token and relays the live stream to Foxglove.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -2230,7 +2230,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "setting:push.duration_s": {
     "kind": "setting",
     "name": "push.duration_s",
-    "term": "time",
+    "term": "push duration",
     "meaning": "time after which the loop releases the joint",
     "unit": "s"
   },
@@ -2264,27 +2264,27 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "setting:touch.contact_N": {
     "kind": "setting",
     "name": "touch.contact_N",
-    "term": "contact N",
+    "term": "contact threshold",
     "meaning": "threshold of the contact reaction, 0 if it is disabled",
     "unit": "N"
   },
   "setting:touch.learn": {
     "kind": "setting",
     "name": "touch.learn",
-    "term": "learn",
+    "term": "calibrate",
     "meaning": "calibrate: use the present estimate as the bias at the present stiffness"
   },
   "setting:touch.forget": {
     "kind": "setting",
     "name": "touch.forget",
-    "term": "forget",
+    "term": "discard the bias",
     "meaning": "discard the calibrated bias; with learn, all points except the new one"
   },
   "setting:touch.sweep": {
     "kind": "setting",
     "name": "touch.sweep",
-    "term": "sweep",
-    "meaning": "calibrate over the whole stiffness range, point by point, with no person at the joint; not permitted together with another field"
+    "term": "calibrate over S",
+    "meaning": "calibrate over the whole stiffness range, point by point; nobody may touch the joint; not permitted together with another field"
   },
   "setting:trigger.signal": {
     "kind": "setting",
@@ -2307,13 +2307,13 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "setting:trigger.upper": {
     "kind": "setting",
     "name": "trigger.upper",
-    "term": "upper",
+    "term": "upper level",
     "meaning": "upper end of the window; null without a window"
   },
   "setting:trigger.before_s": {
     "kind": "setting",
     "name": "trigger.before_s",
-    "term": "before s",
+    "term": "time before the trigger",
     "meaning": "time to capture before the trigger",
     "unit": "s",
     "more": [
@@ -2326,7 +2326,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "setting:trigger.after_s": {
     "kind": "setting",
     "name": "trigger.after_s",
-    "term": "after s",
+    "term": "time after the trigger",
     "meaning": "time to capture from the trigger on",
     "unit": "s",
     "more": [
@@ -2378,8 +2378,8 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "setting:tuning.interpolate": {
     "kind": "setting",
     "name": "tuning.interpolate",
-    "term": "interpolate",
-    "meaning": "whether gains are interpolated between bank entries instead of switched"
+    "term": "gain interpolation",
+    "meaning": "whether gains are interpolated between operating points instead of switched"
   },
   "setting:tuning.motion": {
     "kind": "setting",
@@ -2403,7 +2403,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "setting:tuning.duration_s": {
     "kind": "setting",
     "name": "tuning.duration_s",
-    "term": "time",
+    "term": "trial duration",
     "meaning": "duration of the trial",
     "unit": "s",
     "more": [
@@ -2429,14 +2429,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "setting:identification.tensions_N": {
     "kind": "setting",
     "name": "identification.tensions_N",
-    "term": "tensions N",
+    "term": "tension list",
     "meaning": "tensions of several consecutive runs",
     "unit": "N"
   },
   "setting:identification.amplitude_rad": {
     "kind": "setting",
     "name": "identification.amplitude_rad",
-    "term": "amplitude rad",
+    "term": "PRBS amplitude",
     "meaning": "amplitude of the binary sequence on θ_A,ref",
     "unit": "rad",
     "more": [
@@ -2449,8 +2449,8 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "setting:identification.chip_s": {
     "kind": "setting",
     "name": "identification.chip_s",
-    "term": "chip s",
-    "meaning": "shortest time between two changes of the sequence",
+    "term": "chip duration",
+    "meaning": "shortest time between two level changes of the sequence",
     "unit": "s",
     "more": [
       [
@@ -2462,8 +2462,8 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "setting:identification.bits": {
     "kind": "setting",
     "name": "identification.bits",
-    "term": "bits",
-    "meaning": "length of the shift register; a period has 2^n - 1 chips",
+    "term": "register bits",
+    "meaning": "length of the shift register; a period has 2^n − 1 chips",
     "more": [
       [
         "Accepted",
@@ -2486,7 +2486,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "setting:identification.settle_s": {
     "kind": "setting",
     "name": "identification.settle_s",
-    "term": "settle s",
+    "term": "hold time",
     "meaning": "hold time of the tension before the excitation starts",
     "unit": "s",
     "more": [
@@ -2638,18 +2638,18 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "min_tension_N",
     "term": "Smallest tension",
-    "meaning": "of both load cells from the start of the program",
+    "meaning": "smallest reading of both load cells from the start of the program",
     "unit": "N",
     "equation": "min(F_A, F_B)",
     "source": "docs/how-to/experiments.md",
     "more": [
       [
         "Actuator identification",
-        "of both load cells during the excitation"
+        "smallest reading of both load cells during the excitation"
       ],
       [
         "Spring identification",
-        "of both load cells during the sweep"
+        "smallest reading of both load cells during the sweep"
       ]
     ]
   },
@@ -2657,18 +2657,18 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "max_tension_N",
     "term": "Largest tension",
-    "meaning": "of both load cells from the start of the program",
+    "meaning": "largest reading of both load cells from the start of the program",
     "unit": "N",
     "equation": "max(F_A, F_B)",
     "source": "docs/how-to/experiments.md",
     "more": [
       [
         "Actuator identification",
-        "of both load cells during the excitation"
+        "largest reading of both load cells during the excitation"
       ],
       [
         "Spring identification",
-        "of both load cells during the sweep"
+        "largest reading of both load cells during the sweep"
       ]
     ]
   },
@@ -2758,7 +2758,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "bandwidth_q_predicted_Hz",
     "term": "Bandwidth of q, predicted",
-    "meaning": "the same, of the response predicted from the models and the active gains",
+    "meaning": "frequency at which |q/q_ref|, predicted from models and active gains, falls to 0.707",
     "unit": "Hz",
     "source": "docs/how-to/experiments.md"
   },
@@ -2800,7 +2800,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "bandwidth_S_predicted_Hz",
     "term": "Bandwidth of S, predicted",
-    "meaning": "the same, of the response predicted from the models and the active gains",
+    "meaning": "frequency at which |S/S_ref|, predicted from models and active gains, falls to 0.707",
     "unit": "Hz",
     "source": "docs/how-to/experiments.md"
   },
@@ -2842,7 +2842,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "rmse_raw_N",
     "term": "RMSE, raw",
-    "meaning": "F_A − F_B against −S_ref q/r_j as measured; the paper: 2.239 N",
+    "meaning": "F_A − F_B relative to −S_ref q/r_j, as measured; paper: 2.239 N",
     "unit": "N",
     "equation": "√(1/N Σ (F_A − F_B + S_ref q/r_j)²)",
     "source": "docs/how-to/experiments.md"
@@ -2851,7 +2851,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "rmse_aligned_N",
     "term": "RMSE, aligned",
-    "meaning": "as RMSE, raw, but without the sensor delay and the means at rest",
+    "meaning": "same as “RMSE, raw”, without the sensor delay and the means at rest",
     "unit": "N",
     "source": "docs/how-to/experiments.md"
   },
@@ -3115,7 +3115,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "error_integral_A",
     "term": "Integral of the error of A",
-    "meaning": "of θ_A,ref − θ_A while its load is on",
+    "meaning": "integral of θ_A,ref − θ_A while its load is applied",
     "unit": "rad·s",
     "equation": "∫ (θ_A,ref − θ_A) dt",
     "source": "docs/how-to/experiments.md"
@@ -3124,7 +3124,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "error_integral_B",
     "term": "Integral of the error of B",
-    "meaning": "of θ_B,ref − θ_B while its load is on",
+    "meaning": "integral of θ_B,ref − θ_B while its load is applied",
     "unit": "rad·s",
     "equation": "∫ (θ_B,ref − θ_B) dt",
     "source": "docs/how-to/experiments.md"
@@ -3133,14 +3133,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "motion_counts",
     "term": "Joint motion",
-    "meaning": "peak to peak during the excitation, in encoder counts",
+    "meaning": "peak-to-peak motion during the excitation, in encoder counts",
     "source": "docs/how-to/experiments.md"
   },
   "figure:K_m_A": {
     "kind": "figure",
     "name": "K_m_A",
     "term": "K_m of motor A",
-    "meaning": "least squares on position over all steps",
+    "meaning": "least-squares fit of the position over all steps",
     "unit": "rad/(V·s)",
     "equation": "θ/U = K_m/(s (T_m s + 1))",
     "source": "docs/how-to/experiments.md"
@@ -3149,7 +3149,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "K_m_B",
     "term": "K_m of motor B",
-    "meaning": "least squares on position over all steps",
+    "meaning": "least-squares fit of the position over all steps",
     "unit": "rad/(V·s)",
     "equation": "θ/U = K_m/(s (T_m s + 1))",
     "source": "docs/how-to/experiments.md"
@@ -3158,7 +3158,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "T_m_A",
     "term": "T_m of motor A",
-    "meaning": "least squares on position over all steps",
+    "meaning": "least-squares fit of the position over all steps",
     "unit": "s",
     "equation": "θ/U = K_m/(s (T_m s + 1))",
     "source": "docs/how-to/experiments.md"
@@ -3167,7 +3167,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "T_m_B",
     "term": "T_m of motor B",
-    "meaning": "least squares on position over all steps",
+    "meaning": "least-squares fit of the position over all steps",
     "unit": "s",
     "equation": "θ/U = K_m/(s (T_m s + 1))",
     "source": "docs/how-to/experiments.md"
@@ -3226,7 +3226,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "max_error_N",
     "term": "Largest error",
-    "meaning": "of both springs, recommended order",
+    "meaning": "largest |measured − fitted force| of both springs, recommended order",
     "unit": "N",
     "source": "docs/how-to/experiments.md"
   },
@@ -3258,7 +3258,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "outcome",
     "name": "failed",
     "term": "failed",
-    "meaning": "At least one criterion was measured and failed; one failed criterion decides.",
+    "meaning": "At least one criterion was measured and failed; a single failed criterion is sufficient.",
     "source": "docs/how-to/experiments.md"
   },
   "outcome:incomplete": {
@@ -3291,11 +3291,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "criterion",
     "name": "not_measured",
     "term": "not measured",
-    "meaning": "The metric was not measured, or only in part, for the given reason. It is neither passed nor failed.",
+    "meaning": "The metric was not measured, or only in part, for the given reason. The criterion neither passes nor fails.",
     "more": [
       [
         "Rule",
-        "a step is measured from rest, and has settled within ±2 %"
+        "a step must start from rest; its settling time and overshoot require that it settles within ±2 %"
       ]
     ]
   },
@@ -3316,7 +3316,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "grade",
     "name": "usable with caution",
     "term": "usable with caution",
-    "meaning": "The model may be used; the listed reasons name what is uncertain.",
+    "meaning": "The model may be used; the listed reasons describe its uncertainty.",
     "source": "docs/explanation/identification.md",
     "more": [
       [
@@ -3329,12 +3329,12 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "grade",
     "name": "not usable",
     "term": "not usable",
-    "meaning": "No gains should be computed from this model, for the listed reasons.",
+    "meaning": "Do not compute gains from this model, for the listed reasons.",
     "source": "docs/explanation/identification.md",
     "more": [
       [
         "Rule",
-        "less than 20 counts of motion, fit < 50 %, a standard error of K or T beyond ±10 %, or gain more than 10 % off the geometric value"
+        "less than 20 counts of motion, fit < 50 %, a standard error of K or T beyond ±10 %, or gain more than 10 % from the geometric value"
       ]
     ]
   },
@@ -3390,19 +3390,19 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "mode",
     "name": "pretension",
     "term": "pretension",
-    "meaning": "Both motors wind up from slack until the tendons hold 10 N, and hold them there."
+    "meaning": "Both motors wind up the tendons to a tension of 10 N and hold it."
   },
   "mode:run": {
     "kind": "mode",
     "name": "run",
     "term": "run",
-    "meaning": "The loops of position and stiffness are closed and follow the references; everything is recorded."
+    "meaning": "The position and stiffness loops are closed and follow the references; all samples are recorded."
   },
   "mode:compliance": {
     "kind": "mode",
     "name": "compliance",
     "term": "compliance",
-    "meaning": "The joint loop is open: q_ref acts through geometry alone and a push moves the joint. Stiffness stays controlled."
+    "meaning": "The joint loop is open: q_ref acts through the geometry only, and a push moves the joint. Stiffness stays controlled."
   },
   "mode:identify": {
     "kind": "mode",
@@ -3420,7 +3420,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "mode",
     "name": "stopping",
     "term": "stopping",
-    "meaning": "The joint is brought to rest under tension, then to zero volts."
+    "meaning": "The control loop brings the joint to rest under tension, then sets zero volts."
   },
   "mode:tripped": {
     "kind": "mode",
@@ -3438,7 +3438,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "cause",
     "name": "program",
     "term": "program",
-    "meaning": "An experiment or identification began its program."
+    "meaning": "An experiment or identification started its program."
   },
   "cause:program ended": {
     "kind": "cause",
@@ -3540,35 +3540,35 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "chain",
     "name": "page",
     "term": "Page in control",
-    "meaning": "The page that holds control sends heartbeats. After 2 s without one the loop holds its references; 2 s later the loop stops softly.",
+    "meaning": "The page that holds control sends heartbeats. After 2 s without one, the control loop holds its references; 2 s later it stops softly.",
     "source": "docs/reference/faults.md"
   },
   "chain:service": {
     "kind": "chain",
     "name": "service",
     "term": "Service",
-    "meaning": "The loop receives the heartbeat of the service; after 0.34 s without it the loop stops softly.",
+    "meaning": "The control loop receives the heartbeat of the service; after 0.34 s without one, it stops softly.",
     "source": "docs/reference/faults.md"
   },
   "chain:loop": {
     "kind": "chain",
     "name": "loop",
-    "term": "Loop process",
-    "meaning": "Samples arrive from the 1 kHz loop; after 1 s without one the loop counts as failed.",
+    "term": "Control loop",
+    "meaning": "The control loop sends samples at 1 kHz; after 1 s without one, the service reports its failure.",
     "source": "docs/reference/faults.md"
   },
   "chain:watchdog": {
     "kind": "chain",
     "name": "watchdog",
     "term": "Watchdog, drive-enable",
-    "meaning": "The card disables the drives if the loop does not write in time; a test proves this before each start.",
+    "meaning": "The card disables the drives if the control loop does not write in time; a proof test verifies this at each start.",
     "source": "docs/reference/faults.md"
   },
   "chain:safety_module": {
     "kind": "chain",
     "name": "safety_module",
     "term": "Safety module",
-    "meaning": "Independent of the controller: it disables the motors at F_max or at the end of the joint's range and stays tripped until it is acknowledged at the rig.",
+    "meaning": "Independent of the control loop: it disables the motors at F_max or at the end of the joint's range and stays tripped until a person acknowledges the trip at the rig.",
     "source": "docs/reference/faults.md"
   },
   "step:never": {
@@ -3582,14 +3582,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "step",
     "name": "current",
     "term": "current",
-    "meaning": "Done, and still valid for this wiring and within its period of validity.",
+    "meaning": "Done, and valid for this wiring; the period of validity has not ended.",
     "source": "docs/how-to/rig.md"
   },
   "step:out_of_date": {
     "kind": "step",
     "name": "out_of_date",
     "term": "out of date",
-    "meaning": "Done, but out of date since a change of the wiring, a start of the control loop or the end of its period of validity.",
+    "meaning": "Done, but out of date: the wiring has changed, a later wiring test has failed, the control loop has been restarted (Zero, Homing), or the period of validity has ended.",
     "source": "docs/how-to/rig.md"
   },
   "step:failed": {
@@ -3603,25 +3603,25 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setup",
     "name": "missing",
     "term": "missing",
-    "meaning": "Nothing of this step is stored yet."
+    "meaning": "No result of this step is stored yet."
   },
   "setup:done": {
     "kind": "setup",
     "name": "done",
     "term": "done",
-    "meaning": "It exists and was made from the active settings."
+    "meaning": "The result exists and was created with the active settings."
   },
   "setup:outdated": {
     "kind": "setup",
     "name": "outdated",
     "term": "outdated",
-    "meaning": "It exists, but was made with other parameters, or an earlier step was repeated since."
+    "meaning": "The result was created with other parameters or another bank, or an earlier step has been repeated since."
   },
   "setup:unusable": {
     "kind": "setup",
     "name": "unusable",
     "term": "unusable",
-    "meaning": "It exists, but its verdict rejects its use."
+    "meaning": "The result exists, but its verdict is “not usable”."
   },
   "fault:stop_pressed": {
     "kind": "fault",
@@ -4151,21 +4151,21 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "timing",
     "name": "rate_Hz",
     "term": "Loop",
-    "meaning": "ticks per second over the last 5 s",
+    "meaning": "control steps per second over the last 5 s",
     "unit": "Hz"
   },
   "timing:lateness_p50_ms": {
     "kind": "timing",
     "name": "lateness_p50_ms",
     "term": "Late p50",
-    "meaning": "median lateness of the ticks of the last 5 s",
+    "meaning": "median lateness of the control steps in the last 5 s",
     "unit": "ms"
   },
   "timing:lateness_p99_ms": {
     "kind": "timing",
     "name": "lateness_p99_ms",
     "term": "Late p99",
-    "meaning": "99th percentile of lateness of the ticks of the last 5 s",
+    "meaning": "99th percentile of the lateness of the control steps in the last 5 s",
     "unit": "ms"
   },
   "timing:overruns": {
@@ -4178,7 +4178,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "timing",
     "name": "latency_ms",
     "term": "Link",
-    "meaning": "time from this page to the service and back",
+    "meaning": "round-trip time from this page to the service and back",
     "unit": "ms"
   }
 };

@@ -263,7 +263,7 @@ def system(moment: Moment) -> Findings:
     names = {
         "page": "Page in control",
         "service": "Service",
-        "loop": "Loop process",
+        "loop": "Control loop",
         "watchdog": "Watchdog, drive-enable",
         "safety_module": "Safety module",
     }
