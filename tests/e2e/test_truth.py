@@ -56,7 +56,12 @@ LIES = {
     ),
     "a control that is offered": (RUN, "aria-disabled", "false", "whether 'Run' in 'Mode' can be pressed"),
     "a digit that is rounded wrongly": ("[data-role=value-u_A]", None, "0.01", "u_A [V] in Motor voltage"),
-    "a proof of no stop": ("output[aria-label='Stop result']", None, "Zero volts in 2 ticks", "proof of a stop"),
+    "a proof of no stop": (
+        "output[aria-label='Stop result']",
+        None,
+        "Zero volts in 2 control steps",
+        "proof of a stop",
+    ),
     "a margin": ("output[aria-label='Motor loop']", None, "Motor loop at λ_motor 0.0854 s: M_s 1.2", "margins of the"),
 }
 

@@ -261,7 +261,7 @@ def shown(lam_motor: float) -> str:
 
 def test_the_printed_formula_is_labelled_as_a_comparison(tuning: Operator) -> None:
     page = tuning.page
-    printed = page.get_by_role("checkbox", name="Compare with the printed formula (E1)")
+    printed = page.get_by_role("checkbox", name=OPERATE["compare"])
     printed.check()
     preview = page.get_by_role("group", name=OPERATE["preview"].format(symbol="λ_q"), exact=True)
     expect(preview).to_contain_text(

@@ -84,7 +84,7 @@ export const TEXTS = {
   changeFormula: "Change formula",
   saveFormula: "Save formula",
   formulaHint:
-    "+ - * / % **, comparisons, and, or, not, if else, min, max, abs, sqrt, round, pi. Without a value the curve has a gap.",
+    "+ - * / % **, comparisons, and, or, not, if else, min, max, abs, sqrt, round, pi. A missing value leaves a gap in the curve.",
   // spectrum
   chart: "Chart",
   quantity: "Quantity",

@@ -87,7 +87,7 @@ it("shows the proof of the stop that took place, not of the one before", async (
   told("tripped", 1040, FIRST);
   told("run", 6000, null);
   told("tripped", 9500, LOST);
-  expect(result()).toBe("Zero volts in 420 ticks · 420.31 ms (tick 9420)");
+  expect(result()).toBe("Zero volts in 420 control steps · 420.31 ms (tick 9420)");
 });
 
 it("says that a stop was not confirmed until the loop says that the motors rest", async () => {

@@ -1,7 +1,7 @@
 /** Texts of components that several pages share. */
 export const TEXTS = {
   // problems of the address
-  addressSetup: "Address setup",
+  addressSetup: "Address configuration",
   addressWrong: "This address is not configured correctly.",
   addressNoStop: "STOP on this page does not work either. Use the stop at the machine.",
   // parts that failed
@@ -36,8 +36,8 @@ export const TEXTS = {
   controlLost: "Control lost",
   keepObserving: "Keep observing",
   controlOf: "Control: {name}",
-  controlTitle: "Control: {name}. Open to see who is connected or to sign out.",
-  controlTitleLost: "Control: {name}, no heartbeat. Open to see who is connected or to sign out.",
+  controlTitle: "Control: {name}. Click to see who is connected or to sign out.",
+  controlTitleLost: "Control: {name}, no heartbeat. Click to see who is connected or to sign out.",
   answerItem: "Answer {name}…",
   handOverItem: "Hand over…",
   giveUpControl: "Give up control",
@@ -126,7 +126,7 @@ export const TEXTS = {
   // name of the person
   yourName: "Your name",
   nameAsked: "Signed in as {role}. Enter your name",
-  nameWanted: "Enter the name that others see",
+  nameWanted: "Enter the name shown to others",
   saveName: "Save name",
   keepName: "Keep current name",
   continueAs: "Continue as {role}",
@@ -173,7 +173,7 @@ export const TEXTS = {
   cameraJoint: "Joint",
   cameraSprings: "Springs",
   // keyboard shortcuts
-  keyStop: "STOP: zero volts at once, on every page and in text fields",
+  keyStop: "STOP: zero volts immediately, on every page and in text fields",
   keyPage: "Go to {page}",
   keySetup: "Setup: completed, missing and outdated steps",
   keyLive: "Operate: follow the newest sample (Live)",
@@ -204,7 +204,7 @@ export const TEXTS = {
   statusRestarting: "Restarting the control loop {why}.",
   statusRestartingFor: "Restarting the control loop {why}, {time}.",
   statusNoLoop: "Control loop not running.",
-  remedyNoLoop: "Press Reset to start it again.",
+  remedyNoLoop: "Press Reset to restart it.",
   statusHolderLost: "No heartbeat from the page of {name}, who has control.",
   remedyHolderLost: "References are held. A soft stop follows unless the page reconnects.",
   statusContact: "Contact detected: {force} N. The joint is compliant.",
@@ -268,7 +268,7 @@ export const TEXTS = {
   tourStop:
     "STOP sets the motor voltages to zero within two control steps, on every page. Ctrl/Cmd+Shift+E does the same, also in text fields.",
   tourMode:
-    "Start with Pretension: both tendons are tensioned to 10 N. Run then closes the loops and records.",
+    "Start with Pretension: it tensions both tendons to 10 N. Run then closes the loops and starts recording.",
   tourCharts:
     "Ctrl+scroll (or click the chart first, then scroll) to zoom in time; hold V to zoom values; drag to pan; double-click to reset; Live returns to the newest sample. The arrows next to a title show that panel alone; Esc shows all.",
   tourMap:
@@ -292,8 +292,8 @@ export const TEXTS = {
   motorLoopMargins: "{lambda} s: {margins}",
   undoChange: "Undo change",
   redoChange: "Redo change",
-  undoTo: "Back to {tuning}",
-  redoTo: "Forward to {tuning}",
+  undoTo: "Restore {tuning}",
+  redoTo: "Reapply {tuning}",
   // boxes
   unsent: "{value} not sent. Press Enter to send, Esc to discard.",
   wasNotSent: "{value} was not sent. Press Enter to send a value.",

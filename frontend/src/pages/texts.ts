@@ -6,9 +6,9 @@ export const TEXTS = {
   title: "Sign in to Sinew",
   lead: "Open the sign-in link that the service printed when it started, or paste its token here. The token is also in the data folder.",
   stopHint:
-    "STOP works here if this browser was signed in and did not sign out. If STOP is not confirmed, use the stop at the machine.",
+    "STOP works here if this browser has signed in and has not signed out since. If STOP is not confirmed, use the stop at the machine.",
   token: "Token",
   name: "Your name",
-  nameHint: "Shown to other people at this machine",
+  nameHint: "Shown to other users of this machine",
   signIn: "Sign in",
 } as const;

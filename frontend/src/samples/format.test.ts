@@ -34,12 +34,12 @@ describe("format", () => {
     it("say in words that one is none, and are not asked for what is not there", () => {
       const numbers = [Number.NaN, Number.POSITIVE_INFINITY];
       expect(numbers.flatMap((number) => [fixed(number, 2), significant(number, 2)])).toEqual(
-        Array(4).fill("no number"),
+        Array(4).fill("no value"),
       );
       // @ts-expect-error what may be absent goes through `ValueOrReason`, which asks for the reason
-      expect(fixed(null, 2)).toBe("no number");
+      expect(fixed(null, 2)).toBe("no value");
       // @ts-expect-error the same
-      expect(significant(undefined, 2)).toBe("no number");
+      expect(significant(undefined, 2)).toBe("no value");
     });
 
     it.each([
@@ -95,10 +95,10 @@ describe("format", () => {
     it("show a date in the zone of the page, and a dash for none", () => {
       const local = new Date(2026, 0, 9, 7, 5, 3);
       expect(dateTime(local.toISOString())).toBe("2026-01-09 07:05:03");
-      expect(dateTime("")).toBe("time not known");
+      expect(dateTime("")).toBe("unknown time");
       expect(timeOfDay(local.toISOString(), new Date(2026, 0, 9, 23, 0))).toBe("07:05");
       expect(timeOfDay(local.toISOString(), new Date(2026, 0, 10, 1, 0))).toBe("2026-01-09 07:05");
-      expect(timeOfDay("")).toBe("time not known");
+      expect(timeOfDay("")).toBe("unknown time");
     });
   });
 
@@ -201,6 +201,6 @@ describe("number", () => {
 
   it("says what was not taken", () => {
     expect(notANumber(" 5-3 ")).toBe("“5-3” is not a number");
-    expect(notANumber(" ")).toBe("needs a number");
+    expect(notANumber(" ")).toBe("a number is required");
   });
 });

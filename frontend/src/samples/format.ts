@@ -4,7 +4,7 @@
 
 export const MINUS = "−";
 /** What a number that is none is called; where it may be expected the reason is asked for before. */
-const NO_NUMBER = "no number";
+const NO_NUMBER = "no value";
 export const NOT_MEASURED = "not measured";
 
 /** A number with fixed decimals, a true minus sign, and no negative zero. */
@@ -148,7 +148,7 @@ export function dayTime(epoch_s: number, step_s: number): string {
 /** Date and time in the person's own zone, to the second. */
 export function dateTime(iso: string): string {
   const when = new Date(iso);
-  if (Number.isNaN(when.getTime())) return "time not known";
+  if (Number.isNaN(when.getTime())) return "unknown time";
   const two = (part: number) => String(part).padStart(2, "0");
   const date = `${when.getFullYear()}-${two(when.getMonth() + 1)}-${two(when.getDate())}`;
   return `${date} ${two(when.getHours())}:${two(when.getMinutes())}:${two(when.getSeconds())}`;
@@ -221,5 +221,5 @@ export function numberIn(text: string): number | null {
 
 /** Why a text is not taken for a number. */
 export function notANumber(text: string): string {
-  return text.trim() === "" ? "needs a number" : `“${text.trim()}” is not a number`;
+  return text.trim() === "" ? "a number is required" : `“${text.trim()}” is not a number`;
 }

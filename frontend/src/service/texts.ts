@@ -2,9 +2,9 @@
 export const TEXTS = {
   // control
   lossUnheard:
-    "This page lost control: no heartbeat received, or the service restarted. Commands of this page have no effect until you take control.",
+    "This page lost control: no heartbeat received, or the service restarted. Commands from this page have no effect until you take control.",
   lossTakenOver:
-    "{name} has taken control from this page. Commands of this page have no effect until you take control.",
+    "{name} has taken control from this page. Commands from this page have no effect until you take control.",
   hasControl: "{name} has control. Take control to send commands.",
   scriptHasControl: "{name} (script) has control. Take control to send commands.",
   // requests for control
@@ -16,7 +16,7 @@ export const TEXTS = {
   handedBecause: "{name} has handed control over to you: “{answer}”",
   declined: "{name} keeps control: “{answer}”",
   offerWithdrawn: "{name} has withdrawn the offer of control.",
-  offerLapsed: "The offer of control by {name} has expired.",
+  offerLapsed: "{name}'s offer of control has expired.",
   notAnswered: "{name} has not answered. Ask again, or take over.",
   freed: "{name} no longer has control.",
   wishOfOther: "{name} asks for control: “{reason}”",
@@ -56,9 +56,9 @@ export const TEXTS = {
   largeCookies:
     "If large cookies of other applications cause this, raise the limit (nginx: large_client_header_buffers 4 32k;) or delete the cookies of this site.",
   noStream:
-    'Requests are answered, but the live stream fails. A reverse proxy may be blocking WebSockets. For nginx, set: proxy_http_version 1.1; proxy_set_header Upgrade $http_upgrade; proxy_set_header Connection "upgrade"; The log of the service contains details.',
+    'Requests are answered, but the live stream fails. A reverse proxy may be blocking WebSockets. For nginx, set: proxy_http_version 1.1; proxy_set_header Upgrade $http_upgrade; proxy_set_header Connection "upgrade"; See the service log for details.',
   // recordings
-  emptyAnswer: "The service returned an empty answer. Try again.",
+  emptyAnswer: "The service returned an empty response. Try again.",
   above: "above (level)",
   below: "below (level)",
   rising: "rising through (edge)",
@@ -71,12 +71,12 @@ export const TEXTS = {
   capturing: "Recording: {condition}; {left} s left",
   captured: "{count} of {total} captured",
   // notifications
-  notAllowedYet: "Notifications from this page are not allowed yet. Switch them on here and allow them.",
+  notAllowedYet: "Notifications from this page are not allowed yet. Turn them on here and allow them.",
   denied:
-    "This browser blocks notifications from this page. Allow them in its site settings, next to the address, then switch them on here again.",
+    "This browser blocks notifications from this page. Allow them in its site settings, next to the address, then turn them on here again.",
   insecure:
     "Browsers show notifications only for pages over HTTPS, or on the computer that runs the service. Open the page there, or serve it over HTTPS.",
-  missing: "This browser does not support notifications. Use another browser, or the sound.",
+  missing: "This browser does not support notifications. Use another browser, or turn on the sound.",
   runOver: "{kind}, run {run}: {state}",
   stopped: "Stopped",
   tripped: "Tripped: {fault}",

@@ -83,7 +83,7 @@ it("gives the service's reason for a refusal", async () => {
 it("shows a proof itself where no part of the application does", async () => {
   pressPointer();
   await becomes("confirmed");
-  expect(notice().textContent).toBe("Zero volts in 1 tick · 1.00 ms (tick 1001)");
+  expect(notice().textContent).toBe("Zero volts in 1 control step · 1.00 ms (tick 1001)");
   const release = showElsewhere();
   expect(notice().textContent).toBe("");
   release(); // as when a component throws
@@ -124,5 +124,5 @@ it("says what is so after a translation took the place of its text", async () =>
   fetched.mockImplementation(proof);
   pressPointer();
   await becomes("confirmed");
-  expect(notice().textContent).toBe("Zero volts in 1 tick · 1.00 ms (tick 1001)");
+  expect(notice().textContent).toBe("Zero volts in 1 control step · 1.00 ms (tick 1001)");
 });

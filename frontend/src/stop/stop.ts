@@ -158,9 +158,9 @@ function filled(text: string, fields: Readonly<Record<string, string | number>>)
 /** The sentence of the proof that a stop took place. */
 export function describeProof(proof: StopProof): string {
   if (proof.paused_recording) return filled(TEXTS.paused, { tick: proof.zero_tick });
-  const ticks = proof.zero_tick - proof.arrived_tick;
+  const steps = proof.zero_tick - proof.arrived_tick;
   return filled(TEXTS.proof, {
-    ticks: ticks === 1 ? TEXTS.tick : filled(TEXTS.ticks, { count: ticks }),
+    steps: steps === 1 ? TEXTS.step : filled(TEXTS.steps, { count: steps }),
     time: proof.milliseconds.toFixed(2),
     tick: proof.zero_tick,
   });

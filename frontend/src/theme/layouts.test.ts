@@ -111,7 +111,7 @@ it("leaves out what it does not know, as what a later version has kept", () => {
 describe("editing", () => {
   it("refuses a second unit in one panel, and says which two they are", () => {
     expect(withSignal(MINE, 0, "S")).toBe(
-      "S is in N·m/rad, “A” shows rad. A panel has one unit; add a panel for it.",
+      fillText(TEXTS.oneUnit, { signal: "S", unit: "N·m/rad", title: "A", shown: "rad" }),
     );
     expect(done(withSignal(MINE, 0, "theta_A")).panels[0]?.signals).toEqual(["q", "q_ref", "theta_A"]);
     expect(withSignal(MINE, 0, "q")).toBe(fillText(TEXTS.signalShown, { title: "A", signal: "q" }));

@@ -94,10 +94,10 @@ def _stop(found: Findings, moment: Moment) -> None:
     if state["mode"] != "tripped" or proof is None:
         found.same("proof of a stop", said, "")
         return
-    ticks = proof["zero_tick"] - proof["arrived_tick"]
-    noun = "tick" if ticks == 1 else "ticks"
+    steps = proof["zero_tick"] - proof["arrived_tick"]
+    noun = "control step" if steps == 1 else "control steps"
     found.sentence(
-        "proof of the stop", said, f"Zero volts in {{n}} {noun} · {{n}} ms (tick {{n}})", ticks, proof["milliseconds"],
+        "proof of the stop", said, f"Zero volts in {{n}} {noun} · {{n}} ms (tick {{n}})", steps, proof["milliseconds"],
         proof["zero_tick"],
     )  # fmt: skip
     found.same("STOP can be pressed", moment.shown.offers("STOP"), True)

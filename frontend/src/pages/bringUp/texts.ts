@@ -7,7 +7,7 @@ export const TEXTS = {
   drivesOn: "Drives on.",
   drivesOff: "Drives off.",
   drivesLeft:
-    "{person} left the drives off on {time}, before this service started: someone may still be working at the rig.",
+    "{person} switched the drives off on {time}, before this service started: someone may still be working at the rig.",
   whileOn: "Stand clear of the rig. Switch the drives off before you reach in.",
   whileLocked:
     "The motors can be turned by hand, and no motion can start. Stand clear before switching the drives on.",
@@ -16,7 +16,8 @@ export const TEXTS = {
   switchOff: "Switch drives off",
 
   steps: "Steps",
-  outline: "On a rig, this page guides commissioning from drives off to a joint that can be driven:",
+  outline:
+    "On a rig, this page guides you through commissioning, from drives off to a joint that is ready to run:",
   outlineSensors: "With drives off, each sensor is turned or pulled by hand and its reading is checked.",
   outlineForces: "The load cells are tared and calibrated with known weights.",
   outlineEncoders: "The encoders are zeroed at a known joint position, set by hand or by the end switch.",
@@ -42,7 +43,7 @@ export const TEXTS = {
   noReading: "invalid sensor reading (NaN)",
   rising: "rising",
   falling: "falling",
-  still: "still",
+  still: "steady",
   lastReading: "Last reading, {age} old",
 
   start: "Start",

@@ -61,7 +61,7 @@ export const TEXTS = {
   pauseQueue: "Pause after this run",
   pauseQueueHint: "The current run finishes; references are then held under tension.",
   startQueue: "Start queue",
-  startQueueAgain: "Start queue again",
+  startQueueAgain: "Restart queue",
 
   // result of an experiment
   result: "Result",
@@ -110,7 +110,7 @@ export const TEXTS = {
   restoresText: "This restores the original text.",
   restoresVersion: "This restores {name} v{version}.",
   nothingOpened: "Start from an existing experiment, a run, or the sample sequence.",
-  readingText: "Reading the text…",
+  readingText: "Parsing the text…",
   notASequence: "The text is not a valid sequence. Correct it in the text view.",
   text: "Experiment text",
   textHint: "Start from an existing experiment, rename it and edit it.",
@@ -209,7 +209,7 @@ export const TEXTS = {
   describePulse: "Pulse {references} for {time}, then back for {rest}",
   describeSine: "Sine on {oscillations}, period {period}, {time}{cycles}{speed}{push}",
   describeSweep: "Sweep on {oscillations}, {from} to {to} in {time}",
-  describePrbs: "PRBS on {oscillations}, {bits} bits of {chip}",
+  describePrbs: "PRBS on {oscillations}, {bits}-bit register, chip {chip}",
   describeMultisine: "Multisine on {oscillations}, {lines} lines, period {period}",
   describePush: "Push with {force} for {time} (simulator only)",
   describeManualPush: "Manual push: {pushes} pushes up to {force} (simulator only)",

@@ -65,7 +65,10 @@ describe("requestOf", () => {
   it("says what is no number instead of asking", () => {
     expect(requestOf(ACTUATOR, { chip_s: "" }, "")).toMatchObject({
       request: null,
-      problem: fillText(TEXTS.notANumber, { label: SETTING_LABELS.chip_s ?? "", problem: "needs a number" }),
+      problem: fillText(TEXTS.notANumber, {
+        label: SETTING_LABELS.chip_s ?? "",
+        problem: "a number is required",
+      }),
       place: "chip_s",
     });
     for (const text of ["10, twenty", "0x10", "1e"]) {

@@ -35,7 +35,7 @@ function open(
       <LiveProvider store={store}>
         <DisturbanceFeedforwardControl
           tuning={{ k_ext } as Tuning}
-          previewed={{ preview, stale, missing: "being computed" }}
+          previewed={{ preview, stale, missing: "computing" }}
           disabled={false}
           onDraft={drafted}
           onCommit={sent}
@@ -80,18 +80,18 @@ it("is switched on at the usual share, forecast before it is in force, and off a
 it("says what a push does without it", () => {
   open(0, true);
   expect(said()).toMatch(
-    /^5 N push: deflection 2\.9°, back to within 0\.3° after 11\.90 s; apparent stiffness 9\.9 N·m\/rad at 0\.1 Hz, 9\.6 at 1 Hz$/,
+    /^5 N push: deflection 2\.9°; return to within 0\.3°: 11\.90 s; apparent stiffness 9\.9 N·m\/rad at 0\.1 Hz, 9\.6 at 1 Hz$/,
   );
 });
 
 it("says both with it, and of a joint that does not come back that it does not", () => {
   open(1, true, REJECTED);
   expect(said()).toContain(
-    "back to within 0.3° after 11.90 s → 1.42 s; apparent stiffness 9.9 → 44.9 N·m/rad at 0.1 Hz, 9.6 → 7.2 at 1 Hz",
+    "return to within 0.3°: 11.90 s → 1.42 s; apparent stiffness 9.9 → 44.9 N·m/rad at 0.1 Hz, 9.6 → 7.2 at 1 Hz",
   );
   cleanup();
   open(1, true, { ...REJECTED, back_s: null });
-  expect(said()).toContain(`after 11.90 s → ${TEXTS.never}`);
+  expect(said()).toContain(`: 11.90 s → ${TEXTS.never}`);
 });
 
 it("says of numbers that belong to an earlier value that they are being computed anew", () => {

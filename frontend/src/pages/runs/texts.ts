@@ -105,7 +105,7 @@ export const TEXTS = {
   identifiedModels: "Models and fits of this identification",
   notOver: "The run is in progress",
   noCriteria: "Manual session without criteria",
-  notJudged: "Not judged",
+  notJudged: "No verdict",
   noMetric: "No metric was measured",
 
   // note, downloads, settings, tags

@@ -24,7 +24,7 @@ export const TEXTS = {
   draftOf: "study",
   draft: "Draft, not computed",
   discardDraft: "This clears the text.",
-  readingText: "Reading the text…",
+  readingText: "Parsing the text…",
   notReadable: "The form appears when the text is valid.",
   text: "Study text",
   textHint: "Swept settings, plant parameters and noise seeds",

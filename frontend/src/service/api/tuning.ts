@@ -259,7 +259,7 @@ export function usePreview(wanted: PreviewRequest, tuning: Tuning): Previewed {
   const stale = asked !== key || query.isPlaceholderData;
   if (query.error !== null && asked === key)
     return { preview: undefined, stale: false, missing: query.error.message };
-  return { preview: query.data, stale: stale && query.data !== undefined, missing: "being computed" };
+  return { preview: query.data, stale: stale && query.data !== undefined, missing: "computing" };
 }
 
 /** What a preview depends on beside its request: another one has another preview. */
