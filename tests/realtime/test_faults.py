@@ -369,7 +369,7 @@ WITHOUT_UNIT = re.compile(r"(?<![\w.-])-?\d+(?:\.\d+)?(?![\d.]|:? (?:rad|N|V|s|m
         ),
         (
             InjectedFault(InjectedFaultKind.SAFETY_TRIP),
-            r"The independent safety module disabled the motors: .*F_A = .* N, F_B = .* N, q = .* rad .*",
+            r"The independent safety module disabled the motors: .*F_A = .* N, F_B = .* N, q = .* rad\.",
         ),
     ],
     ids=lambda value: f"{value.kind}-{value.sensor}" if isinstance(value, InjectedFault) else "",

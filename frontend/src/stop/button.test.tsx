@@ -5,6 +5,7 @@ const fetched = vi.fn<(request: Request) => Promise<Response>>();
 vi.stubGlobal("fetch", fetched);
 
 import { observeState, showElsewhere, stopState } from "./stop";
+import { TEXTS } from "./texts";
 
 const PROOF = { arrived_tick: 1000, zero_tick: 1001, milliseconds: 1 };
 const LOST = { kind: "unconfirmed" } as const;
@@ -111,7 +112,7 @@ it("says of itself what it does to a recording, where one is played", () => {
   observeState({ ...told, link, player: { ...where, speed: 1, speed_min: 0.25, speed_max: 4 } });
   expect(button().title).toMatch(/^Pauses playback/);
   observeState({ ...told, link, player: null });
-  expect(button().title).toMatch(/zero volts at once, latched/);
+  expect(button().title).toBe(TEXTS.stops);
 });
 
 it("says what is so after a translation took the place of its text", async () => {
