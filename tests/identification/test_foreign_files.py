@@ -24,7 +24,7 @@ from backend.identification.importer import (
     read_parquet,
 )
 from backend.identification.records import DataFileError, FileFault, RecordError
-from backend.identification.tables import DecimalMark, read_csv
+from backend.identification.tables import DecimalMark, read_csv, read_dates
 from tests.identification.foreign_files import (
     COUNT,
     PERIOD_S,
@@ -573,3 +573,14 @@ def test_the_model_is_that_of_the_plain_file() -> None:
     found = estimate_model(imported(READ["thousands"][0], {}).record, "first").first_order
     assert pytest.approx(2000.0, rel=5e-3) == found.K
     assert pytest.approx(0.02, rel=2e-2) == found.T
+
+
+def test_zones_count_by_hours_and_minutes() -> None:
+    """Each cell is the same moment, 04:50:30 UTC, and a second more."""
+    cells = [
+        "2026-03-04T10:20:30+0530",
+        "2026-03-04T10:20:31+05:30",
+        "2026-03-03T19:05:32-0945",
+        "2026-03-04T04:50:33Z",
+    ]
+    np.testing.assert_allclose(read_dates("time", cells).seconds, [0.0, 1.0, 2.0, 3.0])

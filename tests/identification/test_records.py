@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from backend.identification.records import Record, RecordError
+from backend.identification.records import Record, RecordError, mean_period, rest_at_limit
 from tests.refusals import refused
 
 N = 1000
@@ -119,3 +119,20 @@ def test_a_part_keeps_all_columns_aligned() -> None:
     assert part.r is not None
     np.testing.assert_array_equal(part.r, 2 * part.u)
     np.testing.assert_array_equal(part.y, Y[100:400])
+
+
+def test_two_samples_have_a_sample_time() -> None:
+    assert mean_period(np.array([2.0, 2.5])) == 0.5
+    with refused(RecordError, "time_does_not_increase", duration_s=0.0):
+        mean_period(np.array([2.0, 2.0]))
+
+
+@pytest.mark.parametrize(("low", "high", "limit"), [(-0.7, 0.9, -0.7), (-0.9, 0.7, 0.7)])
+def test_the_longer_rest_at_a_limit_is_found_with_its_share(low: float, high: float, limit: float) -> None:
+    y = np.clip(SINE, low, high)
+    found = rest_at_limit(SINE, y)
+    assert found is not None
+    assert found.limit == limit
+    assert found.share_percent == pytest.approx(100.0 * np.mean(y == limit))
+    assert 0.0 < found.moving_percent <= found.share_percent
+    assert found.abrupt
