@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     Fits = Mapping[int, Mapping[str, StoredFit]]
 
 LambdaOptions = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="λ of the comparison, in s; repeatable.")
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="λ for the comparison [s]; repeatable.")
 ]
 
 app = typer.Typer(
@@ -50,7 +50,7 @@ def list_banks(data: DataFolder = None, station: StationName = None, as_json: As
         print_json([asdict(bank) for bank in found])
         return
     rows = [(b.id, b.name, b.version, len(b.entries), b.who, f"{b.created_at:%Y-%m-%d %H:%M}") for b in found]
-    print_table(("bank", "name", "version", "entries", "by", "made (UTC)"), rows)
+    print_table(("bank", "name", "version", "entries", "by", "created (UTC)"), rows)
 
 
 @app.command()
@@ -60,7 +60,7 @@ def show(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show the entries of a bank and the identifications that they come from."""
+    """Show the entries of a bank and their identifications."""
     from backend.storage import banks, identifications, load_bank_fits
 
     with (
@@ -98,11 +98,11 @@ def build(
 
 @app.command()
 def diff(
-    before: Annotated[int, typer.Argument(help="Number of the bank to compare with.")],
-    after: Annotated[int | None, typer.Argument(help="Number of the other bank.")] = None,
+    before: Annotated[int, typer.Argument(help="Number of the first bank.")],
+    after: Annotated[int | None, typer.Argument(help="Number of the second bank.")] = None,
     again: Annotated[
         list[int] | None,
-        typer.Option("--with", help="Instead of another bank: run number of a repeated identification; repeatable."),
+        typer.Option("--with", help="Instead of a second bank: run number of a new identification; repeatable."),
     ] = None,
     values: LambdaOptions = None,
     params: ParameterSet = None,

@@ -327,12 +327,13 @@ def experiment(
 ) -> None:
     """Run experiments on the simulator, faster than real time, and store them.
 
-    Several experiments run one after the other with the same settings, until one does not complete. Each run writes
-    its files to a folder of its own.
+    Several experiments run one after the other with the same settings, until one does not complete. Each run then
+    writes its files to its own subfolder.
 
     sinew experiments show NAME lists the settings, such as q_amplitude [rad], S_hold [N·m/rad] or hold_s [s].
     Settings of the control loop: lam_q, lam_S, lam_motor [s], b (0 to 1), bank (number, 0 for geometric gains),
-    interpolate (true, false), seed. Settings that are not given come from the active tuning in the data folder.
+    interpolate (true, false), motion (lambda, time-optimal), u_plan [V], k_ext (0 to 1), seed. Omitted settings come
+    from the active tuning in the data folder.
     """
     from backend.execution import RunRequest
 
@@ -398,7 +399,7 @@ Name = Annotated[str, typer.Argument(help="Name of an experiment, name@2 for a v
 
 @experiments_app.command("list")
 def list_experiments(data: DataFolder = None, as_json: AsJson = False) -> None:
-    """List all experiments, your own in their newest version."""
+    """List all experiments, your own with their newest version."""
     from backend.services import OwnExperiments
 
     with open_configured_database(load_settings(data=data), read_only=True) as database:
@@ -407,7 +408,7 @@ def list_experiments(data: DataFolder = None, as_json: AsJson = False) -> None:
     if as_json:
         print_json([{"name": name, "title": title, "duration_s": float(duration)} for name, title, duration in rows])
     else:
-        print_table(("experiment", "title", "lasts [s]"), rows)
+        print_table(("experiment", "title", "duration [s]"), rows)
 
 
 @experiments_app.command("show")
@@ -427,7 +428,7 @@ def show_experiment(name: Name, data: DataFolder = None, as_json: AsJson = False
 
 @experiments_app.command()
 def text(name: Name, data: DataFolder = None) -> None:
-    """Print the text of an experiment, as a copy or as a start for your own."""
+    """Print the text of an experiment, for a copy or as a template."""
     from backend.services import OwnExperiments
 
     with open_configured_database(load_settings(data=data), read_only=True) as database:
@@ -437,7 +438,7 @@ def text(name: Name, data: DataFolder = None) -> None:
 
 @experiments_app.command()
 def check(file: File, params: ParameterSet = None, data: DataFolder = None, as_json: AsJson = False) -> None:
-    """Check an experiment as a start would, and simulate it; nothing is stored."""
+    """Apply the checks of a start to an experiment, and simulate it; nothing is stored."""
     from backend.services import OwnExperiments
 
     settings = load_settings(params=params, data=data)
@@ -452,17 +453,17 @@ def check(file: File, params: ParameterSet = None, data: DataFolder = None, as_j
         return
     changes = f", {checked.changes_of_tuning} changes of the tuning" if checked.changes_of_tuning else ""
     segments = format_count(checked.segments, "segment")
-    text = f"{checked.name} can be run: {checked.duration_s:.6g} s in {segments}{changes}"
+    text = f"{checked.name} is valid: {checked.duration_s:.6g} s in {segments}{changes}"
     console.print(text, highlight=False, markup=False)
     if checked.peak_voltage_V is not None and checked.min_tension_N is not None and checked.max_tension_N is not None:
         tensions = f"tensions {Quantity(checked.min_tension_N, 'N', checked.max_tension_N):.3g}"
-        text = f"on the simulator: {Quantity(checked.peak_voltage_V, 'V'):.3g} at most, {tensions}"
+        text = f"on the simulator: at most {Quantity(checked.peak_voltage_V, 'V'):.3g}, {tensions}"
         console.print(text, highlight=False, markup=False)
 
 
 @experiments_app.command("keep")
 def save(file: File, params: ParameterSet = None, data: DataFolder = None, as_json: AsJson = False) -> None:
-    """Store an experiment as the next version of its name, if it can be run."""
+    """Store a valid experiment as the next version of its name."""
     from backend.services import OwnExperiments
 
     settings = load_settings(params=params, data=data)
@@ -475,7 +476,7 @@ def save(file: File, params: ParameterSet = None, data: DataFolder = None, as_js
     if as_json:
         print_json({"name": stored.name, "version": stored.version})
     else:
-        console.print(f"kept as {stored.name}@{stored.version}", highlight=False, markup=False)
+        console.print(f"saved as {stored.name}@{stored.version}", highlight=False, markup=False)
 
 
 @experiments_app.command()
@@ -535,8 +536,8 @@ def show_queue(data: DataFolder = None, as_json: AsJson = False) -> None:
 
 @queue_app.command()
 def add(
-    name: Annotated[str, typer.Argument(help="Built-in or stored experiment: tracking, mine, mine@2.")],
-    values: Annotated[list[str] | None, typer.Option("--set", help="key=value, in SI; 60deg is an angle.")] = None,
+    name: Annotated[str, typer.Argument(help="Built-in or stored experiment, such as tracking, mine or mine@2.")],
+    values: Annotated[list[str] | None, typer.Option("--set", help="key=value in SI, or an angle as 60deg.")] = None,
     data: DataFolder = None,
     as_json: AsJson = False,
 ) -> None:
@@ -551,7 +552,7 @@ def add(
 @queue_app.command()
 def move(
     item: Item,
-    place: Annotated[int, typer.Argument(min=1, help="New position: 1 runs next.")],
+    place: Annotated[int, typer.Argument(min=1, help="New position; 1 is the next to run.")],
     data: DataFolder = None,
     as_json: AsJson = False,
 ) -> None:
@@ -570,7 +571,7 @@ def remove(item: Item, data: DataFolder = None, as_json: AsJson = False) -> None
 @queue_app.command()
 def run(
     watch: Annotated[
-        bool, typer.Option(help="Show progress until the queue stops; Ctrl-C ends only the display.")
+        bool, typer.Option(help="Show progress until the queue stops; Ctrl+C ends only the display.")
     ] = True,
     data: DataFolder = None,
     as_json: AsJson = False,
@@ -597,7 +598,7 @@ def pause(data: DataFolder = None, as_json: AsJson = False) -> None:
 
 @queue_app.command()
 def stop(data: DataFolder = None, as_json: AsJson = False) -> None:
-    """STOP the actuator, as the red button does. The current run ends as stopped.
+    """STOP the actuator, like the red button. The current run ends as stopped.
 
     The queue keeps its experiments.
     """
@@ -634,7 +635,7 @@ def _follow_queue(service: RunningService, *, hidden: bool) -> "QueueView":
             if task is None and queue.run is None and not queue.running:
                 return queue
             if task is not None:
-                text = escape_line(f"run {task.run}, {task.phase}; {len(queue.items)} wait")
+                text = escape_line(f"run {task.run}, {task.phase}; {len(queue.items)} queued")
                 total = max(task.duration_s, 1e-9)
                 left = _format_time_left(task)
                 progress.update(bar, description=text, total=total, completed=task.elapsed_s, left=left)
@@ -660,13 +661,13 @@ def _print_queue(service: RunningService, queue: "QueueView", *, as_json: bool) 
         for place, item in enumerate(queue.items, start=1)
     ]
     if rows:
-        print_table(("place", "item", "experiment", "settings", "by"), rows)
+        print_table(("position", "item", "experiment", "settings", "by"), rows)
     else:
         console.print("the queue is empty", highlight=False)
     task = _request_task(service)
     if task is not None:
         left = _format_time_left(task)
         console.print(f"run {task.run} is in progress: {task.kind}, {left}", highlight=False, markup=False)
-    console.print("the queue continues automatically" if queue.running else "the queue is not started", highlight=False)
+    console.print("the queue continues automatically" if queue.running else "the queue is not running", highlight=False)
     if queue.problem:
         console.print(queue.problem, highlight=False, markup=False, soft_wrap=True)

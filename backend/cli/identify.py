@@ -73,13 +73,11 @@ def data(
     structure: Annotated[str, typer.Option(metavar="NAME", help=f"Structure: {STRUCTURES}.")],
     period_s: Annotated[
         float | None,
-        typer.Option("--period", metavar="SECONDS", help="Sample time [s]; a time column gives it or is checked."),
+        typer.Option("--period", metavar="SECONDS", help="Sample time [s]; with a time column, optional and checked."),
     ] = None,
     time: Annotated[
         str | None,
-        typer.Option(
-            metavar="COLUMN", help="Column of the time, or none to ignore the file's time column and use --period."
-        ),
+        typer.Option(metavar="COLUMN", help="Time column, or none to ignore the file's time column and use --period."),
     ] = None,
     time_unit: Annotated[
         str | None,
@@ -114,9 +112,7 @@ def data(
     ] = None,
     resample: Annotated[
         bool,
-        typer.Option(
-            "--resample", help="Resample rows with uneven times to a constant sample time, across short gaps."
-        ),
+        typer.Option("--resample", help="Resample unevenly spaced rows to a constant sample time, across short gaps."),
     ] = False,
     gain: Annotated[
         float | None,
@@ -126,15 +122,15 @@ def data(
     ] = None,
     resolution: Annotated[
         float | None,
-        typer.Option(metavar="STEP", help="One count of the output's sensor. [estimated if the values are few]"),
+        typer.Option(metavar="STEP", help="Resolution of the output sensor. [estimated if coarse]"),
     ] = None,
     method: Annotated[str, typer.Option(metavar="NAME", help=f"Estimator: {METHODS}.")] = "default",
     as_json: AsJson = False,
 ) -> None:
-    """Identify a model from a file and print what was read; nothing is stored.
+    """Identify a model from a file, and print it with the layout of the file; nothing is stored.
 
-    A record from a closed loop needs --setpoint or --controller. Exit status 2 if the file is unreadable or the
-    record gives no model.
+    A record from a closed loop needs --setpoint or --controller. Exit 2 if the file is unreadable or the record
+    yields no model.
     """
     from backend.identification import IdentificationError, Selection, TimeChoice, estimate_model, import_record
     from backend.models import replace_non_finite
@@ -262,12 +258,12 @@ def print_layout(
         ),
         *rows,
         *(
-            ("not read", f"{', '.join(name for name, other in not_read.items() if other == reason)}: {reason}")
+            ("ignored", f"{', '.join(name for name, other in not_read.items() if other == reason)}: {reason}")
             for reason in dict.fromkeys(not_read.values())
         ),
         *(("note", note) for note in notes),
     ]
-    print_table(("", "read"), lines)
+    print_table(("", "content"), lines)
 
 
 def _format_column(column: str, unit: str | None) -> str:
@@ -462,7 +458,7 @@ def spring(
     elif table is None:
         _run_identification(SpringIdentificationPlan, parse_values(values or []), out, settings, as_json)
     elif values or out:
-        fail("--set and --out do not apply to a table: remove them", status=2)
+        fail("--set and --out do not apply to --table: remove them", status=2)
     else:
         _identify_table(table, settings, header, decimal, as_json=as_json)
 
@@ -482,7 +478,7 @@ def actuator(
 ) -> None:
     """Identify G_q and G_S at one or several tendon tensions (method section 4).
 
-    Runs at tensions at least 5 N apart also give the Coulomb friction of motor A over the load, c0 + c1 r_m F.
+    Runs at tensions at least 5 N apart also yield the Coulomb friction of motor A over the load, c0 + c1 r_m F.
 
     Settings: tension_N [N], amplitude_rad [rad], chip_s [s], bits, periods, settle_s [s],
     estimator (default, or arx as in the paper).
@@ -577,5 +573,5 @@ def _identify_table(table: Path, settings: Settings, header: int | None, decimal
     )
     fits = stored.springs["table"].model.fits
     rows = [(fit.order, fit.rms_N, fit.max_N, fit.cross_validation_N) for fit in fits]
-    print_table(("order", "RMS [N]", "largest [N]", "left out [N]"), rows, title=f"identification {stored.id}")
+    print_table(("order", "RMS [N]", "largest [N]", "cross-validation [N]"), rows, title=f"identification {stored.id}")
     console.print(stored.verdict, highlight=False, markup=False)

@@ -36,7 +36,7 @@ Number = Annotated[int, typer.Argument(metavar="NUMBER", help="Number of a study
 def run(
     file: Annotated[Path | None, typer.Argument(help="File of a study, YAML or JSON (docs/how-to/studies.md).")] = None,
     resume: Annotated[int | None, typer.Option("--resume", metavar="NUMBER", help="Continue this study.")] = None,
-    jobs: Annotated[int, typer.Option("--jobs", min=0, max=1024, help="Processes; 0 for one on each core.")] = 0,
+    jobs: Annotated[int, typer.Option("--jobs", min=0, max=1024, help="Number of processes; 0 for one per core.")] = 0,
     again: Annotated[bool, typer.Option("--again", help="With --resume: repeat failed and lost runs.")] = False,
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Compute on a Dask cluster: tcp://HOST:8786.")
@@ -48,12 +48,12 @@ def run(
 ) -> None:
     """Compute a study and store each run in the database. Ctrl+C stops it.
 
-    --resume computes the missing runs. Parameter set and tuning are the active ones, unless the study sets them.
+    --resume computes the missing runs. The study uses the active parameter set and tuning, unless it sets them.
     """
     if (file is None) == (resume is None):
-        fail("name the file of a study, or the number of one with --resume", status=2)
+        fail("specify the file of a study, or --resume with the number of a study", status=2)
     if again and resume is None:
-        fail("--again needs --resume: a new study has no failed runs", status=2)
+        fail("--again requires --resume: a new study has no failed runs", status=2)
     from backend.services import Studies
     from backend.studies import run_study
 
@@ -69,12 +69,14 @@ def run(
         else:
             studies.resume(resume)
         if not as_json:
-            console.print(f"study {resume}: sinew study run --resume {resume} resumes it", highlight=False)
+            console.print(
+                f"study {resume}; to resume it after a stop: sinew study run --resume {resume}", highlight=False
+            )
         with _show_progress(hidden=as_json) as notify:
             is_complete = run_study(database, resume, _choose_executor(jobs, scheduler), notify, again=again)
         _print_study(studies.build_detail(resume, 0), as_json=as_json)
     if not is_complete:
-        fail(f"study {resume} was stopped: sinew study run --resume {resume} resumes it")
+        fail(f"study {resume} was stopped; to resume it: sinew study run --resume {resume}")
 
 
 @app.command("list")
@@ -120,7 +122,7 @@ def show(
 
 @app.command()
 def stop(study: Number, data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
-    """Stop a study, whichever process computes it; finished runs stay."""
+    """Stop a study, in whichever process it runs; finished runs are kept."""
     from backend.services import Studies
 
     with open_configured_database(load_settings(data=data, station=station)) as database:
@@ -144,7 +146,7 @@ def map_metric(
     pick: Annotated[
         str,
         typer.Option(
-            "--pick", help="Value of a cell with several runs: worst, mean, least, largest, deviation, p5, median, p95."
+            "--pick", help="Statistic of the runs in a cell: worst, mean, least, largest, deviation, p5, median, p95."
         ),
     ] = "worst",
     to: Annotated[Path | None, typer.Option("--out", help="Image file to write: png, svg or pdf.")] = None,
@@ -152,9 +154,9 @@ def map_metric(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Map a metric over two axes of a study, as a table or a picture."""
+    """Map a metric over two axes of a study, as a table or an image."""
     if to is not None and to.suffix.lower() not in PICTURE_SUFFIXES:
-        fail(f"{to}: the name of an image file ends in {', '.join(PICTURE_SUFFIXES)}", status=2)
+        fail(f"{to}: use one of the suffixes {', '.join(PICTURE_SUFFIXES)}", status=2)
     from dataclasses import asdict
 
     from backend.experiments import parse_canonical
@@ -165,7 +167,7 @@ def map_metric(
         found, design = Studies(database).build_map(study, figure, pick, over)
     metrics = list_metric_names(parse_canonical(design.base.experiment)) | SHARES
     if figure not in metrics:
-        fail(f"there is no metric {figure}; choose one of {', '.join(metrics)}", status=2)
+        fail(f"metric '{figure}' does not exist; choose one of {', '.join(metrics)}", status=2)
     unit = metrics[figure].unit
     statistic = STATISTIC_LABELS.get(found.pick, found.pick)
     label = f"{_format_label(metrics[figure].label, unit)}, {statistic} of the runs in a cell"
@@ -205,7 +207,7 @@ def map_metric(
         )
 
 
-_NOTES_TITLE = "95 % confidence interval of a share, or number of runs with a value among the computed ones"
+_NOTES_TITLE = "95 % confidence interval of a share, or number of runs with a value of all computed runs"
 
 
 def _build_notes(found: "Map") -> list[list[str]]:
@@ -266,20 +268,22 @@ def _print_study(found: "StudyDetail", *, as_json: bool) -> None:
     console.print(
         f"study {study.id}, {study.title}: {study.state}, {study.done} of {study.points} runs", highlight=False
     )
-    console.print(f"{ends or 'none yet'}{f'; {study.problem}' if study.problem else ''}", highlight=False, markup=False)
+    console.print(
+        f"{ends or 'no run computed yet'}{f'; {study.problem}' if study.problem else ''}", highlight=False, markup=False
+    )
     for share in found.shares:
         if share.percent is None or share.low is None or share.high is None:
-            console.print(f"{share.label}: {format_count(share.left_out, 'run')} not judged", highlight=False)
+            console.print(f"{share.label}: {format_count(share.left_out, 'run')} without a verdict", highlight=False)
             continue
-        left = f", {format_count(share.left_out, 'run')} not judged" if share.left_out else ""
+        left = f", {format_count(share.left_out, 'run')} without a verdict" if share.left_out else ""
         console.print(
             f"{share.label}: {share.count} of {share.of}, {share.percent:.1f} % "
             f"(95 % confidence interval {share.low:.1f} to {share.high:.1f} %){left}",
             highlight=False,
         )
-    print_table(("figure", "runs", "mean", "std. dev.", "unit"), [_build_mean_row(item) for item in found.figures])
+    print_table(("metric", "runs", "mean", "std. dev.", "unit"), [_build_mean_row(item) for item in found.figures])
     print_table(
-        ("figure", "least", "5 %", "median", "95 %", "largest"), [_build_percentile_row(item) for item in found.figures]
+        ("metric", "least", "5 %", "median", "95 %", "largest"), [_build_percentile_row(item) for item in found.figures]
     )
     if found.rows:
         names = list(found.rows[0].values)

@@ -65,7 +65,7 @@ def test_paused_behind_what_runs_and_stopped(service: Service, client: httpx.Cli
     assert (paused["running"], paused["run"], len(paused["items"])) == (False, begun["run"], 1)
     words = sinew("queue", "show", folder=service.data).stdout
     assert f"run {begun['run']} is in progress: sequence" in words
-    assert "the queue is not started" in words
+    assert "the queue is not running" in words
     queue(service, "stop")
     until(lambda: shown(client)["run"] is None)
     assert len(shown(client)["items"]) == 1  # what is stopped does not start again, what waits goes on waiting

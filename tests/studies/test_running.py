@@ -269,12 +269,12 @@ def test_the_command_prints_a_study_as_json(tmp_path: Path) -> None:
     in_degrees = [math.degrees(row["figures"]["rmse_q"]) for row in rows]
     numbers = [float(number) for number in re.findall(r"(?<=│ )[0-9.]+(?= )", output)]
     assert all(pytest.approx(value, rel=1e-3) in numbers for value in in_degrees)
-    assert "there is no metric weight" in sinew("map", "1", "--figure", "weight").stderr
+    assert "metric 'weight' does not exist" in sinew("map", "1", "--figure", "weight").stderr
     assert (
-        "the name of an image file ends in .png, .svg, .pdf"
+        "use one of the suffixes .png, .svg, .pdf"
         in sinew("map", "1", *over, "--out", str(tmp_path / "map.bmp")).stderr
     )
-    assert "--again needs --resume" in sinew("run", str(file), "--again").stderr
+    assert "--again requires --resume" in sinew("run", str(file), "--again").stderr
     assert json.loads(sinew("run", "--resume", "1", "--again").stdout)["study"]["done"] == 4
     assert "there is no study 9" in sinew("stop", "9").stderr
     file.write_text("format: 2")
