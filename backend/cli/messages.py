@@ -12,7 +12,7 @@ def not_a_text_table(*, file: str) -> str:
 
 @catalogue_entry
 def unknown_file_format(*, file: str) -> str:
-    return f"{file} is neither .csv, .mat nor .parquet: save the columns as one of these"
+    return f"{file} is not .csv, .mat or .parquet: save the columns in one of these formats"
 
 
 @catalogue_entry
@@ -48,7 +48,7 @@ def folder_used_by_another_version(*, folder: str) -> str:
 
 @catalogue_entry
 def database_is_on_a_server() -> str:
-    return "restore a database given by SINEW_DATABASE_URL with the tools of its database server"
+    return "SINEW_DATABASE_URL is set: restore this database with the tools of its database server"
 
 
 @catalogue_entry

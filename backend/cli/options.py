@@ -31,7 +31,7 @@ DataFolder = Annotated[
 ]
 StationName = Annotated[
     str | None,
-    typer.Option("--station", help="Name of the rig if several share one database; also SINEW_STATION."),
+    typer.Option("--station", help="Name of the rig, if several rigs share one database; also SINEW_STATION."),
 ]
 ParameterSet = Annotated[
     str | None, typer.Option("--params", help="Parameter set: lab, lab-stick, ideal or a TOML file. [lab]")
@@ -61,7 +61,7 @@ Recording = Annotated[
 
 CACHE_FALLBACK = "SINEW_CACHE_FALLBACK"
 """Environment variable with the folder for compiled code if no cache folder is writable."""
-_INTERRUPTED = "the process that executed the run ended before the run; detected when the data folder was opened again"
+_INTERRUPTED = "the process that executed the run ended before the run; detected when the data folder was next opened"
 
 
 def load_settings(**options: object) -> Settings:
@@ -209,7 +209,7 @@ class RunningService:
             response = connection.getresponse()
             text = response.read()
         except (OSError, http.client.HTTPException) as error:
-            fail(f"the service at {self.address} does not answer: {error or type(error).__name__}")
+            fail(f"the service at {self.address} does not respond: {error or type(error).__name__}")
         finally:
             connection.close()
         return self._parse_response(response.status, text, response_type)
@@ -227,8 +227,8 @@ class RunningService:
             message = ErrorResponse.model_validate_json(text).error.message
         except ValidationError:
             fail(
-                f"the service at {self.address} is not Sinew: status {status}, {text[:80]!a}; find out "
-                "which program listens there, and start `sinew serve` again"
+                f"the program at {self.address} is not Sinew: status {status}, {text[:80]!a}; find out "
+                "which program uses this port, and restart `sinew serve`"
             )
         fail(message)
 

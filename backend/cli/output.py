@@ -44,7 +44,7 @@ class SafeConsole(Console):
 console = SafeConsole()
 error_console = SafeConsole(stderr=True)
 
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of tables.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 
 ANGLES_VARIABLE = "SINEW_ANGLES"
 """Environment variable with the unit of printed angles, ``rad`` or ``deg``."""
@@ -199,7 +199,7 @@ def _print_metrics(metrics: "Sequence[MeasuredFigure]") -> None:
     ]
     if rows:
         shown = 4 if any(item.reason for item in metrics) else 3
-        print_table(("figure", "value", "unit", "measured")[:shown], [row[:shown] for row in rows])
+        print_table(("metric", "value", "unit", "status")[:shown], [row[:shown] for row in rows])
 
 
 def _print_criteria(criteria: "Sequence[RunCriterion]", verdict: str) -> None:

@@ -11,12 +11,13 @@ from backend.cli import messages
 from backend.cli.options import DataFolder, StationName, has_database, load_settings, open_configured_database
 from backend.cli.output import AsJson, angle_unit, console, error_console, fail, print_json
 from backend.settings import Settings
+from backend.units import format_count
 
 if TYPE_CHECKING:
     from backend.recording import Columns
     from backend.reports import PublicKey, ReportDifference, ReportManifest, SignedPage, Verified
 
-app = typer.Typer(help="Reports: write one of several runs, verify, sign.", no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(help="Reports: combine several runs, verify, sign.", no_args_is_help=True, rich_markup_mode=None)
 
 
 @app.command()
@@ -28,29 +29,29 @@ def series(
     data: DataFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write one report of several runs: their differences, metrics and curves."""
+    """Write one report of several runs, with their differences, metrics and curves."""
     from backend.exports import write_files_whole
     from backend.reports import load_series, render_series_report
 
     kinds, files = {".html": "html", ".pdf": "pdf"}, to or [Path("series.html")]
     unknown = next((file for file in files if file.suffix not in kinds), None)
     if unknown is not None:
-        fail(f"{unknown}: a report is written as .html or .pdf")
+        fail(f"{unknown}: use the suffix .html or .pdf")
     with open_configured_database(load_settings(data=data), read_only=True) as database:
         sources = load_series(database, numbers, angle_unit())
     write_files_whole({file: (render_series_report(sources, kinds[file.suffix]),) for file in files})
     if as_json:
         print_json({"runs": [source.run.id for source in sources], "files": [str(file) for file in files]})
         return
-    console.print(f"written: {', '.join(map(str, files))}", highlight=False, markup=False, soft_wrap=True)
+    console.print(f"wrote {', '.join(map(str, files))}", highlight=False, markup=False, soft_wrap=True)
 
 
 @app.command()
 def key(data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
     """Print the public key of reports signed here, with its fingerprint.
 
-    The first use creates the key. The private key stays in the data folder. Others verify your reports with the printed
-    line and --key.
+    The first use creates the key. The private key stays in the data folder. Others pass the printed line to
+    sinew report verify --key.
     """
     from backend.reports import SigningKeyError, derive_public_key, load_or_make_signing_key
 
@@ -68,15 +69,15 @@ def key(data: DataFolder = None, station: StationName = None, as_json: AsJson = 
 
 @app.command()
 def sign(
-    file: Annotated[Path, typer.Argument(help="report.html of a run or page of a series; the command overwrites it.")],
+    file: Annotated[Path, typer.Argument(help="report.html of a run or of a series; the command overwrites it.")],
     data: DataFolder = None,
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Sign a page with the key of this installation, replacing an earlier signature.
+    """Sign a report with the key of this installation, replacing an earlier signature.
 
-    The runs of the page must be stored here, and its numbers must agree with their samples. Exit 1 if a number differs,
-    2 if the page cannot be verified; the file is then unchanged.
+    The runs of the report must be stored here, and its numbers must agree with their samples. Exit 1 if a number
+    differs, 2 if the report cannot be verified; the file is then unchanged.
     """
     from backend.exports import write_file_whole
     from backend.reports import (
@@ -90,7 +91,7 @@ def sign(
 
     settings = load_settings(data=data, station=station)
     if file.suffix == ".pdf":
-        fail(f"{file} is not signed: only the page can be signed; sign {file.with_suffix('.html').name}", status=2)
+        fail(f"{file} is not signed: a PDF cannot be signed; sign {file.with_suffix('.html').name}", status=2)
     try:
         _require_regular_file(file)
         page = file.read_bytes()
@@ -100,9 +101,9 @@ def sign(
     for difference in found.differences:
         error_console.print(difference.sentence, highlight=False, markup=False, soft_wrap=True)
     if found.differences:
-        fail(f"{file} is not signed: it does not hold, {len(found.differences)} differences")
+        fail(f"{file} is not signed: {format_count(len(found.differences), 'difference')} found")
     if found.left_out:
-        fail(f"{file} is not signed, because it is not completely verified: {'; '.join(found.left_out)}", status=2)
+        fail(f"{file} is not signed: it is only partly verified: {'; '.join(found.left_out)}", status=2)
     try:
         private = load_or_make_signing_key(settings.data)
         name = _find_signer_name(settings)
@@ -135,9 +136,9 @@ def verify(
     """Recompute the numbers of a report, compare them, and check the signature.
 
     The comparison includes metrics.json next to the report, the units in the comments of data.csv, and the stored
-    samples if the data folder has the run. A PDF is verified with the page of the same name next to it, which holds the
-    signature. Exit 0 if everything agrees, 1 if something differs, 2 if a part could not be compared ("holds": null).
-    A broken signature counts as a difference; with --key, so does a page without a signature of this key.
+    samples if the data folder has the run. A PDF is verified with the HTML report of the same name next to it, which
+    contains the signature. Exit 0 if everything agrees, 1 if something differs, 2 if a part could not be compared
+    ("holds": null). An invalid signature counts as a difference; with --key, so does a missing signature of this key.
     """
     from backend.reports import SigningKeyError, Verified, apply_signature_check, find_public_key, read_signature
 
@@ -179,15 +180,15 @@ def verify(
             error_console.print(text, highlight=False, markup=False, soft_wrap=True)
         if problem:
             error_console.print(f"the rest is not verified: {problem}", highlight=False, markup=False, soft_wrap=True)
-        fail(f"{file} does not hold: {len(found.differences)} differences")
+        fail(f"{file}: verification failed, {format_count(len(found.differences), 'difference')}")
     if problem:
         fail(f"{file}: not verified: {problem}", status=2)
     if found.holds is None:
-        fail(f"{file} is not completely verified: no difference was found, but parts of it were not compared", status=2)
+        fail(f"{file} is only partly verified: no difference was found, but some parts were not compared", status=2)
     if not as_json:
-        text = f"{file} holds: {found.compared}, recomputed from {origin}"
+        text = f"{file} is verified: {found.compared}, recomputed from {origin}"
         if len(checked) > 1:
-            text += f"; so do {', '.join(checked[1:])}"
+            text += f"; also compared: {', '.join(checked[1:])}"
         console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
@@ -224,7 +225,7 @@ def _print_signature(signed: "SignedPage", expected_key: "PublicKey | None", set
     }
     owner = signed.whose(expected_key, load_own_public_key(settings.data))
     name = f" ({signed.signature.name})" if signed.signature.name else ""
-    text = f"signed by {signed.signature.key.fingerprint}{name}, {owners[owner] if owner else 'broken'}"
+    text = f"signed by {signed.signature.key.fingerprint}{name}, {owners[owner] if owner else 'invalid'}"
     console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 

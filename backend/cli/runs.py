@@ -15,7 +15,7 @@ from backend.cli.options import (
     open_configured_database,
 )
 from backend.cli.output import AsJson, angle_unit, console, fail, print_json, print_run, print_settings, print_table
-from backend.units import convert_to_display, get_display_unit
+from backend.units import convert_to_display, format_count, get_display_unit
 
 if TYPE_CHECKING:
     from backend.schemas import ComparedValue, RunView
@@ -33,13 +33,13 @@ def export(
     data: DataFolder = None,
     station: StationName = None,
 ) -> None:
-    """Write all samples of a run in SI units to a file, with the data of the run."""
+    """Write all samples of a run in SI units to a file, with the metadata of the run."""
     from backend.exports import DataFormat, ExportError, export_run, write_export
     from backend.storage import UnknownRecordError
 
     kind = file.suffix.removeprefix(".")
     if kind not in set(DataFormat):
-        fail(f"{file}: name the file .csv, .parquet, .mat or .mcap", status=2)
+        fail(f"{file}: use the suffix .csv, .parquet, .mat or .mcap", status=2)
     with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
         try:
             write_export(export_run(database, run, list(dict.fromkeys(formula or ()))), DataFormat(kind), file)
@@ -49,7 +49,7 @@ def export(
 
 
 def layout(file: Annotated[Path, typer.Argument(help="File to write, .json.")]) -> None:
-    """Write the layout for MCAP exports and live stream in Foxglove and Lichtblick."""
+    """Write a Foxglove and Lichtblick layout for MCAP exports and the live stream."""
     from backend.exports import mcap, write_file_whole
 
     write_file_whole((mcap.foxglove_layout().encode(),), file)
@@ -62,7 +62,7 @@ def import_run(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Import an exported run, or a bundle with its lineage, completely or not at all."""
+    """Import an exported run, or a run with its lineage from a bundle; on an error, import nothing."""
     from backend.exports import ImportRefusedError
     from backend.services import import_run_file
 
@@ -71,7 +71,7 @@ def import_run(
         try:
             imported = import_run_file(database, file, current_user(), settings.data)
         except (ImportRefusedError, OSError) as error:
-            fail(f"{file} was not imported, not even in part: {error}", status=2)
+            fail(f"nothing was imported from {file}: {error}", status=2)
             raise
     if as_json:
         print_json(vars(imported))
@@ -109,14 +109,16 @@ def bundle(
 
 
 Where = Annotated[str, typer.Option("--where", help='Search, such as "kind=tracking overshoot_q_percent < 5".')]
-AllStations = Annotated[bool, typer.Option("--all-stations", help="Include all stations on the database.")]
+AllStations = Annotated[bool, typer.Option("--all-stations", help="Include all stations in the database.")]
 RunNumbers = Annotated[list[int], typer.Argument(help="Numbers of runs.")]
 _SHOWN_HASH_DIGITS = 12
 
 
 def list_runs(
     where: Where = "",
-    search: Annotated[str, typer.Option(help="Words in number, kind, title, person, note, tags or end state.")] = "",
+    search: Annotated[
+        str, typer.Option(help="Words in number, kind, title, plant, parameters, person, note, tags or end state.")
+    ] = "",
     saved: Annotated[str, typer.Option("--saved", metavar="NAME", help="Name of a saved search.")] = "",
     limit: Annotated[int, typer.Option(min=1, max=10_000, help="Maximum number of runs to list.")] = 50,
     all_stations: AllStations = False,
@@ -150,16 +152,18 @@ def list_runs(
         )
         for run in found.runs
     ]
-    columns = ("run", "started (UTC)", "kind", "parameters", "by", "station", "tags", "end")
+    columns = ("run", "started (UTC)", "title", "parameters", "by", "station", "tags", "end")
     print_table(columns, rows, no_wrap=columns[:2])
     if found.total > len(rows):
-        console.print(f"{len(rows)} of {found.total} runs; more with --limit", highlight=False, markup=False)
+        console.print(
+            f"{len(rows)} of {found.total} runs; increase --limit to list more", highlight=False, markup=False
+        )
 
 
 def compare(
     runs: RunNumbers,
     reference: Annotated[
-        int | None, typer.Option("--reference", help="Run to which differences are computed. [the first]")
+        int | None, typer.Option("--reference", help="Reference run of the differences. [the first]")
     ] = None,
     data: DataFolder = None,
     station: StationName = None,
@@ -202,7 +206,7 @@ def history(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Print a metric of all runs of a kind over their dates."""
+    """Print the history of a metric over all runs of a kind."""
     from backend.services import RunLibrary
 
     with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
@@ -219,7 +223,7 @@ def history(
     ]
     print_table(("run", "started (UTC)", f"{found.metric.label} [{reading.unit}]"), rows)
     if found.without or found.left_out:
-        text = f"{found.without} runs have no value of this metric, {found.left_out} older points are omitted"
+        text = f"runs without a value: {found.without}; omitted older runs: {found.left_out}"
         console.print(text, highlight=False, markup=False)
 
 
@@ -230,7 +234,7 @@ def lineage(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show the lineage of a run, with SHA-256 digests and what is out of date."""
+    """Show the lineage of a run, with SHA-256 digests and outdated parts."""
     import sys
 
     from backend.services import RunHistory
@@ -254,7 +258,7 @@ def lineage(
         )
         for node in found.nodes
     ]
-    print_table(("what", "detail", "sha256", "from", "out of date"), rows)
+    print_table(("record", "detail", "sha256", "from", "out of date"), rows)
 
 
 def tag(
@@ -270,7 +274,7 @@ def tag(
     from backend.services import RunLibrary
 
     if not add and not remove:
-        fail("tags are missing: use --add TAG or --remove TAG", status=2)
+        fail("no tag specified: use --add TAG or --remove TAG", status=2)
     with open_configured_database(load_settings(data=data, station=station)) as database:
         RunLibrary(database).change_tags(runs, add or [], remove or [])
 
@@ -286,7 +290,7 @@ def rename_tag(
 
     with open_configured_database(load_settings(data=data, station=station)) as database:
         renamed = RunLibrary(database).rename_tag(before, after)
-    console.print(f"renamed on {renamed} runs", highlight=False, markup=False)
+    console.print(f"renamed on {format_count(renamed, 'run')}", highlight=False, markup=False)
 
 
 def save_search(
@@ -382,7 +386,7 @@ def show(run: RunNumber, data: DataFolder = None, station: StationName = None, a
 def evaluate(run: RunNumber, data: DataFolder = None, station: StationName = None) -> None:
     """Recompute the result of a run from its stored data and store it.
 
-    Earlier results stay.
+    Earlier results are kept.
     """
     from backend.analysis import reevaluate_run
 
@@ -390,7 +394,7 @@ def evaluate(run: RunNumber, data: DataFolder = None, station: StationName = Non
         evaluation = reevaluate_run(database, run)
     if evaluation.problem:
         fail(f"run {run}: {evaluation.problem}", status=2)
-    console.print(f"run {run} is evaluated; see it with: sinew runs show {run}", highlight=False, markup=False)
+    console.print(f"run {run} evaluated; to show the result: sinew runs show {run}", highlight=False, markup=False)
 
 
 @app.command()
@@ -400,7 +404,7 @@ def report(
     data: DataFolder = None,
     station: StationName = None,
 ) -> None:
-    """Write the report of a run and its data."""
+    """Write the report and the data of a run."""
     from backend.reports import write_report_files
 
     with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:

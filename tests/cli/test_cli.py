@@ -355,8 +355,8 @@ def answer(said: bytes) -> object:
 @pytest.mark.parametrize(
     ("said", "why"),
     [
-        (b"SSH-2.0-OpenSSH\r\n", "does not answer"),
-        (b"", "does not answer"),
+        (b"SSH-2.0-OpenSSH\r\n", "does not respond"),
+        (b"", "does not respond"),
         (OK + b"<html>", "is not Sinew: status 200"),
         (REFUSED + b'{"detail": "no"}', "is not Sinew: status 409"),
         (REFUSED + b"[]", "is not Sinew: status 409"),

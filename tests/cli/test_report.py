@@ -56,7 +56,7 @@ def test_a_report_holds_until_somebody_touches_it(command: Command, tmp_path: Pa
     assert command("experiment", "tracking", *short, folder=here).returncode == 0
     report = out / "report.html"
     held = sinew("report", "verify", str(report), folder=tmp_path / "elsewhere")  # which draws it anew
-    assert (held.returncode, "holds: every number" in held.stdout) == (0, True), held.stderr
+    assert (held.returncode, "is verified: every number" in held.stdout) == (0, True), held.stderr
     samples = (out / "data.csv").read_text(encoding="utf-8")
     (out / "data.csv").write_text(samples.replace("\n0.5,", "\n0.5001,", 1), encoding="utf-8")
     later = command("report", "verify", str(report), folder=tmp_path / "elsewhere")
@@ -80,7 +80,7 @@ def test_a_report_holds_until_somebody_touches_it(command: Command, tmp_path: Pa
     report.write_text(page.replace("simulator, parameters", "rig, parameters", 1), encoding="utf-8")
     touched = command("report", "verify", str(report), folder=here)
     assert touched.returncode == 1
-    assert "does not hold: 1 differences" in touched.stderr
+    assert "verification failed, 1 difference" in touched.stderr
 
 
 def change_a_sample(folder: Path, run: int, of: str, by: float) -> None:
@@ -176,7 +176,7 @@ def test_what_a_killed_command_left_behind_has_a_report_that_holds(command: Comm
     assert (told["end_state"], told["complete"]) == ("service_died", False)
     assert "s were executed" in told["verdict"]
     held = command("report", "verify", str(out / "report.html"), folder=here)
-    assert (held.returncode, "holds: every number" in held.stdout) == (0, True), held.stderr
+    assert (held.returncode, "is verified: every number" in held.stdout) == (0, True), held.stderr
     assert command("report", "series", "1", "2", "--to", str(series), folder=here).returncode == 0
     assert command("report", "verify", str(series), folder=here).returncode == 0
 
