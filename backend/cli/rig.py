@@ -74,7 +74,7 @@ class Terminal:
         """Print a question and return the next line that is typed. Raises AbandonedError."""
         while self._is_interactive and not self._lines.empty():  # an earlier Enter must not answer this question
             self._ended = self._lines.get_nowait() is None or self._ended
-        print_message(f"  > {question} [{hint}, {QUIT_KEY} to give up]")
+        print_message(f"  > {question} [{hint}, {QUIT_KEY} to cancel]")
         line = None if self._ended else await self._lines.get()
         if line is None:
             self._ended = True
@@ -109,13 +109,13 @@ def print_message(text: str, style: str = "") -> None:
 def check(
     wiring: WiringFile = None,
     open_card: Annotated[
-        bool, typer.Option("--open", help="Also open the card at zero volts with the drives off, and read it once.")
+        bool, typer.Option("--open", help="Also open the card with zero volts and disabled drives, and read it once.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Check a wiring file; list each mistake with line and remedy and exit 1.
+    """Check a wiring file; exit 1 with line and remedy of each error.
 
-    A file does not show wrong signs and swapped wires: the wiring test and the direction step of the bring-up do.
+    This check cannot detect wrong signs and swapped wires; the wiring test and the direction step of the bring-up do.
     """
     from plant import WiringError, load_wiring
 
@@ -134,12 +134,12 @@ def check(
     if raw is not None:
         counts = f"{raw.n_q:g}, {raw.n_A:g}, {raw.n_B:g}"
         print(f"{title}: {raw.V_A:.4f} V, {raw.V_B:.4f} V; counts {counts}")
-        module, switch = "tripped" if raw.tripped else "not tripped", "held" if raw.at_end else "free"
+        module, switch = "tripped" if raw.tripped else "not tripped", "active" if raw.at_end else "inactive"
         print(f"safety module {module}, end switch {switch}")
     else:
         print(
-            "The bring-up detects wrong signs and swapped wires: its wiring test and direction step "
-            "name the entry to correct"
+            "The wiring test and the direction step of the bring-up detect wrong signs and swapped "
+            "wires, and name the entry to correct"
         )
 
 
@@ -187,8 +187,8 @@ def require_rig(settings: Settings) -> None:
     choice = settings.plant_choice
     if choice.kind not in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
         fail(
-            f"only a rig needs the bring-up, and the plant is the {choice.name}: use --plant rig, with "
-            "--virtual-card to practise without a card"
+            f"only a rig requires the bring-up, but the plant is the {choice.name}: use --plant rig, with "
+            "--virtual-card to practise without hardware"
         )
     require_available(choice)
 
@@ -251,7 +251,7 @@ def _require_unblocked(settings: Settings, database: "Database", requests: Seque
     first = STEP[requests[0].step]
     blocked = find_blocking_steps(first, _derive_step_states(settings, database))
     if blocked:
-        fail(f"{first.title}: {blocked}; sinew rig bring-up executes all outstanding steps")
+        fail(f"{first.title}: {blocked}; sinew rig bring-up runs all pending steps")
 
 
 async def _run_session(settings: Settings, database: "Database", requests: Sequence[StepRequest]) -> "_Commissioning":
@@ -268,8 +268,8 @@ async def _run_session(settings: Settings, database: "Database", requests: Seque
     terminal = Terminal()
     dialog = OperatorDialog(current_user(), terminal.confirm, terminal.show_phase)
     print_message(
-        f"{choice.name}, {choice.wiring}. Press Ctrl-C at any time for zero volts; the result "
-        "of an unfinished step is not saved."
+        f"{choice.name}, {choice.wiring}. Press Ctrl+C at any time for zero volts; the result "
+        "of an unfinished step is not stored."
     )
     if choice.simulated:
         print_message("No hardware moves: at each Enter the program simulates the action of the operator.")
@@ -285,7 +285,7 @@ async def _run_session(settings: Settings, database: "Database", requests: Seque
             try:
                 result = await _run_step(session, terminal, request)
             except AbandonedError as error:
-                ended = f"{error}: no result of {STEP[request.step].title} was saved"
+                ended = f"{error}: no result of {STEP[request.step].title} was stored"
                 break
             except BlockedError as error:
                 ended = str(error)
@@ -301,13 +301,11 @@ async def _run_session(settings: Settings, database: "Database", requests: Seque
     if lockout_problem:
         print_message(lockout_problem, style="red")
     elif drives_locked:
-        print_message(
-            "The service or command that drives the rig next keeps the drives off until a person switches them on."
-        )
+        print_message("The next service or command for this rig keeps the drives disabled until a person enables them.")
     if any(request.step in ALTERNATIVES for request in requests):
         print_message(
             "The zero is lost when the control loop of this command ends: set it again in the "
-            "service or command that drives the rig next."
+            "next service or command for this rig."
         )
     return _build_commissioning(settings, states, database, ended)
 
@@ -341,7 +339,7 @@ async def _ask_values(terminal: Terminal, step: StepId) -> dict[str, float]:
         except InvalidValueError as error:
             print_message(f"  {error.format_message(angle_unit())}", style="red")
         except ValueError as error:
-            print_message(f"  {error}: type a number", style="red")
+            print_message(f"  {error}: enter a number", style="red")
 
 
 @dataclass(frozen=True)
@@ -414,7 +412,7 @@ def _print_steps(commissioning: _Commissioning, *, as_json: bool) -> None:
         result = step.result
         who, at = (result.who, f"{result.at.astimezone():%Y-%m-%d %H:%M}") if result else ("", "")
         rows.append((step.id, _STATE_LABELS[step.state], who, at, step.why))
-    print_table(("step", "stands", "by", "on", "because"), rows)
+    print_table(("step", "state", "by", "on", "reason"), rows)
 
 
 def _format_value(value: float | None, unit: str) -> str:
@@ -440,7 +438,7 @@ def bring_up(
     step: Annotated[
         list[StepId] | None,
         typer.Option(
-            "--step", help="Step to run; repeatable, in the order of the steps. [all that are not done or out of date]"
+            "--step", help="Step to run; repeatable, runs in the order of the steps. [all steps to do or out of date]"
         ),
     ] = None,
     listed: Annotated[bool, typer.Option("--list", help="Only list the state of the steps.")] = False,
@@ -456,9 +454,9 @@ def bring_up(
     """Commission a rig step by step at low voltage.
 
     Each step is stored with date and person. Exit 1 if one fails. Each step prints what to do at the rig and waits for
-    Enter. Ctrl-C ends it at zero volts and stores nothing of an unfinished step; an unfinished direction test also
-    invalidates earlier directions. On the virtual card the simulator does what a step asks for, and answers may come
-    from a pipe, one per line.
+    Enter. Ctrl+C ends the command at zero volts and stores nothing of an unfinished step; an unfinished direction test
+    also invalidates earlier directions. With the virtual card, the simulator performs the actions of the operator, and
+    answers may be piped in, one per line.
     """
     settings = load_settings(
         plant=plant,
@@ -487,9 +485,9 @@ def tare(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Set the zeros of both load cells from 1 s without load.
+    """Set the zeros of both load cells from their mean over 1 s without load.
 
-    Needs a wiring test of this wiring.
+    Requires a passed wiring test of this wiring.
     """
     settings = load_settings(
         plant=plant,
@@ -520,13 +518,13 @@ def calibrate(
 ) -> None:
     """Calibrate load cells by a line fitted to known weights.
 
-    Needs a wiring test of this wiring. The step is done when both load cells have been calibrated with this wiring.
+    Requires a passed wiring test of this wiring. The step is complete when both load cells are calibrated.
     """
     from backend.commissioning import collect_values
 
     most = 2 + len(FURTHER_WEIGHTS)
     if not 2 <= len(weight) <= most:
-        fail(f"--weight: two known weights at least, and {most} at most; {len(weight)} given", status=2)
+        fail(f"--weight: specify 2 to {most} known weights; {len(weight)} given", status=2)
     lightest, *between, heaviest = sorted(weight)
     names = ["weight_1_N", "weight_2_N", *(more.name for more in FURTHER_WEIGHTS)]
     values = collect_values(StepId.CALIBRATE, dict(zip(names, (lightest, heaviest, *between), strict=False)))
@@ -569,12 +567,12 @@ def conformance(
         typer.Option(
             min=0.0,
             max=2.0,
-            help="Largest motor voltage [V] of a check, for 0.3 s. [0; 0.5 on a simulated plant]",
+            help="Largest motor voltage [V] of the checks, applied for 0.3 s. [0; 0.5 on a simulated plant]",
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check that a plant meets the contract of the control loop; else exit 1."""
+    """Check that a plant meets the requirements of the plant interface; else exit 1."""
     from plant import CheckOutcome, PlantKind, Replay, Subject, load_parameters, make_plant, run_contract
 
     settings = load_settings(

@@ -78,10 +78,11 @@ def doctor(data: DataFolder = None, as_json: AsJson = False) -> None:
     if as_json:
         print_json([asdict(finding) for finding in findings])
         return
-    print_table(("what", "found", "remedy"), [(f.what, f.found, f.remedy) for f in findings])
+    print_table(("check", "result", "remedy"), [(f.what, f.found, f.remedy) for f in findings])
     open_points = sum(bool(finding.remedy) for finding in findings)
     console.print(
-        "all well" if not open_points else f"{open_points} of {len(findings)} findings have a remedy", highlight=False
+        f"{open_points} of {len(findings)} checks need attention" if open_points else "all checks passed",
+        highlight=False,
     )
 
 
@@ -114,7 +115,7 @@ def _check_pacing() -> DoctorFinding:
     pacer = Pacer(T_s)
     late_us = sorted(1e6 * pacer.wait() for _ in range(TICKS))
     resolution_ns = 1e9 * time.get_clock_info("monotonic").resolution
-    found = f"late by {late_us[TICKS // 2]:.0f} µs (median), {late_us[int(0.99 * TICKS)]:.0f} µs (99 %)"
+    found = f"lateness {late_us[TICKS // 2]:.0f} µs (median), {late_us[int(0.99 * TICKS)]:.0f} µs (99 %)"
     missed = f", {pacer.overruns} deadlines missed" if pacer.overruns else ""
     remedy = "close other programs, or reserve a core for the control loop" if pacer.overruns > TICKS // 100 else ""
     return DoctorFinding("1 ms period", f"{found}{missed}; clock {resolution_ns:.0f} ns", remedy)
@@ -159,9 +160,9 @@ def _check_disk(data: Path) -> DoctorFinding:
     free = shutil.disk_usage(folder).free
     if not os.access(folder, os.W_OK):
         return DoctorFinding(
-            "data folder", f"{data} cannot be written", "choose another with --data, or change its owner"
+            "data folder", f"{data} is not writable", "choose another folder with --data, or change its owner"
         )
-    remedy = "" if free >= MIN_FREE_BYTES else "free some space: a recording takes 80 MB an hour"
+    remedy = "" if free >= MIN_FREE_BYTES else "free some space: recordings take 80 MB per hour"
     return DoctorFinding("data folder", f"{data}: {free / 1024**3:.1f} GB free", remedy)
 
 
@@ -174,20 +175,18 @@ PORT = 8765
 
 def foxglove(
     data: DataFolder = None,
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port of this machine to listen on, 0 for any free one.")
-    ] = PORT,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on, 0 for any free port.")] = PORT,
 ) -> None:
-    """Show the live stream in Foxglove or Lichtblick, until interrupted."""
+    """Serve the live stream to Foxglove or Lichtblick until interrupted."""
     from backend.auth import load_tokens
-    from backend.data_folder import read_service_address
+    from backend.data_folder import describe_missing_address, read_service_address
 
     try:
         from backend.foxglove import LiveSource, OtherVersionError, serve_foxglove
     except ModuleNotFoundError as error:
         if error.name != "foxglove":
             raise
-        fail("this needs the extra foxglove: pip install 'sinew[foxglove]'")
+        fail("this command requires the extra foxglove: pip install 'sinew[foxglove]'")
     from backend.workers import BACKGROUND_NICENESS
 
     os.setpriority(os.PRIO_PROCESS, 0, BACKGROUND_NICENESS)  # below the control loop and the service
@@ -220,7 +219,7 @@ def foxglove(
 def recordings(
     delete: Annotated[
         list[int] | None,
-        typer.Option("--delete", help="Run of the list whose samples to delete; repeatable."),
+        typer.Option("--delete", help="Listed run whose samples to delete; repeatable."),
     ] = None,
     data: DataFolder = None,
     as_json: AsJson = False,
@@ -315,7 +314,7 @@ def restore(
 ) -> None:
     """Restore a backup, unless a service uses the folder.
 
-    The replaced database stays next to it.
+    The previous database is kept next to it as sinew.before-restore-TIME.db.
     """
     from backend.data_folder import lock_for_service
     from backend.storage import FILE_NAME, BackupError, restore_database
@@ -352,7 +351,7 @@ def name_station(
     station: Annotated[str, typer.Argument(help="Name of the station.")],
     data: DataFolder = None,
 ) -> None:
-    """Assign all records without a station to one, unless a service uses the database."""
+    """Assign all records without a station to a station, unless a service uses the database."""
     from backend.data_folder import lock_for_service
     from backend.errors import check_station_name
     from backend.storage import HeldClaim, HeldStation, assign_unowned_rows
@@ -370,7 +369,8 @@ def name_station(
             claim.release()
             station_lock.release()
     with open_configured_database(settings):  # opening it rebuilds the search index
-        console.print(f"{run_count} runs belong to station {station} now; start its service with --station {station}")
+        assigned = f"{format_count(run_count, 'run')} assigned to station {station}"
+        console.print(f"{assigned}; start its service with --station {station}")
 
 
 @database_app.command()
@@ -419,24 +419,26 @@ def serve(
     recording: Recording = None,
     params: ParameterSet = None,
     host: Annotated[str | None, typer.Option(help="Address to listen on. [127.0.0.1]")] = None,
-    port: Annotated[int | None, typer.Option(help="Port to listen on, 0 for any free one. [8000]")] = None,
+    port: Annotated[int | None, typer.Option(help="Port to listen on, 0 for any free port. [8000]")] = None,
     public_url: Annotated[
         str | None,
         typer.Option(help="Address of the page behind a reverse proxy, such as https://rig.lab/sinew/."),
     ] = None,
     trusted_proxy: Annotated[
         list[str] | None,
-        typer.Option(help="Address or network of that proxy; repeatable. [127.0.0.0/8 and ::1]"),
+        typer.Option(help="Address or network of the reverse proxy; repeatable. [127.0.0.0/8 and ::1]"),
     ] = None,
     data: DataFolder = None,
     station: StationName = None,
     show_link: Annotated[
         bool | None,
-        typer.Option("--show-link/--hide-link", help="Print the sign-in link. [only on a terminal, as logs are kept]"),
+        typer.Option(
+            "--show-link/--hide-link", help="Print the sign-in link. [only on a terminal, to keep it out of logs]"
+        ),
     ] = None,
     log_level: Annotated[
         str | None,
-        typer.Option(help="Lowest level to log: debug, info, warning or error. [warning]"),
+        typer.Option(help="Minimum log level: debug, info, warning or error. [warning]"),
     ] = None,
 ) -> None:
     """Run the dashboard and the control loop until interrupted."""
@@ -471,7 +473,7 @@ def serve(
         addresses = [address, *([settings.public_url] if settings.public_url else [])]
         if tokens is not None and not shows_link:
             joined = " and ".join(_strip_slashes(addresses))
-            print(f"Sinew answers at {joined}. The sign-in link: sinew link --data {settings.data}", flush=True)
+            print(f"Sinew is running at {joined}. For the sign-in link: sinew link --data {settings.data}", flush=True)
         else:
             _print_links(addresses, tokens)
         if served := describe_served_addresses(settings.host):
@@ -507,12 +509,12 @@ def _print_links(addresses: Sequence[str], tokens: "Tokens | None") -> None:
     """
     *others, base = _strip_slashes(addresses)
     if tokens is None:
-        print(f"Sinew answers at {base} without sign-in", flush=True)
+        print(f"Sinew is running at {base} without sign-in", flush=True)
         return
-    print(f"Sinew answers. Sign in: {base}/?token={tokens.operator}", flush=True)
-    print(f"To watch only:          {base}/?token={tokens.viewer}", flush=True)
+    print(f"Sinew is running. Sign in: {base}/?token={tokens.operator}", flush=True)
+    print(f"View only:                {base}/?token={tokens.viewer}", flush=True)
     for other in others:
-        print(f"At this machine:        {other}/?token={tokens.operator}", flush=True)
+        print(f"On this machine:          {other}/?token={tokens.operator}", flush=True)
 
 
 def _strip_slashes(addresses: Sequence[str]) -> list[str]:
@@ -522,7 +524,7 @@ def _strip_slashes(addresses: Sequence[str]) -> list[str]:
 # sinew token ---------------------------------------------------------------------------------------
 
 
-token_app = typer.Typer(help="The tokens to sign in with.", no_args_is_help=True, rich_markup_mode=None)
+token_app = typer.Typer(help="Tokens for sign-in: replace.", no_args_is_help=True, rich_markup_mode=None)
 
 
 class TokenOwner(StrEnum):
@@ -545,19 +547,19 @@ def rotate(
 ) -> None:
     """Replace tokens.
 
-    A running service notices within a second and ends all sessions of the old tokens.
+    A running service ends all sessions of the old tokens within a second.
     """
     from backend.auth import TOKEN_FILES, replace_tokens
     from backend.schemas import Role
 
     settings = load_settings(data=data)
     if not settings.data.is_dir():
-        fail(f"there is no data folder {settings.data}: choose one with --data")
+        fail(f"the data folder {settings.data} does not exist: choose one with --data")
     roles = list(Role) if role is TokenOwner.BOTH else [Role(role)]
     replace_tokens(settings.data, roles)
     for one in roles:
         file = settings.data / TOKEN_FILES[one]
-        print(f"{one}: /?token={file.read_text().strip()}  (kept in {file})")
+        print(f"{one}: /?token={file.read_text().strip()}  (stored in {file})")
 
 
 # sinew touch ---------------------------------------------------------------------------------------
@@ -583,7 +585,7 @@ def show(data: DataFolder = None, as_json: AsJson = False) -> None:
 def learn(data: DataFolder = None, as_json: AsJson = False) -> None:
     """Calibrate the bias at the current stiffness, in mode run.
 
-    Nobody may touch the joint.
+    Do not touch the joint during the calibration.
     """
     _print_touch(_send_touch(_find_service(data), {"learn": True}), as_json=as_json)
 
@@ -592,7 +594,7 @@ def learn(data: DataFolder = None, as_json: AsJson = False) -> None:
 def sweep(data: DataFolder = None, as_json: AsJson = False) -> None:
     """Calibrate the bias over the stiffness range, in mode run; Ctrl+C stops it.
 
-    Nobody may touch the joint.
+    Do not touch the joint during the calibration.
     """
     service = _find_service(data)
     touch = _send_touch(service, {"sweep": "begin"})
@@ -609,7 +611,7 @@ def sweep(data: DataFolder = None, as_json: AsJson = False) -> None:
         raise
     _print_touch(touch, as_json=as_json)
     if progress is not None and progress.why:
-        fail(f"the bias calibration over S ended at {progress.point} of {progress.points}: {progress.why}")
+        fail(f"the bias calibration over S ended at point {progress.point} of {progress.points}: {progress.why}")
 
 
 @touch_app.command()
@@ -635,7 +637,7 @@ def _print_touch(touch: "TouchView", *, as_json: bool) -> None:
     for point in touch.learned:
         console.print(f"{point.S:.2f} N·m/rad: estimate {point.F:.2f} ± {point.std_N:.2f} N without external force")
     if not touch.learned:
-        console.print("no bias is calibrated")
+        console.print("no bias calibrated")
     armed = touch.contact_N
     console.print(f"contact reaction armed at {armed:g} N" if armed else "contact reaction disabled")
 
@@ -644,7 +646,7 @@ def _print_touch(touch: "TouchView", *, as_json: bool) -> None:
 
 
 wall_app = typer.Typer(
-    help="A simulated obstacle that blocks the joint of the running service.",
+    help="Simulated obstacle that blocks the joint: add, remove.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -653,25 +655,27 @@ wall_app = typer.Typer(
 @wall_app.command(context_settings={"ignore_unknown_options": True})  # -0.4 is an angle
 def up(
     q_wall: Annotated[str, typer.Argument(help="Angle of the obstacle in rad, or as 15deg.")],
-    below: Annotated[bool, typer.Option("--below", help="Block motion below that angle, not above it.")] = False,
-    stiffness: Annotated[float, typer.Option(help="Stiffness in N/m, at the joint pulley.")] = 20000.0,
-    damping: Annotated[float, typer.Option(help="In s/m: the force grows by 1 + damping times the speed.")] = 1.0,
+    below: Annotated[bool, typer.Option("--below", help="Block motion below this angle instead of above it.")] = False,
+    stiffness: Annotated[float, typer.Option(help="Stiffness [N/m] at the joint pulley.")] = 20000.0,
+    damping: Annotated[
+        float, typer.Option(help="Damping [s/m]; it multiplies the force by 1 + damping × speed.")
+    ] = 1.0,
     data: DataFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Add a wall, or replace the present one."""
+    """Add an obstacle, or replace the existing one."""
     side = "below" if below else "above"
     try:
         at = parse_quantity(q_wall, "rad")
     except ValueError:
-        fail(f"angle of the obstacle: {q_wall!r} is not a number; specify one in rad, or in degrees as 15deg", status=2)
+        fail(f"angle of the obstacle: {q_wall!r} is not a number; specify it in rad, or in degrees as 15deg", status=2)
     wall = {"q_wall": at, "side": side, "k_wall": stiffness, "c_wall": damping}
     _send_wall(wall, data, as_json=as_json)
 
 
 @wall_app.command()
 def down(data: DataFolder = None, as_json: AsJson = False) -> None:
-    """Remove the wall."""
+    """Remove the obstacle."""
     _send_wall(None, data, as_json=as_json)
 
 
@@ -682,6 +686,6 @@ def _send_wall(wall: dict[str, Any] | None, data: Any, *, as_json: bool) -> None
     if as_json:
         print_json({"wall": present and present.model_dump(mode="json")})
     elif present is None:
-        console.print("no wall")
+        console.print("no obstacle")
     else:
-        console.print(f"wall {present.side} {format_quantity(present.q_wall, 'rad', angle_unit())}")
+        console.print(f"obstacle {present.side} {format_quantity(present.q_wall, 'rad', angle_unit())}")

@@ -426,5 +426,5 @@ async def _listen(source: LiveSource, publisher: Publisher) -> tuple[bool, str]:
     except TimeoutError:
         why = f"the service at {source.address} no longer sends data"
     except (OSError, InvalidHandshake) as error:
-        why = f"the service at {source.address} does not answer: {error}"
+        why = f"the service at {source.address} does not respond: {error}"
     return has_received, why

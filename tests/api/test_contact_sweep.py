@@ -293,7 +293,7 @@ def test_from_the_command_line(service: Service, running: httpx.Client) -> None:
     ended = running.get("/api/state").json()["touch"]["sweep"]
     assert (ended["under_way"], ended["why"]) == (False, "the mode is pretension now")
     assert "held in mode run" in sinew("touch", "sweep", folder=service.data).stderr
-    assert "no bias is calibrated" in sinew("touch", "forget", folder=service.data).stdout
+    assert "no bias calibrated" in sinew("touch", "forget", folder=service.data).stdout
 
 
 # The bias after a sweep, between its points, compared with springs and true angles.

@@ -239,10 +239,10 @@ def test_over_http_and_from_the_command_line(service: Service, running: httpx.Cl
         "c_wall": 1.0,
     }
     below = sinew("wall", "up", "-0.4", "--below", folder=service.data)
-    assert "wall below -22.9183°" in below.stdout
+    assert "obstacle below -22.9183°" in below.stdout
     assert "is not a number" in sinew("wall", "up", "far", folder=service.data).stderr
     down = sinew("wall", "down", folder=service.data)
-    assert "no wall" in down.stdout
+    assert "no obstacle" in down.stdout
     assert wait_for(running, "wall", None)["wall"] is None
 
 
