@@ -51,7 +51,7 @@ class CombinedSignal:
 
 
 FIELDS: tuple[Field, ...] = (
-    Field("tick", "k", "1", "index of the sample since the loop started", derived=True),
+    Field("tick", "k", "1", "index of the control step since the start of the loop", derived=True),
     Field("t", "t", "s", "tick times the sampling period", derived=True),
     Field(
         "mode",
@@ -59,37 +59,44 @@ FIELDS: tuple[Field, ...] = (
         "1",
         "mode of the loop: 0 off, 1 pretension, 2 run, 3 compliance, 4 identify, 5 experiment, 6 stopping, 7 tripped",
     ),
-    Field("run", "run", "1", "identifier of the stored run this sample belongs to, 0 for none"),
-    Field("q", "q", "rad", "joint position, measured"),
-    Field("q_ref", "q_ref", "rad", "joint position reference as commanded"),
-    Field("q_ref_gov", "q_ref,gov", "rad", "joint position reference after the governor, or of the trajectory"),
+    Field("run", "run", "1", "number of the stored run of the sample, 0 for none"),
+    Field("q", "q", "rad", "measured joint position"),
+    Field("q_ref", "q_ref", "rad", "commanded joint position reference"),
+    Field("q_ref_gov", "q_ref,gov", "rad", "joint position reference from the reference governor or the trajectory"),
     Field("q_dot", "dq/dt", "rad/s", "joint velocity, estimated from the encoder"),
     Field("S", "S", "N·m/rad", "joint stiffness, estimated from measured angles and the identified spring"),
-    Field("S_ref", "S_ref", "N·m/rad", "joint stiffness reference as commanded"),
-    Field("S_ref_gov", "S_ref,gov", "N·m/rad", "joint stiffness reference after the governor, or of the trajectory"),
+    Field("S_ref", "S_ref", "N·m/rad", "commanded joint stiffness reference"),
+    Field(
+        "S_ref_gov", "S_ref,gov", "N·m/rad", "joint stiffness reference from the reference governor or the trajectory"
+    ),
     Field("S_true", "S_true", "N·m/rad", "joint stiffness of the simulator, NaN on the rig"),
-    Field("theta_A", "θ_A", "rad", "motor A position at the gearbox outlet, measured"),
-    Field("theta_A_ref", "θ_A,ref", "rad", "motor A position reference"),
-    Field("theta_B", "θ_B", "rad", "motor B position at the gearbox outlet, measured"),
-    Field("theta_B_ref", "θ_B,ref", "rad", "motor B position reference"),
-    Field("F_A", "F_A", "N", "tension of tendon A, load cell"),
-    Field("F_B", "F_B", "N", "tension of tendon B, load cell"),
-    Field("u_A", "u_A", "V", "motor A voltage, after limits"),
-    Field("u_B", "u_B", "V", "motor B voltage, after limits"),
-    Field("F_push", "F_push", "N", "external push applied by the simulator, tangential at r_j"),
+    Field("theta_A", "θ_A", "rad", "measured position of motor A at the gearbox output"),
+    Field("theta_A_ref", "θ_A,ref", "rad", "position reference of motor A"),
+    Field("theta_B", "θ_B", "rad", "measured position of motor B at the gearbox output"),
+    Field("theta_B_ref", "θ_B,ref", "rad", "position reference of motor B"),
+    Field("F_A", "F_A", "N", "tension of tendon A, measured by its load cell"),
+    Field("F_B", "F_B", "N", "tension of tendon B, measured by its load cell"),
+    Field("u_A", "u_A", "V", "voltage of motor A after limiting"),
+    Field("u_B", "u_B", "V", "voltage of motor B after limiting"),
+    Field("F_push", "F_push", "N", "push applied by the simulator, tangential at r_j"),
     Field("F_ext_hat", "F_ext", "N", "external force at r_j, estimated from encoders and springs, bias subtracted"),
     Field("F_wall", "F_wall", "N", "force of a simulated obstacle on the joint at r_j, NaN on the rig"),
-    Field("V_A", "V_A", "V", "load cell A as read by the card, NaN without a card"),
-    Field("V_B", "V_B", "V", "load cell B as read by the card, NaN without a card"),
-    Field("n_q", "n_q", "1", "counts of the joint's encoder since the start, NaN without a card"),
-    Field("n_A", "n_A", "1", "counts of motor A's encoder since the start, NaN without a card"),
-    Field("n_B", "n_B", "1", "counts of motor B's encoder since the start, NaN without a card"),
+    Field("V_A", "V_A", "V", "voltage of load cell A as read by the card, NaN without a card"),
+    Field("V_B", "V_B", "V", "voltage of load cell B as read by the card, NaN without a card"),
+    Field("n_q", "n_q", "1", "counts of the joint encoder since the start of the loop, NaN without a card"),
+    Field("n_A", "n_A", "1", "counts of the encoder of motor A since the start of the loop, NaN without a card"),
+    Field("n_B", "n_B", "1", "counts of the encoder of motor B since the start of the loop, NaN without a card"),
     Field("lam_q", "λ_q", "s", "active tuning parameter of the position loop"),
     Field("lam_S", "λ_S", "s", "active tuning parameter of the stiffness loop"),
-    Field("bank_entry", "entry", "1", "active entry of the controller bank, fractional while interpolating"),
-    Field("limits", "limits", "1", "limits that acted in this tick, one bit each; docs/reference/faults.md lists them"),
-    Field("fault", "fault", "1", "number of the latched fault in the list of docs/reference/faults.md, 0 for none"),
-    Field("lateness_s", "late", "s", "delay of the start of the tick against its deadline"),
+    Field("bank_entry", "entry", "1", "active entry of the bank, fractional during interpolation"),
+    Field(
+        "limits",
+        "limits",
+        "1",
+        "limits that were active in this tick, one bit each; docs/reference/faults.md lists them",
+    ),
+    Field("fault", "fault", "1", "code of the latched fault as listed in docs/reference/faults.md, 0 for none"),
+    Field("lateness_s", "late", "s", "delay of the start of the control step relative to its deadline"),
     Field("overruns", "overruns", "1", "deadlines missed since the loop started"),
 )
 
@@ -112,21 +119,19 @@ def _make_difference(minuend: str, subtrahend: str, meaning: str) -> CombinedSig
 
 
 COMBINED_SIGNALS: tuple[CombinedSignal, ...] = (
-    _make_difference("q", "q_ref", "error of the joint position against its reference"),
-    _make_difference("q", "q_ref_gov", "error of the joint position against the governed reference, or the trajectory"),
-    _make_difference("S", "S_ref", "error of the joint stiffness against its reference"),
-    _make_difference(
-        "S", "S_ref_gov", "error of the joint stiffness against the governed reference, or the trajectory"
-    ),
-    _make_difference("S", "S_true", "error of the estimated joint stiffness against that of the simulator"),
-    _make_difference("theta_A", "theta_A_ref", "error of the position of motor A against its reference"),
-    _make_difference("theta_B", "theta_B_ref", "error of the position of motor B against its reference"),
-    _make_difference("F_A", "F_B", "force that the tendons turn the joint with, at r_j"),
+    _make_difference("q", "q_ref", "deviation of the joint position from its reference"),
+    _make_difference("q", "q_ref_gov", "deviation of the joint position from the reference of governor or trajectory"),
+    _make_difference("S", "S_ref", "deviation of the joint stiffness from its reference"),
+    _make_difference("S", "S_ref_gov", "deviation of the joint stiffness from the reference of governor or trajectory"),
+    _make_difference("S", "S_true", "deviation of the estimated joint stiffness from that of the simulator"),
+    _make_difference("theta_A", "theta_A_ref", "deviation of the position of motor A from its reference"),
+    _make_difference("theta_B", "theta_B_ref", "deviation of the position of motor B from its reference"),
+    _make_difference("F_A", "F_B", "net force of the tendons on the joint at r_j"),
     CombinedSignal(
-        "x_A", "m", "elongation of spring A, by the measured angles", (Term("theta_A", 1, "r_m"), Term("q", -1, "r_j"))
+        "x_A", "m", "elongation of spring A from the measured angles", (Term("theta_A", 1, "r_m"), Term("q", -1, "r_j"))
     ),
     CombinedSignal(
-        "x_B", "m", "elongation of spring B, by the measured angles", (Term("theta_B", 1, "r_m"), Term("q", 1, "r_j"))
+        "x_B", "m", "elongation of spring B from the measured angles", (Term("theta_B", 1, "r_m"), Term("q", 1, "r_j"))
     ),
 )
 COMBINED_SIGNAL_BY_NAME: dict[str, CombinedSignal] = {combined.name: combined for combined in COMBINED_SIGNALS}

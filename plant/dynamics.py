@@ -12,7 +12,7 @@ from plant.compilation import compiled
 from plant.interface import NO_LOAD, PlantError, ShaftLoad
 
 # Friction ------------------------------------------------------------------------------------------
-# Friction at the gearbox outlet, growing with the tendon load: smoothed Coulomb friction, or the LuGre model with
+# Friction at the gearbox output, growing with the tendon load: smoothed Coulomb friction, or the LuGre model with
 # static friction.
 #
 # LuGre: Canudas de Wit, Olsson, Åström, Lischinsky, "A new model for control of systems with friction" (IEEE TAC 1995).
@@ -135,11 +135,11 @@ def _advance_bristles(
 
 
 # Motor ---------------------------------------------------------------------------------------------
-# The geared DC motor: equations 6-9 at the gearbox outlet.
+# The geared DC motor: equations 6-9 at the gearbox output.
 
 
 class Motor(NamedTuple):
-    """Constants of a motor at the gearbox outlet.
+    """Constants of a motor at the gearbox output.
 
     ``J_m`` [kg·m²], ``B_m`` [N·m·s/rad] including the back-EMF, ``K_t`` [N·m/V] = μ N K_mu / R, ``tau_e`` [s] = L/R,
     and the friction.

@@ -123,7 +123,7 @@ NO_RAW = RawReading(*(math.nan for _ in RawReading._fields))
 
 
 class ShaftLoad(NamedTuple):
-    """Torques [N·m] on the gearbox outlets, in the direction of the tendons; >= 0."""
+    """Torques [N·m] on the gearbox outputs, in the direction of the tendons; >= 0."""
 
     load_A: float
     load_B: float

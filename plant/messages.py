@@ -781,7 +781,7 @@ def tension_implausible(*, name: str, F: float, F_max: float) -> str:
 
 @catalogue_entry
 def theta_implausible(*, name: str, theta: float, theta_max: float) -> str:
-    return f"{name} = {theta:g}, beyond {Angle(theta_max)}: is it in rad at the gearbox outlet?"
+    return f"{name} = {theta:g}, beyond {Angle(theta_max)}: is it in rad at the gearbox output?"
 
 
 @catalogue_entry

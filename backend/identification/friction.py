@@ -215,7 +215,7 @@ def simulate_motion(
 #
 #     u = (J θ'' + B θ' + r_m F + (c0 + c1 r_m F) sign θ') / K_t + τ_e u' + u_0
 #
-# The friction acts at the gearbox outlet of the excited motor. Voltage, encoder and load cell of that motor suffice:
+# The friction acts at the gearbox output of the excited motor. Voltage, encoder and load cell of that motor suffice:
 # the load cell measures r_m F, so K_t need not be known. All signals are smoothed by the same kernel. A sample counts
 # only if the motor turns in one direction within its kernel, fast enough for the friction to be fully developed: the
 # sign then commutes with the kernel, and neither the smoothing of a Coulomb step nor the Stribeck effect matters. The

@@ -11,25 +11,25 @@ export const FIELDS = [
     "name": "run",
     "symbol": "run",
     "unit": "1",
-    "meaning": "identifier of the stored run this sample belongs to, 0 for none"
+    "meaning": "number of the stored run of the sample, 0 for none"
   },
   {
     "name": "q",
     "symbol": "q",
     "unit": "rad",
-    "meaning": "joint position, measured"
+    "meaning": "measured joint position"
   },
   {
     "name": "q_ref",
     "symbol": "q_ref",
     "unit": "rad",
-    "meaning": "joint position reference as commanded"
+    "meaning": "commanded joint position reference"
   },
   {
     "name": "q_ref_gov",
     "symbol": "q_ref,gov",
     "unit": "rad",
-    "meaning": "joint position reference after the governor, or of the trajectory"
+    "meaning": "joint position reference from the reference governor or the trajectory"
   },
   {
     "name": "q_dot",
@@ -47,13 +47,13 @@ export const FIELDS = [
     "name": "S_ref",
     "symbol": "S_ref",
     "unit": "N·m/rad",
-    "meaning": "joint stiffness reference as commanded"
+    "meaning": "commanded joint stiffness reference"
   },
   {
     "name": "S_ref_gov",
     "symbol": "S_ref,gov",
     "unit": "N·m/rad",
-    "meaning": "joint stiffness reference after the governor, or of the trajectory"
+    "meaning": "joint stiffness reference from the reference governor or the trajectory"
   },
   {
     "name": "S_true",
@@ -65,55 +65,55 @@ export const FIELDS = [
     "name": "theta_A",
     "symbol": "θ_A",
     "unit": "rad",
-    "meaning": "motor A position at the gearbox outlet, measured"
+    "meaning": "measured position of motor A at the gearbox output"
   },
   {
     "name": "theta_A_ref",
     "symbol": "θ_A,ref",
     "unit": "rad",
-    "meaning": "motor A position reference"
+    "meaning": "position reference of motor A"
   },
   {
     "name": "theta_B",
     "symbol": "θ_B",
     "unit": "rad",
-    "meaning": "motor B position at the gearbox outlet, measured"
+    "meaning": "measured position of motor B at the gearbox output"
   },
   {
     "name": "theta_B_ref",
     "symbol": "θ_B,ref",
     "unit": "rad",
-    "meaning": "motor B position reference"
+    "meaning": "position reference of motor B"
   },
   {
     "name": "F_A",
     "symbol": "F_A",
     "unit": "N",
-    "meaning": "tension of tendon A, load cell"
+    "meaning": "tension of tendon A, measured by its load cell"
   },
   {
     "name": "F_B",
     "symbol": "F_B",
     "unit": "N",
-    "meaning": "tension of tendon B, load cell"
+    "meaning": "tension of tendon B, measured by its load cell"
   },
   {
     "name": "u_A",
     "symbol": "u_A",
     "unit": "V",
-    "meaning": "motor A voltage, after limits"
+    "meaning": "voltage of motor A after limiting"
   },
   {
     "name": "u_B",
     "symbol": "u_B",
     "unit": "V",
-    "meaning": "motor B voltage, after limits"
+    "meaning": "voltage of motor B after limiting"
   },
   {
     "name": "F_push",
     "symbol": "F_push",
     "unit": "N",
-    "meaning": "external push applied by the simulator, tangential at r_j"
+    "meaning": "push applied by the simulator, tangential at r_j"
   },
   {
     "name": "F_ext_hat",
@@ -131,31 +131,31 @@ export const FIELDS = [
     "name": "V_A",
     "symbol": "V_A",
     "unit": "V",
-    "meaning": "load cell A as read by the card, NaN without a card"
+    "meaning": "voltage of load cell A as read by the card, NaN without a card"
   },
   {
     "name": "V_B",
     "symbol": "V_B",
     "unit": "V",
-    "meaning": "load cell B as read by the card, NaN without a card"
+    "meaning": "voltage of load cell B as read by the card, NaN without a card"
   },
   {
     "name": "n_q",
     "symbol": "n_q",
     "unit": "1",
-    "meaning": "counts of the joint's encoder since the start, NaN without a card"
+    "meaning": "counts of the joint encoder since the start of the loop, NaN without a card"
   },
   {
     "name": "n_A",
     "symbol": "n_A",
     "unit": "1",
-    "meaning": "counts of motor A's encoder since the start, NaN without a card"
+    "meaning": "counts of the encoder of motor A since the start of the loop, NaN without a card"
   },
   {
     "name": "n_B",
     "symbol": "n_B",
     "unit": "1",
-    "meaning": "counts of motor B's encoder since the start, NaN without a card"
+    "meaning": "counts of the encoder of motor B since the start of the loop, NaN without a card"
   },
   {
     "name": "lam_q",
@@ -173,25 +173,25 @@ export const FIELDS = [
     "name": "bank_entry",
     "symbol": "entry",
     "unit": "1",
-    "meaning": "active entry of the controller bank, fractional while interpolating"
+    "meaning": "active entry of the bank, fractional during interpolation"
   },
   {
     "name": "limits",
     "symbol": "limits",
     "unit": "1",
-    "meaning": "limits that acted in this tick, one bit each; docs/reference/faults.md lists them"
+    "meaning": "limits that were active in this tick, one bit each; docs/reference/faults.md lists them"
   },
   {
     "name": "fault",
     "symbol": "fault",
     "unit": "1",
-    "meaning": "number of the latched fault in the list of docs/reference/faults.md, 0 for none"
+    "meaning": "code of the latched fault as listed in docs/reference/faults.md, 0 for none"
   },
   {
     "name": "lateness_s",
     "symbol": "late",
     "unit": "s",
-    "meaning": "delay of the start of the tick against its deadline"
+    "meaning": "delay of the start of the control step relative to its deadline"
   },
   {
     "name": "overruns",
@@ -208,7 +208,7 @@ export const COMBINED = [
   {
     "name": "q - q_ref",
     "unit": "rad",
-    "meaning": "error of the joint position against its reference",
+    "meaning": "deviation of the joint position from its reference",
     "terms": [
       {
         "column": "q",
@@ -225,7 +225,7 @@ export const COMBINED = [
   {
     "name": "q - q_ref_gov",
     "unit": "rad",
-    "meaning": "error of the joint position against the governed reference, or the trajectory",
+    "meaning": "deviation of the joint position from the reference of governor or trajectory",
     "terms": [
       {
         "column": "q",
@@ -242,7 +242,7 @@ export const COMBINED = [
   {
     "name": "S - S_ref",
     "unit": "N·m/rad",
-    "meaning": "error of the joint stiffness against its reference",
+    "meaning": "deviation of the joint stiffness from its reference",
     "terms": [
       {
         "column": "S",
@@ -259,7 +259,7 @@ export const COMBINED = [
   {
     "name": "S - S_ref_gov",
     "unit": "N·m/rad",
-    "meaning": "error of the joint stiffness against the governed reference, or the trajectory",
+    "meaning": "deviation of the joint stiffness from the reference of governor or trajectory",
     "terms": [
       {
         "column": "S",
@@ -276,7 +276,7 @@ export const COMBINED = [
   {
     "name": "S - S_true",
     "unit": "N·m/rad",
-    "meaning": "error of the estimated joint stiffness against that of the simulator",
+    "meaning": "deviation of the estimated joint stiffness from that of the simulator",
     "terms": [
       {
         "column": "S",
@@ -293,7 +293,7 @@ export const COMBINED = [
   {
     "name": "theta_A - theta_A_ref",
     "unit": "rad",
-    "meaning": "error of the position of motor A against its reference",
+    "meaning": "deviation of the position of motor A from its reference",
     "terms": [
       {
         "column": "theta_A",
@@ -310,7 +310,7 @@ export const COMBINED = [
   {
     "name": "theta_B - theta_B_ref",
     "unit": "rad",
-    "meaning": "error of the position of motor B against its reference",
+    "meaning": "deviation of the position of motor B from its reference",
     "terms": [
       {
         "column": "theta_B",
@@ -327,7 +327,7 @@ export const COMBINED = [
   {
     "name": "F_A - F_B",
     "unit": "N",
-    "meaning": "force that the tendons turn the joint with, at r_j",
+    "meaning": "net force of the tendons on the joint at r_j",
     "terms": [
       {
         "column": "F_A",
@@ -344,7 +344,7 @@ export const COMBINED = [
   {
     "name": "x_A",
     "unit": "m",
-    "meaning": "elongation of spring A, by the measured angles",
+    "meaning": "elongation of spring A from the measured angles",
     "terms": [
       {
         "column": "theta_A",
@@ -361,7 +361,7 @@ export const COMBINED = [
   {
     "name": "x_B",
     "unit": "m",
-    "meaning": "elongation of spring B, by the measured angles",
+    "meaning": "elongation of spring B from the measured angles",
     "terms": [
       {
         "column": "theta_B",
