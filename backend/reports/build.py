@@ -73,10 +73,10 @@ def build_report(source: RunData) -> Report:
 def hashes_section(manifest: ReportManifest) -> ReportSection:
     """Return the section with the hashes of all inputs and the command to verify them."""
     rows = tuple((name, digest) for name, digest in manifest.hashes.items())
-    titles = (Column("Of", number=False), Column("SHA-256", number=False, wide=True))
+    titles = (Column("Content", number=False), Column("SHA-256", number=False, wide=True))
     words = (
-        "Every number of this report can be recomputed from the samples that it names. To verify, with "
-        "data.csv in the same folder, or in the data folder of the run:"
+        "Every number in this report can be recomputed from the samples of the run. To verify it, with "
+        "data.csv in the same folder or with the run in the data folder:"
     )
     return ReportSection(
         "Verification", (Table("Content hashes.", titles, rows), Code(words, "sinew report verify report.html"))
@@ -115,7 +115,7 @@ def _format_block_angles(block: Block, angles: AngleUnit) -> Block:
                 for row in rows
             )
             if any(NO_FIGURE in row for row in rows):
-                caption += f" {NO_FIGURE} means that the run has no such metric."
+                caption += f" {NO_FIGURE} means that the run has no such value."
             return Table(format_text(caption, angles), columns, formatted)
         case Figure(name, svg, caption):
             return Figure(name, svg, format_text(caption, angles))

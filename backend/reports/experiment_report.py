@@ -244,10 +244,10 @@ def make_law_comparison(steps: Sequence[StepFigures], law: PaperLawResponse, ang
         Column("from"),
         Column("to"),
         Column("To 90 %, measured", "s"),
-        Column("To 90 %, the paper's law", "s"),
+        Column("To 90 %, paper's law", "s"),
         Column("paper's law / measured"),
     )
-    caption = "Time from a step to 90 % of its height, and the same time with the paper's governor (simulated)."
+    caption = "Time from a step to 90 % of its height, measured and simulated with the paper's law."
     return (Table(caption, columns, tuple(rows)),)
 
 
@@ -480,7 +480,7 @@ def _tracking_figures(
                 tracking_step_panels(columns, steps, lam, "steps"),
                 "All steps on one scale: (A) joint position and (B) stiffness, with the response "
                 "that λ defines for a first-order process (dashed), (C, D) the remaining error in "
-                f"per cent of the step, with the settling band of ±2 %. {_what_shapes_a_step(law)}",
+                f"percent of the step, with the settling band of ±2 %. {_what_shapes_a_step(law)}",
             )
         )
     return ReportSection("Figures", tuple(blocks))
@@ -569,14 +569,14 @@ def _reasons(steps: Sequence[StepFigures]) -> tuple[Table, ...]:
             rows.append((f"{step.start_s:g}", step.signal, ", ".join(names), reason))
     columns = (
         Column("Step at", "s"),
-        Column("of", number=False),
-        Column("What", number=False),
-        Column("Why it was not measured", number=False, wide=True),
+        Column("Signal", number=False),
+        Column("Metric", number=False),
+        Column("Reason", number=False, wide=True),
     )
     return (
         (
             Table(
-                "Quantities that could not be measured in full; a value given above for one of them is a lower bound.",
+                "Metrics that could not be measured completely; any value in the table above is a lower bound.",
                 columns,
                 tuple(rows),
             ),

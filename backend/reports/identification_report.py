@@ -83,7 +83,7 @@ _ACTUATOR_NOTES = (
     "Gains are for one motor: through the decoupler both motors move, which doubles them, and the controllers are "
     "scaled for that (erratum E3). T is the sum of the model's time constants and dead time (sum of "
     "lags), K its static gain; the λ formulas use K and T.",
-    "The fit in per cent is that of a simulation on the last third of the record by a model fitted to the first two "
+    "The fit in percent is that of a simulation on the last third of the record by a model fitted to the first two "
     "thirds. Standard errors allow for coloured residuals; they do not cover effects that the structure omits.",
     "The paper's table 1 was fitted as first order to a 1 ms sequence on the real rig, where friction grows with "
     "tension. Agreement with its T and its gains of G_S is therefore not expected; agreement with its "
@@ -254,7 +254,9 @@ def _candidates(found: Identification) -> Table:
         for item in found.actuator.channel(key).quality.candidates:
             rows.append((key, _structure(item.structure), *_make_candidate_row(item)))
     return Table(
-        "Structures tried on the same record, best first (usable before unusable, then by BIC).", columns, tuple(rows)
+        "Candidate structures for the same record, best first (usable before unusable, then by BIC).",
+        columns,
+        tuple(rows),
     )
 
 
@@ -280,19 +282,19 @@ def _comparison(found: Identification, tension_N: float) -> Table:
     row = TABLE_1[nearest]
     columns = (
         Column("Transfer function", number=False, wide=True),
-        Column("K here"),
-        Column("K geometry"),
-        Column("K by ARX"),
-        Column("K table 1"),
-        Column("T here", "s"),
-        Column("T by ARX", "s"),
-        Column("T table 1", "s"),
+        Column("K, this run"),
+        Column("K, geometry"),
+        Column("K, ARX"),
+        Column("K, table 1"),
+        Column("T, this run", "s"),
+        Column("T, ARX", "s"),
+        Column("T, table 1", "s"),
     )
     paper = {"G_q": (row.K_q, row.T_q), "G_S": (row.K_S, row.T_S)}
     channels = {key: found.actuator.channel(key) for key in CHANNELS}
     rows = tuple(_make_comparison_row(key, channel, *paper[key]) for key, channel in channels.items())
     title = (
-        f"First-order models compared with the paper's table 1 at {exact(nearest)} N. By ARX: the "
+        f"First-order models compared with the paper's table 1 at {exact(nearest)} N. ARX: the "
         "paper's method, first order with a low-pass filter, on the same record, for comparison only. "
         f"{_missing_arx(channels)}"
     )
@@ -317,7 +319,7 @@ def _make_comparison_row(key: str, channel: IdentifiedChannel, K: float, T: floa
 def _missing_arx(channels: Mapping[ChannelName, IdentifiedChannel]) -> str:
     found = {key: channel.quality.arx for key, channel in channels.items()}
     missing = {key: arx for key, arx in found.items() if not isinstance(arx, ArxEstimate)}
-    return " ".join(f"{key}: {arx.problem if arx else 'not computed at that time'}." for key, arx in missing.items())
+    return " ".join(f"{key}: {arx.problem if arx else 'not computed'}." for key, arx in missing.items())
 
 
 def _actuator_data(found: Identification | None) -> tuple[Block, ...]:
@@ -435,7 +437,7 @@ def _estimates(motors: MotorsResult) -> Table:
         rows.append(
             (
                 side,
-                "active before",
+                "previously active",
                 format_measured(item.before.K_m, 4),
                 NO_FIGURE,
                 format_measured(item.before.T_m),
@@ -456,7 +458,7 @@ def _estimates(motors: MotorsResult) -> Table:
             NO_FIGURE,
         )
     )
-    return Table("Both motors, K_m/(s (T_m s + 1)) with Coulomb friction of u_c.", columns, tuple(rows))
+    return Table("Both motors, K_m/(s (T_m s + 1)) with Coulomb voltage u_c.", columns, tuple(rows))
 
 
 def _rule(motors: MotorsResult) -> Table:
@@ -604,7 +606,7 @@ def _fits(side: str, model: SpringModel) -> Table:
         for fit in model.fits
     )
     before = ", ".join(format_measured(k, 5) for k in model.before or ())
-    caption = f"Spring {side}: F(x) = k_0 + k_1 x + k_2 x² + … Active before: {before or 'a table'}."
+    caption = f"Spring {side}: F(x) = k_0 + k_1 x + k_2 x² + … Previously active: {before or 'a table'}."
     return Table(caption, columns, rows)
 
 

@@ -109,7 +109,7 @@ def tuning_facts(source: RunData) -> tuple[Fact, ...]:
     if loop.lam_motor is not None and "lam_motor" in used:
         parts.append(f"λ_motor = {exact(loop.lam_motor)} s")
     if "b" in used:
-        parts.append("b was not recorded at that time" if loop.b is None else f"b = {exact(loop.b)}")
+        parts.append("b not recorded" if loop.b is None else f"b = {exact(loop.b)}")
     controller, known = _CONTROLLERS.get(law) or (_cascade_in_words(source, law), _KNOWN)
     lines = [Fact("Tuning", ", ".join(parts)), Fact("Controller", controller)]
     if known:
@@ -239,7 +239,7 @@ def parameter_section(source: RunData) -> ReportSection:
         Column("Unit", number=False),
         Column("Source", number=False, wide=True, quoted=True),
     )
-    caption = f"Parameter set “{source.run.parameters_name}” as it was when the run began."
+    caption = f"Parameter set “{source.run.parameters_name}” at the start of the run."
     return ReportSection("Plant parameters", (Table(caption, columns, rows),))
 
 
@@ -293,7 +293,7 @@ def judge_stored_run(metrics: Metrics | None, criteria: Sequence[RunCriterion], 
     return RunVerdict(judge_run(metrics, criteria), _describe_verdict(criteria))
 
 
-SEEN = {"<": "at least this", ">": "at most this"}
+SEEN = {"<": "lower bound", ">": "upper bound"}
 """Meaning of a figure that was measured in part, by the relation to its bound."""
 
 
@@ -380,7 +380,7 @@ def criteria_table(criteria: Sequence[RunCriterion], angles: AngleUnit) -> Table
     columns = (
         Column("Criterion", number=False),
         Column("Bound"),
-        Column("Figure"),
+        Column("Value"),
         Column("Unit", number=False),
         Column("Result", number=False, wide=True),
     )

@@ -117,7 +117,7 @@ def line_table(lines: Lines) -> Table:
         Column("Predicted", "dB"),
         Column("Phase", "°"),
         Column("Predicted", "°"),
-        Column("Unlike", "%"),
+        Column("Variation", "%"),
         Column("Remark", number=False, wide=True),
     )
     gain, phase = _decibel(lines.H), _degrees(lines.H)
@@ -138,7 +138,7 @@ def line_table(lines: Lines) -> Table:
     )
     caption = (
         f"Lines of the {_TITLES[lines.signal]}: gain and phase of {lines.signal} over "
-        f"{lines.signal}_ref, and the difference of the line from the previous period, or in a sweep √(1 "
+        f"{lines.signal}_ref, and the variation of the line from the previous period, or for a sweep √(1 "
         "− γ²) of its band."
     )
     return Table(caption, columns, rows)
@@ -225,9 +225,9 @@ def _format_fixed(value: float, digits: int) -> str:
 
 
 HOLD_NOTES = (
-    "A hold is an interval with constant references, no push and no load. Readings are those of the "
-    "encoders: a joint at rest between two counts may show either, so half a count is allowed where "
-    "encoders count. A motor counts as moving in a tick in which its encoder count changes.",
+    "A hold is an interval with constant references, no push and no load. The angles are encoder "
+    "readings: a joint at rest between two counts may yield either, so half a count is subtracted "
+    "from the deviation if the encoder counts. A motor is moving in a tick in which its count changes.",
     "With static friction, an integrator causes a permanent limit cycle of about one count. Once the "
     "joint has reached its reference, the outer integrators "
     "ignore errors below half a count of the joint and 0.01 N·m/rad, in both motions. The law as printed in the paper "
@@ -260,12 +260,12 @@ def hold_table(found: Sequence[HoldWindow], angles: AngleUnit) -> Table:
         Column("From", "s"),
         Column("q_ref", angle),
         Column("S_ref", "N·m/rad"),
-        Column("Swing of q", "counts"),
-        Column("Swing of q", angle),
-        Column("Off", "counts"),
-        Column("Mean off", angle),
-        Column("Swing of u", "V"),
-        Column("Swing of S", "N·m/rad"),
+        Column("q, p-p", "counts"),
+        Column("q, p-p", angle),
+        Column("q − q_ref, max.", "counts"),
+        Column("q − q_ref, mean", angle),
+        Column("u, p-p", "V"),
+        Column("S, p-p", "N·m/rad"),
         Column("Moving", "%"),
     )
     rows = tuple(
@@ -284,8 +284,8 @@ def hold_table(found: Sequence[HoldWindow], angles: AngleUnit) -> Table:
         for one in found
     )
     caption = (
-        "Holds: peak-to-peak range (swing) of q, S and of the voltage that varies more; largest and mean "
-        "distance of q from q_ref; share of ticks in which a motor's count changed."
+        "Holds: peak-to-peak values (p-p) of q, S and the voltage that varies more; largest |q − q_ref|, less half "
+        "a count, and mean q − q_ref; share of ticks in which a motor's count changed."
     )
     return Table(caption, columns, rows)
 
@@ -391,7 +391,7 @@ def _actuators(found: Sequence[Identification]) -> Iterator[Table]:
                 Column("S", "N·m/rad"),
                 Column("K", _UNITS[name]),
                 Column("T", "s"),
-                Column("K off geometry", "%"),
+                Column("K vs. geometry", "%"),
                 Column("fit", "%"),
                 _GRADE,
             )
@@ -419,7 +419,7 @@ def _with_error(value: float | None, std: float | None) -> str:
 
 
 CAPTION = (
-    "Hits on the obstacle: (A) its force on the joint from the contact on, (B) peak force and (C) "
+    "Hits on the obstacle: (A) its force on the joint since the contact, (B) peak force and (C) "
     "impulse over the approach speed, for each stiffness. Dashed, with open markers: with contact "
     "reaction, which begins at the dot in A."
 )
@@ -441,7 +441,7 @@ def impact_tables(hits: Sequence[Hit], angles: AngleUnit) -> tuple[Table, ...]:
 def hits_table(hits: Sequence[Hit], angles: AngleUnit) -> Table:
     """Return a table of all hits in order."""
     columns = (
-        Column("At", "s"),
+        Column("Time", "s"),
         Column("S_ref", get_display_unit("N·m/rad", angles).unit),
         Column("Approach", get_display_unit("rad/s", angles).unit),
         Column("Peak force", "N"),
@@ -560,7 +560,7 @@ def impact_panels(columns: Columns, hits: Sequence[Hit], name: str, angles: Angl
 
 
 PUSH_NOTES = (
-    "Deviations are relative to the tenth of a second before each push. The expected response is that of "
+    "Deviations are relative to the mean over the 0.1 s before each push. The predicted response is that of "
     "the plant, linearised with its identified parameters, and of the active loops and gains under the "
     "same force; it does not include friction. It is the same in both motions, because the loops that "
     "respond to a push are the same.",
@@ -580,7 +580,7 @@ def _push_blocks(columns: Columns, found: Sequence[MeasuredPush], angles: AngleU
         "pushes",
         push_panels(columns, found, "pushes", angles),
         "Pushes at the joint: (A) force, (B) deviation of the joint from its position before the push, "
-        "measured, and expected (dashed), (C) measured minus expected, (D) stiffness minus its "
+        "measured and predicted (dashed), (C) measured minus predicted, (D)  stiffness minus its "
         "reference; outside the panel the stiffness moves to another reference.",
     )
     yield push_table(found, angles)
@@ -598,11 +598,11 @@ def push_table(found: Sequence[MeasuredPush], angles: AngleUnit) -> Table:
         Column("F", "N"),
         Column("Impulse", "N·s"),
         Column("Peak of q", angle),
-        Column("Expected", angle),
-        Column("Off", "%"),
+        Column("Predicted", angle),
+        Column("Error", "%"),
         Column("Static", angle),
         Column("Peak of S", "N·m/rad"),
-        Column("Back", "s"),
+        Column("Recovery", "s"),
     )
     rows = tuple(
         (
@@ -625,8 +625,8 @@ def push_table(found: Sequence[MeasuredPush], angles: AngleUnit) -> Table:
         for one in found
     )
     caption = (
-        "Pushes: largest deviation of q and S, the expected peak, the deviation of the measured peak "
-        "from it in per cent, the static deflection r_j F/S, "
+        "Pushes: largest deviation of q and S, the predicted peak, the error of the measured peak "
+        "relative to it in percent, the static deflection r_j F/S, "
         f"and the time from the end of the push until q stays within {Angle(0.01)} of its reference."
     )
     return Table(caption, columns, rows)

@@ -131,7 +131,7 @@ _VERDICT_TEXTS = {
     Outcome.PASSED: "passed all criteria",
     Outcome.FAILED: "failed a criterion",
     Outcome.INCOMPLETE: "ended early or could not be measured completely",
-    Outcome.NEUTRAL: "have no criteria",
+    Outcome.NEUTRAL: "had no criteria",
 }
 _WORST = (Outcome.FAILED, Outcome.INCOMPLETE, Outcome.NEUTRAL, Outcome.PASSED)
 
@@ -167,7 +167,7 @@ def series_report(sources: Sequence[RunData]) -> Report:
 
 _PROOF = (
     "Every number of this report can be recomputed from the stored samples of its runs; the verification "
-    "finds each run by the hash of its samples, whatever its number in that data folder:"
+    "finds each run by the hash of its samples, regardless of its number in that data folder:"
 )
 
 
@@ -181,7 +181,7 @@ def _verdict(outcomes: Sequence[Outcome]) -> str:
         (outcomes.count(one), one) for one in (Outcome.PASSED, Outcome.FAILED, Outcome.INCOMPLETE, Outcome.NEUTRAL)
     ]
     return (
-        f"Of {len(outcomes)} runs "
+        f"Of {len(outcomes)} runs, "
         + ", ".join(f"{count} {_VERDICT_TEXTS[one]}" for count, one in counts if count)
         + "."
     )
@@ -195,7 +195,7 @@ def _facts(sources: Sequence[RunData]) -> tuple[Fact, ...]:
         Fact("By", ", ".join(dict.fromkeys(run.who for run in runs))),
         Fact("Plant", "; ".join(dict.fromkeys(f"{run.plant}, parameters “{run.parameters_name}”" for run in runs))),
         Fact("Software", ", ".join(dict.fromkeys(f"Sinew {run.software}" for run in runs))),
-        Fact("Differences", f"to run {runs[0].id}"),
+        Fact("Differences", f"relative to run {runs[0].id}"),
         *definitions_facts(sources),
     )
 
@@ -289,7 +289,7 @@ def _metric_tables(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Ta
         ]
         rows.append(((of.label, shown_unit(of.unit, angles)), cells))
     first = (Column("Quantity", number=False, wide=True), Column("Unit", number=False))
-    yield from _make_run_tables(sources, "Metrics; in brackets the difference from the first run", first, rows)
+    yield from _make_run_tables(sources, "Metrics, with differences from the first run in brackets", first, rows)
 
 
 def _difference(value: float | None, reference: float | None) -> str:
@@ -309,10 +309,10 @@ def _spread(sources: Sequence[RunData], angles: AngleUnit) -> Table:
         Column("Unit", number=False),
         Column("Runs"),
         Column("Mean"),
-        Column("Deviation"),
-        Column("Smallest"),
-        Column("Largest"),
-        Column("In part"),
+        Column("Std. dev."),
+        Column("Minimum"),
+        Column("Maximum"),
+        Column("Partial"),
     )
     rows = []
     for items in _metrics(sources).values():
@@ -327,8 +327,8 @@ def _spread(sources: Sequence[RunData], angles: AngleUnit) -> Table:
         figures = [format_measured(one(values)) if values else format_figure(None) for one in spread]
         rows.append((of.label, shown_unit(of.unit, angles), str(len(values)), *figures, str(partial or "")))
     caption = (
-        "Spread over the runs with a complete measurement; deviation is the sample standard deviation (N "
-        "− 1). In part: number of runs with an incomplete measurement, which are excluded."
+        "Spread over the runs with a complete measurement, with the sample standard deviation (N − 1). "
+        "Partial: number of runs with an incomplete measurement, which are excluded."
     )
     return Table(caption, columns, tuple(rows))
 
@@ -342,7 +342,7 @@ def _partial(sources: Sequence[RunData]) -> Iterator[Paragraph]:
                 texts.setdefault(f"{item.label}: {item.reason}", []).append(str(source.run.id))
     if texts:
         reasons = "; ".join(f"{words} (run {', '.join(runs)})" for words, runs in texts.items())
-        yield Paragraph(f"{_MARK.strip()} Measured only in part, so no difference is given. {reasons}.")
+        yield Paragraph(f"{_MARK.strip()} Partially measured, so no difference is given. {reasons}.")
 
 
 def _deviation(values: Sequence[float]) -> float:
@@ -372,6 +372,6 @@ def _figures(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Figure]:
 
 
 def _hashes(manifest: SeriesEvidence) -> Table:
-    columns = (Column("Run"), Column("SHA-256 of its samples", number=False, wide=True))
+    columns = (Column("Run"), Column("SHA-256 of the samples", number=False, wide=True))
     rows = tuple((str(one.run.id), one.hashes["samples"]) for one in manifest.runs)
     return Table("Content hashes.", columns, rows)

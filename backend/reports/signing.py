@@ -302,11 +302,11 @@ def _parse(element: bytes) -> tuple[Signature, bytes]:
     document = json.loads(element[len(_BEGIN) : -len(_END)].decode("ascii"))
     name, key = document["name"], document["public_key"]
     if not isinstance(key, str) or not isinstance(name, str) or not name.isprintable() or len(name) > NAME_MAX:
-        raise ValueError("no name or no key")
+        raise ValueError("the name or the key is missing or invalid")
     signature = Signature(parse_public_key(key), name)
     value = bytes.fromhex(document["signature"])
     if _element(_make_signature_fields(signature), value) != element:
-        raise ValueError("written otherwise")
+        raise ValueError("not in the canonical form")
     return signature, value
 
 

@@ -19,20 +19,20 @@ def timing_section(source: RunData) -> tuple[ReportSection, ...]:
     gaps = int(np.count_nonzero(np.diff(np.round(columns["t"] * 1e3)) > 1.5))
     on_a_clock = bool(np.any(late_ms != 0.0))
     rows = [
-        ("Samples", str(columns["t"].size), "", "recorded, one for each tick"),
+        ("Samples", str(columns["t"].size), "", "recorded samples, one per tick"),
         ("Missing samples", _describe_missing(source), "", "ticks without a recorded sample"),
-        ("Gaps", str(gaps), "", "places where samples are missing"),
+        ("Gaps", str(gaps), "", "ranges in which samples are missing"),
     ]
     if on_a_clock:
         figures = (np.median(late_ms), np.percentile(late_ms, 99.0), late_ms.max())
         rows += [
-            ("Deadlines missed", f"{overruns[-1] - overruns[0]:.0f}", "", "from the first sample to the last"),
+            ("Deadlines missed", f"{overruns[-1] - overruns[0]:.0f}", "", "between the first and the last sample"),
             *(
                 (
                     f"Lateness, {name}",
                     format_measured(float(figure)),
                     "ms",
-                    "delay of a control step against its deadline",
+                    "delay of a control step relative to its deadline",
                 )
                 for name, figure in zip(("median", "99 %", "largest"), figures, strict=True)
             ),
@@ -67,7 +67,7 @@ def granted_rows(granted: StoredRealTimeStatus | None) -> list[tuple[str, str, s
             "Timer slack",
             str(granted.timer_slack_ns),
             "ns",
-            "delay by which the operating system may wake the control loop later than requested",
+            "largest delay by which the operating system may defer a wake-up",
         ),
         *(("Not granted", "", "", refusal) for refusal in granted.refusals),
     ]
@@ -75,6 +75,6 @@ def granted_rows(granted: StoredRealTimeStatus | None) -> list[tuple[str, str, s
 
 def _describe_missing(source: RunData) -> str:
     if source.run.end_state == EndState.SERVICE_DIED:
-        return "not known: the service died during the recording"
+        return "unknown: the service died during the recording"
     missing = source.result.metrics.missing_samples if source.result else count_missing_ticks(source.columns)
-    return "not kept" if missing is None else str(missing)
+    return "not stored" if missing is None else str(missing)

@@ -150,7 +150,7 @@ def test_a_motor_that_rests_off_its_reference_fails_with_its_deviation(tmp_path:
     assert "in one direction" in back.reason  # its integrators rest where joint and stiffness are at their references
     report = build_report(source)
     assert report.outcome == "failed"
-    assert any("at least this: motor A had not returned" in cell for cell in cells_of(report))
+    assert any("lower bound: motor A had not returned" in cell for cell in cells_of(report))
 
 
 def test_a_run_that_ended_before_both_were_loaded_gives_nothing(columns: RobustnessColumns) -> None:

@@ -95,7 +95,7 @@ def test_its_report_says_how_much_was_played(tmp_path: Path) -> None:
         assert left["missing_samples"] is None  # how many were still to be stored nobody knows
         report = viewer.get(f"/api/runs/{run}/report.html").raise_for_status().text
         assert "s of 102 s were executed" in report
-        assert "not known: the service died during the recording" in report
+        assert "unknown: the service died during the recording" in report
         assert viewer.get(f"/api/runs/{run}").json()["evaluation"] == "done"
         metrics = viewer.get(f"/api/experiments/{run}").raise_for_status().json()
         assert not any(criterion["passed"] for criterion in metrics["criteria"])

@@ -108,8 +108,8 @@ def test_report_says_models_geometry_and_table_1(report: Report) -> None:
     assert candidates[1] == ("G_q", "third order", "–", "–", "–", "–", "not converged")
     assert comparison[0] == ("G_q", "0.05000", "0.05000", "0.04800", "0.04840", "0.342", "0.310", "0.780")
     assert comparison[1] == ("G_S", "0.7200", "0.7209", "–", "2.826", "0.342", "–", "1.19")
-    assert "G_S: not computed at that time." in tables[2].caption
-    assert [table.caption.endswith("– means that the run has no such metric.") for table in tables[:3]] == [
+    assert "G_S: not computed." in tables[2].caption
+    assert [table.caption.endswith("– means that the run has no such value.") for table in tables[:3]] == [
         False,
         True,
         True,

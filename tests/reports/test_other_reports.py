@@ -167,7 +167,7 @@ def test_a_session_is_shown_and_not_judged() -> None:
         ),
         (  # as earlier versions stored sessions, without b
             {"mode": "run", "loop": {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "interpolate": False}},
-            "λ_q = 0.5 s, λ_S = 0.42 s, λ_motor = 0.0854 s, b was not recorded at that time",
+            "λ_q = 0.5 s, λ_S = 0.42 s, λ_motor = 0.0854 s, b not recorded",
         ),
     ],
 )
