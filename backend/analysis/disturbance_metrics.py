@@ -75,7 +75,7 @@ class ComplianceMetrics:
     stiffness_felt: float | None = declare_metric(
         "N·m/rad", "Apparent stiffness", "slope of −r_j (F_A − F_B) over q, aligned"
     )
-    largest_push_N: float = declare_metric("N", "Strongest push", "largest |F_A − F_B|, aligned")
+    largest_push_N: float = declare_metric("N", "Largest push", "largest |F_A − F_B|, aligned")
     deviation_S: float = declare_metric("N·m/rad", "Stiffness deviation", "max |S − S_ref| from the first push on")
     min_tension_N: float = declare_metric(
         "N", "Smallest tension", "smallest reading of both load cells from the start of the program"
@@ -251,17 +251,17 @@ class HoldMetrics(WholeMetrics):
 
     held_q_swing_counts: float | None = declare_metric(
         "1",
-        "Swing of q, in counts",
+        "Peak-to-peak q, in counts",
         "max − min of q during a hold, in counts of the joint encoder (4000 per turn for an ideal sensor)",
     )
-    held_q_swing: float | None = declare_metric("rad", "Swing of q", "max − min of q during a hold")
+    held_q_swing: float | None = declare_metric("rad", "Peak-to-peak q", "max − min of q during a hold")
     held_off_counts: float | None = declare_metric(
         "1",
         "Deviation from the reference, in counts",
         "max |q − q_ref| during a hold, minus half a count of the encoder",
     )
-    held_u_swing_V: float | None = declare_metric("V", "Swing of the voltages", "max − min of u_A or u_B during a hold")
-    held_S_swing: float | None = declare_metric("N·m/rad", "Swing of S", "max − min of S during a hold")
+    held_u_swing_V: float | None = declare_metric("V", "Peak-to-peak voltage", "max − min of u_A or u_B during a hold")
+    held_S_swing: float | None = declare_metric("N·m/rad", "Peak-to-peak S", "max − min of S during a hold")
     held_moving_percent: float | None = declare_metric(
         "%",
         "Motors moving",
@@ -413,11 +413,11 @@ class ImpactMetrics(WholeMetrics):
     )
     felt_after_s: float | None = declare_metric(
         "s",
-        "Longest time to detect",
+        "Longest detection time",
         "from the start of the collision until the estimated external force exceeds the threshold",
     )
     gave_way_after_s: float | None = declare_metric(
-        "s", "Longest time to react", "from the detection to the start of the contact reaction"
+        "s", "Longest reaction time", "from the detection to the start of the contact reaction"
     )
     fell_after_s: float | None = declare_metric(
         "s", "Longest time to the peak", "from the detection until |F_wall| reaches its peak"
@@ -633,10 +633,12 @@ class PushMetrics(WholeMetrics):
     pushed_off_percent: float | None = declare_metric(
         "%",
         "Prediction error of the peaks",
-        "largest |measured/predicted − 1| of the peaks of q, with the active gains",
+        "largest |measured/predicted − 1| of the peaks of q, for the active gains",
     )
     pushed_static_ratio: float | None = declare_metric(
-        "1", "Largest ratio to the static deviation", "largest peak deviation of q divided by r_j F/S, without impulses"
+        "1",
+        "Largest ratio to the static deviation",
+        "largest peak deviation of q divided by r_j F/S, impulses excluded",
     )
     reasons: Mapping[str, str] = field(default_factory=dict)
 

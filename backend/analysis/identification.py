@@ -84,7 +84,6 @@ from backend.recording import Columns, count_missing_ticks, read_recorded_column
 from backend.storage import Database, EndState, NewIdentification, Run, RunKind
 from plant import (
     SIDES,
-    Angle,
     PlantParameters,
     Side,
     T_s,
@@ -284,9 +283,9 @@ class MotorMetrics:
     T_m_B: float = declare_metric("s", "T_m of motor B", "least-squares fit of the position over all steps")
     u_c_A: float = declare_metric("V", "Coulomb voltage of motor A", "voltage that overcomes Coulomb friction")
     u_c_B: float = declare_metric("V", "Coulomb voltage of motor B", "voltage that overcomes Coulomb friction")
-    turn_rad: float = declare_metric("rad", "Largest rotation", f"largest |θ| of both motors, of ±{Angle(15.7)}")
-    load_N: float = declare_metric("N", "Largest load", "largest tendon force at both load cells during the steps")
-    peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest step of both motors")
+    turn_rad: float = declare_metric("rad", "Largest rotation", "largest |θ| of both motors")
+    load_N: float = declare_metric("N", "Largest load", "largest of F_A and F_B during the steps")
+    peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest voltage step of both motors")
 
 
 def find_open_loop_intervals(columns: MotorColumns) -> list[slice]:

@@ -26,7 +26,7 @@ def bank_not_readable() -> str:
 
 @catalogue_entry
 def no_rest_before_push(*, start_s: float, rest_s: float) -> str:
-    return f"the first push begins at {start_s:g} s: the offset of the forces needs {rest_s:g} s of rest before it"
+    return f"the first push starts at {start_s:g} s: the offset of the forces requires {rest_s:g} s of rest before it"
 
 
 @catalogue_entry
@@ -42,7 +42,7 @@ def no_estimated_force() -> str:
 @catalogue_entry
 def push_too_weak(*, largest_N: float, minimum_N: float, error_bound_N: float) -> str:
     return (
-        f"the strongest push was {largest_N:.1f} N: below {minimum_N:g} N, any stiffness meets the bound of "
+        f"the largest push was {largest_N:.1f} N: below {minimum_N:g} N, any stiffness meets the bound of "
         f"{error_bound_N:g} N"
     )
 
@@ -190,7 +190,7 @@ def metric_not_measured(*, metric: str, measures: str, known: str) -> str:
 
 @catalogue_entry
 def not_exactly_one_bound() -> str:
-    return "a criterion needs exactly one bound: below or above"
+    return "a criterion requires exactly one bound: below or above"
 
 
 @catalogue_entry
@@ -248,7 +248,7 @@ def bandwidth_above_lines(*, highest_Hz: float) -> str:
 
 @catalogue_entry
 def bandwidth_below_lines(*, gain: float, lowest_Hz: float) -> str:
-    return f"the gain is {gain:.2g} at {lowest_Hz:.3g} Hz, already the lowest line: choose a longer period"
+    return f"the gain is {gain:.2g} at {lowest_Hz:.3g} Hz, the lowest line: choose a longer period"
 
 
 @catalogue_entry
@@ -271,7 +271,7 @@ def no_line_below_predicted_bandwidth(*, lowest_Hz: float) -> str:
 
 @catalogue_entry
 def fewer_than_three_periods() -> str:
-    return "the excitation needs three periods: the first one contains the initial transient"
+    return "the excitation requires three periods: the first one contains the initial transient"
 
 
 @catalogue_entry
@@ -409,7 +409,7 @@ def both_references_step() -> str:
 @catalogue_entry
 def began_away_from_start(*, share: float) -> str:
     percent = f"{100.0 * share:.0f} %".replace("-", "−")
-    return f"the signal began at {percent} of the step: the previous motion had not ended"
+    return f"the signal started at {percent} of the step: the previous motion had not ended"
 
 
 @catalogue_entry
@@ -427,7 +427,7 @@ def step_not_reached(*, share: float) -> str:
 @catalogue_entry
 def other_signal_moved(*, signal: str, deviation: float, unit: str) -> str:
     return (
-        f"{signal} was {Quantity(deviation, unit):.2f} from its reference as this step began: "
+        f"{signal} was {Quantity(deviation, unit):.2f} from its reference when this step started: "
         "the previous motion had not ended"
     )
 
@@ -435,7 +435,7 @@ def other_signal_moved(*, signal: str, deviation: float, unit: str) -> str:
 @catalogue_entry
 def steps_not_measured(*, missing: int, steps: int, start_s: float, reason: str) -> str:
     verb = "was" if missing == 1 else "were"
-    return f"{missing} of {steps} steps {verb} not measured; the one at {start_s:g} s: {reason}"
+    return f"{missing} of {steps} steps {verb} not measured; step at {start_s:g} s: {reason}"
 
 
 @catalogue_entry

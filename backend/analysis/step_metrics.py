@@ -310,7 +310,7 @@ class OverallMetrics:
     u_rest_rms_V: float | None = declare_metric(
         "V",
         "Voltage at rest",
-        f"root mean square of u_A or u_B about its mean, the larger one, from {SETTLED_DELAY_S:g} s "
+        f"larger root mean square of u_A and u_B about their means, from {SETTLED_DELAY_S:g} s "
         "after settling to the end of each step",
     )
 

@@ -241,7 +241,7 @@ def test_keys_outside_the_parts_are_checked_too(
     ("old", "new", "line", "told"),
     [
         ("min_tension_N", "least_tension", 18, "'least_tension' is not a metric that this experiment measures (steps)"),
-        ("above: 4.0", "above: 4.0, below: 5.0", 18, "a criterion needs exactly one bound: below or above"),
+        ("above: 4.0", "above: 4.0, below: 5.0", 18, "a criterion requires exactly one bound: below or above"),
         ("above: 4.0", "above: F_least", 18, "'F_least' is not known here; choose one of depth, u_max"),
         ("measures: [steps]", "measures: [songs]", 16, "it should be 'steps', 'compliance'"),
         ("name: wobble", "name: tracking", 2, "'tracking' is the name of a ready-made experiment"),

@@ -1353,7 +1353,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "tick",
     "term": "k",
-    "meaning": "index of the sample since the loop started",
+    "meaning": "index of the control step since the start of the loop",
     "source": "docs/reference/notation.md"
   },
   "signal:t": {
@@ -1376,14 +1376,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "run",
     "term": "run",
-    "meaning": "identifier of the stored run this sample belongs to, 0 for none",
+    "meaning": "number of the stored run of the sample, 0 for none",
     "source": "docs/reference/notation.md"
   },
   "signal:q": {
     "kind": "signal",
     "name": "q",
     "term": "q",
-    "meaning": "joint position, measured",
+    "meaning": "measured joint position",
     "unit": "rad",
     "equation": "J_j q'' + B_j q' = r_j (F_A − F_B) + r_j F_push",
     "source": "paper, equation (5)"
@@ -1392,7 +1392,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "q_ref",
     "term": "q_ref",
-    "meaning": "joint position reference as commanded",
+    "meaning": "commanded joint position reference",
     "unit": "rad",
     "source": "docs/reference/notation.md"
   },
@@ -1400,7 +1400,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "q_ref_gov",
     "term": "q_ref,gov",
-    "meaning": "joint position reference after the governor, or of the trajectory",
+    "meaning": "joint position reference from the reference governor or the trajectory",
     "unit": "rad",
     "source": "docs/reference/notation.md"
   },
@@ -1425,7 +1425,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "S_ref",
     "term": "S_ref",
-    "meaning": "joint stiffness reference as commanded",
+    "meaning": "commanded joint stiffness reference",
     "unit": "N·m/rad",
     "source": "docs/reference/notation.md"
   },
@@ -1433,7 +1433,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "S_ref_gov",
     "term": "S_ref,gov",
-    "meaning": "joint stiffness reference after the governor, or of the trajectory",
+    "meaning": "joint stiffness reference from the reference governor or the trajectory",
     "unit": "N·m/rad",
     "source": "docs/reference/notation.md"
   },
@@ -1450,7 +1450,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "theta_A",
     "term": "θ_A",
-    "meaning": "motor A position at the gearbox outlet, measured",
+    "meaning": "measured position of motor A at the gearbox output",
     "unit": "rad",
     "equation": "J_m θ_A'' + B_m θ_A' + r_m F_A + friction = τ_A",
     "source": "paper, equation (6)"
@@ -1459,7 +1459,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "theta_A_ref",
     "term": "θ_A,ref",
-    "meaning": "motor A position reference",
+    "meaning": "position reference of motor A",
     "unit": "rad",
     "equation": "θ_A,ref = +(r_j/r_m) q_c + (S_c − 2 k1 r_j²)/(4 k2 r_j² r_m)",
     "source": "paper, equation (18)"
@@ -1468,7 +1468,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "theta_B",
     "term": "θ_B",
-    "meaning": "motor B position at the gearbox outlet, measured",
+    "meaning": "measured position of motor B at the gearbox output",
     "unit": "rad",
     "equation": "J_m θ_B'' + B_m θ_B' + r_m F_B + friction = τ_B",
     "source": "paper, equation (7)"
@@ -1477,7 +1477,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "theta_B_ref",
     "term": "θ_B,ref",
-    "meaning": "motor B position reference",
+    "meaning": "position reference of motor B",
     "unit": "rad",
     "equation": "θ_B,ref = −(r_j/r_m) q_c + (S_c − 2 k1 r_j²)/(4 k2 r_j² r_m)",
     "source": "paper, equation (19)"
@@ -1486,7 +1486,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "F_A",
     "term": "F_A",
-    "meaning": "tension of tendon A, load cell",
+    "meaning": "tension of tendon A, measured by its load cell",
     "unit": "N",
     "equation": "F_A = k0 + k1 x_A + k2 x_A², x_A = r_m θ_A − r_j q; 0 when slack",
     "source": "paper, equation (3)"
@@ -1495,7 +1495,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "F_B",
     "term": "F_B",
-    "meaning": "tension of tendon B, load cell",
+    "meaning": "tension of tendon B, measured by its load cell",
     "unit": "N",
     "equation": "F_B = k0 + k1 x_B + k2 x_B², x_B = r_m θ_B + r_j q; 0 when slack",
     "source": "paper, equation (4)"
@@ -1504,7 +1504,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "u_A",
     "term": "u_A",
-    "meaning": "motor A voltage, after limits",
+    "meaning": "voltage of motor A after limiting",
     "unit": "V",
     "equation": "τ_A = K_t u_A, after the lag τ_e",
     "source": "paper, equation (8)"
@@ -1513,7 +1513,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "u_B",
     "term": "u_B",
-    "meaning": "motor B voltage, after limits",
+    "meaning": "voltage of motor B after limiting",
     "unit": "V",
     "equation": "τ_B = K_t u_B, after the lag τ_e",
     "source": "paper, equation (9)"
@@ -1522,7 +1522,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "F_push",
     "term": "F_push",
-    "meaning": "external push applied by the simulator, tangential at r_j",
+    "meaning": "push applied by the simulator, tangential at r_j",
     "unit": "N",
     "equation": "F_A − F_B = −F_push at rest; the paper's F_ext (22) is this reaction",
     "source": "docs/reference/notation.md"
@@ -1549,7 +1549,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "V_A",
     "term": "V_A",
-    "meaning": "load cell A as read by the card, NaN without a card",
+    "meaning": "voltage of load cell A as read by the card, NaN without a card",
     "unit": "V",
     "equation": "F_A follows by the wiring's calibration",
     "source": "docs/reference/notation.md"
@@ -1558,7 +1558,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "V_B",
     "term": "V_B",
-    "meaning": "load cell B as read by the card, NaN without a card",
+    "meaning": "voltage of load cell B as read by the card, NaN without a card",
     "unit": "V",
     "equation": "F_B follows by the wiring's calibration",
     "source": "docs/reference/notation.md"
@@ -1567,7 +1567,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "n_q",
     "term": "n_q",
-    "meaning": "counts of the joint's encoder since the start, NaN without a card",
+    "meaning": "counts of the joint encoder since the start of the loop, NaN without a card",
     "equation": "all four edges",
     "source": "docs/reference/notation.md"
   },
@@ -1575,7 +1575,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "n_A",
     "term": "n_A",
-    "meaning": "counts of motor A's encoder since the start, NaN without a card",
+    "meaning": "counts of the encoder of motor A since the start of the loop, NaN without a card",
     "equation": "all four edges",
     "source": "docs/reference/notation.md"
   },
@@ -1583,7 +1583,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "n_B",
     "term": "n_B",
-    "meaning": "counts of motor B's encoder since the start, NaN without a card",
+    "meaning": "counts of the encoder of motor B since the start of the loop, NaN without a card",
     "equation": "all four edges",
     "source": "docs/reference/notation.md"
   },
@@ -1609,28 +1609,28 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "bank_entry",
     "term": "entry",
-    "meaning": "active entry of the controller bank, fractional while interpolating",
+    "meaning": "active entry of the bank, fractional during interpolation",
     "source": "docs/reference/notation.md"
   },
   "signal:limits": {
     "kind": "signal",
     "name": "limits",
     "term": "limits",
-    "meaning": "limits that acted in this tick, one bit each; docs/reference/faults.md lists them",
+    "meaning": "limits that were active in this tick, one bit each; docs/reference/faults.md lists them",
     "source": "docs/reference/notation.md"
   },
   "signal:fault": {
     "kind": "signal",
     "name": "fault",
     "term": "fault",
-    "meaning": "number of the latched fault in the list of docs/reference/faults.md, 0 for none",
+    "meaning": "code of the latched fault as listed in docs/reference/faults.md, 0 for none",
     "source": "docs/reference/notation.md"
   },
   "signal:lateness_s": {
     "kind": "signal",
     "name": "lateness_s",
     "term": "late",
-    "meaning": "delay of the start of the tick against its deadline",
+    "meaning": "delay of the start of the control step relative to its deadline",
     "unit": "s",
     "source": "docs/reference/notation.md"
   },
@@ -1723,7 +1723,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "motor.K_m",
     "term": "K_m",
-    "meaning": "gain from voltage to speed at the gearbox outlet",
+    "meaning": "gain from voltage to speed at the gearbox output",
     "unit": "rad/(V·s)",
     "equation": "θ/U = K_m/(s (T_m s + 1))",
     "source": "paper, equation (17)"
@@ -1759,7 +1759,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "motor.c0",
     "term": "c0",
-    "meaning": "Coulomb friction at the gearbox outlet without load",
+    "meaning": "Coulomb friction at the gearbox output without load",
     "unit": "N·m",
     "equation": "(c0 + c1 r_m F) tanh(θ'/ω_c)",
     "source": "docs/reference/notation.md"
@@ -2174,7 +2174,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "K_m",
     "term": "K_m",
-    "meaning": "gain of a motor from voltage to speed at the gearbox outlet, estimated",
+    "meaning": "gain of a motor from voltage to speed at the gearbox output, estimated",
     "unit": "rad/(V·s)",
     "equation": "θ/U = K_m/(s (T_m s + 1))",
     "source": "paper, equation (17)"
@@ -2398,7 +2398,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "tuning.k_ext",
     "term": "gain of the disturbance rejection",
-    "meaning": "compensated share of the estimated external force, 0 for none"
+    "meaning": "gain of the disturbance rejection, 0 for none"
   },
   "setting:tuning.duration_s": {
     "kind": "setting",
@@ -2687,7 +2687,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Motor identification",
-        "largest step of both motors"
+        "largest voltage step of both motors"
       ]
     ]
   },
@@ -2695,7 +2695,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "u_rest_rms_V",
     "term": "Voltage at rest",
-    "meaning": "root mean square of u_A or u_B about its mean, the larger one, from 1 s after settling to the end of each step",
+    "meaning": "larger root mean square of u_A and u_B about their means, from 1 s after settling to the end of each step",
     "unit": "V",
     "equation": "√(1/N Σ (u − mean u)²)",
     "source": "docs/how-to/experiments.md"
@@ -2883,7 +2883,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:largest_push_N": {
     "kind": "figure",
     "name": "largest_push_N",
-    "term": "Strongest push",
+    "term": "Largest push",
     "meaning": "largest |F_A − F_B|, aligned",
     "unit": "N",
     "equation": "max |F_A − F_B|",
@@ -2918,7 +2918,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:held_q_swing_counts": {
     "kind": "figure",
     "name": "held_q_swing_counts",
-    "term": "Swing of q, in counts",
+    "term": "Peak-to-peak q, in counts",
     "meaning": "max − min of q during a hold, in counts of the joint encoder (4000 per turn for an ideal sensor)",
     "equation": "(max q − min q)/count",
     "source": "docs/how-to/experiments.md"
@@ -2926,7 +2926,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:held_q_swing": {
     "kind": "figure",
     "name": "held_q_swing",
-    "term": "Swing of q",
+    "term": "Peak-to-peak q",
     "meaning": "max − min of q during a hold",
     "unit": "rad",
     "equation": "max q − min q",
@@ -2942,7 +2942,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:held_u_swing_V": {
     "kind": "figure",
     "name": "held_u_swing_V",
-    "term": "Swing of the voltages",
+    "term": "Peak-to-peak voltage",
     "meaning": "max − min of u_A or u_B during a hold",
     "unit": "V",
     "equation": "max u − min u",
@@ -2951,7 +2951,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:held_S_swing": {
     "kind": "figure",
     "name": "held_S_swing",
-    "term": "Swing of S",
+    "term": "Peak-to-peak S",
     "meaning": "max − min of S during a hold",
     "unit": "N·m/rad",
     "equation": "max S − min S",
@@ -3021,7 +3021,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:felt_after_s": {
     "kind": "figure",
     "name": "felt_after_s",
-    "term": "Longest time to detect",
+    "term": "Longest detection time",
     "meaning": "from the start of the collision until the estimated external force exceeds the threshold",
     "unit": "s",
     "source": "docs/how-to/experiments.md"
@@ -3029,7 +3029,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "figure:gave_way_after_s": {
     "kind": "figure",
     "name": "gave_way_after_s",
-    "term": "Longest time to react",
+    "term": "Longest reaction time",
     "meaning": "from the detection to the start of the contact reaction",
     "unit": "s",
     "source": "docs/how-to/experiments.md"
@@ -3072,7 +3072,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "pushed_off_percent",
     "term": "Prediction error of the peaks",
-    "meaning": "largest |measured/predicted − 1| of the peaks of q, with the active gains",
+    "meaning": "largest |measured/predicted − 1| of the peaks of q, for the active gains",
     "unit": "%",
     "equation": "100 max |measured/predicted − 1|",
     "source": "docs/how-to/experiments.md"
@@ -3081,7 +3081,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "pushed_static_ratio",
     "term": "Largest ratio to the static deviation",
-    "meaning": "largest peak deviation of q divided by r_j F/S, without impulses",
+    "meaning": "largest peak deviation of q divided by r_j F/S, impulses excluded",
     "equation": "max |q − q(before)|/(r_j F/S)",
     "source": "docs/how-to/experiments.md"
   },
@@ -3192,7 +3192,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "turn_rad",
     "term": "Largest rotation",
-    "meaning": "largest |θ| of both motors, of ±15.7 rad",
+    "meaning": "largest |θ| of both motors",
     "unit": "rad",
     "source": "docs/how-to/experiments.md"
   },
@@ -3200,7 +3200,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "load_N",
     "term": "Largest load",
-    "meaning": "largest tendon force at both load cells during the steps",
+    "meaning": "largest of F_A and F_B during the steps",
     "unit": "N",
     "source": "docs/how-to/experiments.md"
   },
