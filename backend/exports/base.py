@@ -161,7 +161,7 @@ def _inner_documents(document: Any) -> Iterator[Any]:
 FORMAT = 1
 SEAL = "facts_sha256"
 NOTATION = (
-    "SI units, angles in rad. t counts from the first sample. _ref: a reference, _gov: after reference "
+    "SI units, angles in rad. t is relative to the first sample. _ref: a reference, _gov: after reference "
     "governor or trajectory, "
     "_dot: a derivative, A and B: the two motors with their tendons, lam: lambda. "
     "Equations: docs/reference/notation.md."

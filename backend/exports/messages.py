@@ -54,7 +54,7 @@ def metadata_inconsistent() -> str:
 
 @catalogue_entry
 def formulas_not_found(*, names: Sequence[str]) -> str:
-    return f"there is no formula {', '.join(names)}"
+    return f"unknown derived signal: {', '.join(names)}"
 
 
 @catalogue_entry
@@ -92,7 +92,7 @@ def columns_or_samples_differ() -> str:
 
 @catalogue_entry
 def row_groups_too_large() -> str:
-    return "it has larger groups of rows than an export of a run"
+    return "its row groups are larger than those of an export"
 
 
 @catalogue_entry
@@ -114,12 +114,12 @@ def too_many_samples_for_matlab(*, content: str, samples: int, maximum: int) -> 
 
 @catalogue_entry
 def matlab_without_metadata(*, name: str) -> str:
-    return f"it has no text {name}: it is not an export of a run"
+    return f"its text {name} is missing: it is not an export of a run"
 
 
 @catalogue_entry
 def column_incomplete(*, column: str, samples: int) -> str:
-    return f"{column} does not have {samples} samples: the file was truncated or saved again by another program"
+    return f"{column} does not have {samples} samples: the file was truncated or saved by another program"
 
 
 @catalogue_entry
@@ -129,12 +129,12 @@ def file_truncated() -> str:
 
 @catalogue_entry
 def file_compressed() -> str:
-    return "it is compressed, unlike an export: another program saved it again"
+    return "it is compressed, unlike an export: another program saved it"
 
 
 @catalogue_entry
 def metadata_not_utf8(*, name: str) -> str:
-    return f"its text {name} is not in UTF-8: another program saved the file again"
+    return f"its text {name} is not UTF-8: another program saved the file"
 
 
 # MCAP ----------------------------------------------------------------------------------------------
@@ -176,20 +176,20 @@ def file_damaged(*, reason: str) -> str:
 
 @catalogue_entry
 def run_not_ended(*, run_id: int) -> str:
-    return f"run {run_id} has not ended: bundle it after its end"
+    return f"run {run_id} has not ended: export the bundle after its end"
 
 
 @catalogue_entry
 def run_computes_bank(*, run_id: int, expression: str) -> str:
     return (
         f"run {run_id} computes the number of a bank that it changes to, {expression[:80]}, "
-        "which could select another bank in another data folder: export only the samples of the run"
+        "which may select a different bank in another data folder: export only the samples of the run"
     )
 
 
 @catalogue_entry
 def archive_changed() -> str:
-    return "the archive around its members was changed, or its end is missing"
+    return "its archive structure was changed, or its end is missing"
 
 
 @catalogue_entry
@@ -229,7 +229,7 @@ def manifest_of_another_format(*, manifest: str, version: int) -> str:
 
 @catalogue_entry
 def manifest_incomplete(*, manifest: str) -> str:
-    return f"{manifest} names no run, no records or no members"
+    return f"{manifest} lists no run, no records or no members"
 
 
 @catalogue_entry
@@ -239,7 +239,7 @@ def member_missing(*, member: str) -> str:
 
 @catalogue_entry
 def member_not_in_manifest(*, member: str, manifest: str) -> str:
-    return f"{member} is in the file, but {manifest} does not name it"
+    return f"{member} is in the file, but {manifest} does not list it"
 
 
 @catalogue_entry
@@ -287,7 +287,7 @@ def samples_changed(*, sha256: str) -> str:
 
 @catalogue_entry
 def not_of_a_run(*, content: str) -> str:
-    return f"it is of {content}, not of a run"
+    return f"it is an export of {content}, not of a run"
 
 
 @catalogue_entry
@@ -297,7 +297,7 @@ def invalid_run(*, reason: str) -> str:
 
 @catalogue_entry
 def run_with_other_samples(*, run_id: int) -> str:
-    return f"run {run_id} is the same run, but has other samples here"
+    return f"the stored run {run_id} is the same run, but has other samples"
 
 
 @catalogue_entry
@@ -317,7 +317,7 @@ def bundle_without_its_run(*, run_id: int) -> str:
 
 @catalogue_entry
 def recording_of_another_run() -> str:
-    return "it is of another run"
+    return "it belongs to another run"
 
 
 @catalogue_entry
@@ -342,4 +342,4 @@ def computed_bank_number(*, expression: str) -> str:
 
 @catalogue_entry
 def record_not_before(*, kind: str, number: object) -> str:
-    return f"it names {kind} {number}, which does not precede it in the bundle"
+    return f"it refers to {kind} {number}, which does not precede it in the bundle"
