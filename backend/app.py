@@ -203,7 +203,7 @@ def _close_interrupted(database: Database) -> None:
     with database.session() as session:
         interrupted = runs.close_interrupted(session)
     if interrupted:
-        _log.warning("The service closed runs that the last service left open: %s", interrupted)
+        _log.warning("The service closed runs that the previous service left open: %s", interrupted)
 
 
 # Services ------------------------------------------------------------------------------------------

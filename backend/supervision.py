@@ -194,7 +194,7 @@ class SupervisedTask:
             _release_locals(error)
         if self._ending or (error is None and not task.cancelled()):
             if error is not None:
-                _log.error("%s failed while it was ending.", self._part.name, exc_info=error)
+                _log.error("%s failed during shutdown.", self._part.name, exc_info=error)
             self._finished.set()
             return
         try:

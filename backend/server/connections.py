@@ -271,7 +271,7 @@ class ConnectionAcceptor:
 
     def _accept_later(self, error: OSError) -> None:
         """Leave the connections in the kernel's queue for a moment."""
-        _log.error("The service cannot accept connections at present: %s", error)
+        _log.error("The service currently cannot accept connections: %s", error)
         if error.errno in _OUT_OF_RESOURCES:
             self.limiter.evict_anonymous()
         self._loop.remove_reader(self._listening)
@@ -430,7 +430,7 @@ def _parse_head(connection: Connection) -> float | None:
     try:
         return connection.parse_piece()
     except Exception:
-        _log.exception("The service closes a connection whose bytes it cannot parse.")
+        _log.exception("The service closed a connection with unparsable data.")
         connection.end()
         return None
 

@@ -127,7 +127,7 @@ class EventLog:
             self._waiting.append(
                 _Entry(kind=EventKind.NOTE, text=text, tick=entry.tick, who="", run=None, at=entry.at, lost=lost)
             )
-            _log.error("The event log lost an event: %s", entry.text)
+            _log.error("The event log dropped an event: %s", entry.text)
         self._arrived.set()
 
     async def _store_next(self) -> bool:

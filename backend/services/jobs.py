@@ -793,7 +793,12 @@ class JobManager:
             await self.pause.wait_until_resumed(self._rig.loop, partial(show, RunPhase.PAUSED, 0.0))
             return await asyncio.to_thread(create_run, self._rig, requests[0])
         except Exception as error:
-            _log.warning("No run follows run %s: %s", run.id, error, exc_info=not isinstance(error, NotReadyError))
+            _log.warning(
+                "The next run after run %s was not started: %s",
+                run.id,
+                error,
+                exc_info=not isinstance(error, NotReadyError),
+            )
             self._problem = describe_runs_not_started(run.id, error, len(requests))
             return None
 

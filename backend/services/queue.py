@@ -297,7 +297,7 @@ class ExperimentQueue:
             return
         self._items = [QueuedView(id=it.id, name=it.name, settings=it.settings, who=it.who, kept=True) for it in stored]
         if stored:
-            _log.warning("%d experiments wait in the stored queue until an operator starts it.", len(stored))
+            _log.warning("The stored queue contains %d experiments and waits until an operator starts it.", len(stored))
             self._pause("the service was restarted")
 
     def _store(self, request: ExperimentRequest, who: str) -> queue.StoredQueued:

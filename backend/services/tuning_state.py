@@ -103,7 +103,7 @@ class RobustnessCache:
         except FileNotFoundError:
             return
         except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-            _log.warning("The service cannot use the cache %s and computes its values again: %s", self.file, error)
+            _log.warning("The service cannot use the cache %s and recomputes its values: %s", self.file, error)
             return
         FIGURES.update(self._stored)
 
@@ -120,7 +120,7 @@ class RobustnessCache:
             self.file.parent.mkdir(parents=True, exist_ok=True)
             write_private(self.file, json.dumps({"figures": content, "digest": _compute_digest(content)}))
         except OSError as error:
-            _log.info("The service cannot write %s, so that its next start takes longer: %s", self.file, error)
+            _log.info("The service cannot write %s, so its next start takes longer: %s", self.file, error)
         else:
             self._stored = current
 
