@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class Fault(StrEnum):
-    """Reason why the loop stopped. Its position here is its code in the sample."""
+    """Reason why the loop stopped. The position in this enum is the code in the sample."""
 
     NONE = "none"
     STOP_PRESSED = "stop_pressed"

@@ -18,7 +18,7 @@ DIGITS = 6
 
 
 class AngleUnit(StrEnum):
-    """Unit in which a person reads angles."""
+    """Display unit of angles."""
 
     DEGREES = "deg"
     RADIANS = "rad"

@@ -17,9 +17,9 @@ from backend.public_url import PublicUrl
 from backend.server import HostOriginMiddleware, RequestSchedulingMiddleware, SessionExpiryMiddleware
 
 DESCRIPTION = (
-    "Identify, tune and run an antagonistic variable stiffness actuator. SI units; signals are spelled as in the "
-    "notation. Send `Authorization: Bearer TOKEN`, or sign in with the link that the service prints. "
-    "Live samples come over the websocket `/api/live`."
+    "Identify, tune and run an antagonistic variable stiffness actuator. All values are in SI units; signal names are "
+    "those of the notation. Send `Authorization: Bearer TOKEN`, or sign in with the link that the service prints. "
+    "The websocket `/api/live` streams live samples."
 )
 
 Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[None]]

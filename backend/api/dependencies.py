@@ -158,7 +158,7 @@ async def serve_live_stream(
                 task.cancel()
             for ended in await asyncio.gather(*tasks, return_exceptions=True):
                 if isinstance(ended, Exception):
-                    _log.error("A live stream to a page failed. The page connects again.", exc_info=ended)
+                    _log.error("A live stream to a page failed. The page reconnects.", exc_info=ended)
     if not receiving.cancelled() and receiving.exception() is None and receiving.result():
         await _close_with_reason(websocket)
 
@@ -334,7 +334,7 @@ async def load_angle_unit(connection: HTTPConnection) -> AngleUnit:
 async def _get_angle_unit(
     request: Request,
     angles: Annotated[
-        AngleUnit | None, Query(description="unit of printed angles; default: the person's preference")
+        AngleUnit | None, Query(description="unit of printed angles; default: the preference of the user")
     ] = None,
 ) -> AngleUnit:
     return await load_angle_unit(request) if angles is None else angles

@@ -54,7 +54,7 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
         411: "the request does not state the length of its body",
         413: "the body is too large",
         422: "a value is not valid",
-        429: "too many wrong tokens, or too many requests at once",
+        429: "too many invalid tokens, or too many simultaneous requests",
         503: "the control loop or another part of the service is not available",
     }.items()
 }

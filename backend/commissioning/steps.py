@@ -5,7 +5,7 @@ from enum import StrEnum
 
 
 class StepId(StrEnum):
-    """Identifiers of the steps, in their order."""
+    """Identifiers of the steps, in order."""
 
     WIRING_TEST = "wiring_test"
     TARE = "tare"

@@ -5,7 +5,7 @@ from enum import StrEnum
 
 
 class RunPhase(StrEnum):
-    """Phases of a run, in their order."""
+    """Phases of a run, in order."""
 
     STARTING = "starting"
     PRETENSION = "pretension"

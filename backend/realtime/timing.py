@@ -38,7 +38,7 @@ _PRIORITY = 60
 class RealTimeStatus:
     """Real-time rights of the loop.
 
-    ``refusals`` name what was not granted, and remedies. ``priority`` is that of SCHED_FIFO, 0 under ordinary
+    ``refusals`` lists rights that were not granted, with remedies. ``priority`` is that of SCHED_FIFO, 0 under ordinary
     scheduling.
     """
 

@@ -62,7 +62,7 @@ class EarlierLockout(Schema):
 class BringUpView(Schema):
     """Commissioning of the plant, in the order of its steps.
 
-    ``why_not`` says why it does not apply.
+    ``why_not`` is the reason why it does not apply.
     """
 
     applies: bool

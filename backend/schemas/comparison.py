@@ -50,12 +50,18 @@ class DifferencesRequest(ComparisonRequest):
     """Signal to compare, time range of the reference, and tolerance band."""
 
     signal: Annotated[str, Field(max_length=40)] = "q"
-    from_s: Finite = Field(default=0.0, ge=0.0, le=LONGEST_S, description="begin, on the reference's axis [s]")
-    to_s: Finite = Field(default=LONGEST_S, gt=0.0, le=LONGEST_S, description="end, on the reference's axis [s]")
+    from_s: Finite = Field(
+        default=0.0, ge=0.0, le=LONGEST_S, description="start, on the time axis of the reference [s]"
+    )
+    to_s: Finite = Field(
+        default=LONGEST_S, gt=0.0, le=LONGEST_S, description="end, on the time axis of the reference [s]"
+    )
     points: int = Field(
         default=2000, ge=10, le=20000, description="maximum number of points; a longer range is sent as its envelope"
     )
-    band: Finite = Field(default=HUGE, ge=0.0, le=HUGE, description="tolerance to either side, in the signal's unit")
+    band: Finite = Field(
+        default=HUGE, ge=0.0, le=HUGE, description="half-width of the tolerance band, in the signal's unit"
+    )
 
 
 class ComparedRun(Schema):
@@ -69,7 +75,7 @@ class ComparedRun(Schema):
     started: datetime
     verdict: str = Field(description="verdict in one sentence")
     aligned_at_s: float | None = quantity("s", "aligned time since the run's first sample; null if not aligned")
-    offset_s: float | None = quantity("s", "shift of its times to the axis of the reference; null if not aligned")
+    offset_s: float | None = quantity("s", "shift of its times to the time axis of the reference; null if not aligned")
     not_aligned: str = Field(description="why it is not aligned")
 
 
@@ -79,11 +85,11 @@ class ComparedValue(Schema):
     value: float | None
     reason: str = Field(description="reason for a missing or partial value")
     difference: float | None = Field(description="difference from the reference run; null if either has no value")
-    percent: float | None = Field(description="difference in per cent of the reference; null if that is 0")
+    percent: float | None = Field(description="difference in percent of the reference; null if that is 0")
 
 
 class ComparedMetric(Schema):
-    """A metric of all compared runs, in their order."""
+    """A metric of all compared runs, in order."""
 
     name: str
     label: str
@@ -121,11 +127,13 @@ class RunDifference(Schema):
     maximum: list[float | None] = Field(description="largest difference per bucket; raw: the difference")
     compared_s: float = quantity("s", "compared time of the requested range")
     missing_s: float = quantity("s", "time of the requested range in which either has no sample")
-    left_at_s: float | None = quantity("s", "first violation of the band, on the reference's axis; null for none")
+    left_at_s: float | None = quantity(
+        "s", "first violation of the band, on the time axis of the reference; null for none"
+    )
     outside_s: float = quantity("s", "total time outside the band")
     longest_s: float = quantity("s", "longest continuous time outside the band")
     largest: float | None = Field(description="difference of the largest magnitude, in the signal's unit")
-    largest_at_s: float | None = quantity("s", "time of that difference, on the reference's axis")
+    largest_at_s: float | None = quantity("s", "time of that difference, on the time axis of the reference")
 
 
 class Differences(Schema):
@@ -136,5 +144,5 @@ class Differences(Schema):
     unit: str
     raw: bool = Field(description="buckets are single samples")
     width_s: float = quantity("s", "width of a bucket")
-    t: list[float] = quantity("s", "start of each bucket, on the reference's axis")
+    t: list[float] = quantity("s", "start of each bucket, on the time axis of the reference")
     runs: list[RunDifference]

@@ -103,10 +103,10 @@ class DryRunView(Schema):
 
 
 class DryRunProgress(Schema):
-    """Progress of the preview of a person."""
+    """Progress of a user's dry run."""
 
     under_way: bool
-    doing: RunPhase = Field(description="current phase; starting while it waits")
+    doing: RunPhase = Field(description="current phase; starting while the dry run waits")
     played_s: float = quantity("s", "simulated time of the experiment")
     duration_s: float = quantity("s", "duration of the experiment")
 

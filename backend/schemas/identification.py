@@ -54,7 +54,7 @@ class ValidationView(Schema):
 
 
 class PredictionComparison(Schema):
-    """A number of a model and its prediction for the same run.
+    """An identified value and its prediction for the same run.
 
     Predictions come from geometry, springs and motor loops.
     """

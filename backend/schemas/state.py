@@ -68,7 +68,7 @@ Reason = Annotated[str, Field(max_length=200, description="reason in a few words
 
 
 class HandoverRequest(Schema):
-    """Ask the holder for the control lease, or offer it to somebody as its holder."""
+    """Request for the control lease, or its offer by the holder."""
 
     reason: Reason
     to: str | None = Field(
@@ -199,7 +199,7 @@ class SystemView(Schema):
     """Content of the System page, in addition to the state."""
 
     granted: RealTimeStatus | None = Field(description="null while no loop runs")
-    lateness: list[LatenessClass] = Field(description="lateness of the ticks of the last minute")
+    lateness: list[LatenessClass] = Field(description="distribution of the lateness over the last minute")
     versions: dict[str, str]
     database: DatabaseView
     backups: list[BackupView]
@@ -504,7 +504,7 @@ class StopProof(Schema):
 
 
 class ChainLinkView(Schema):
-    """One link of the safety chain; each watches the one before it."""
+    """One link of the safety chain; each monitors the previous one."""
 
     name: Literal["page", "service", "loop", "watchdog", "safety_module"]
     good: bool
@@ -635,7 +635,7 @@ class MarkKind(StrEnum):
 
 
 class EventMessage(Schema):
-    """A mark on the time axis."""
+    """An event to mark on the time axis."""
 
     type: Literal["event"] = "event"
     tick: int

@@ -140,7 +140,7 @@ class ParameterChange(Schema):
     unit: str
     before: float | None
     after: float | None
-    percent: float | None = Field(description="change in per cent; null if the earlier value is 0 or missing")
+    percent: float | None = Field(description="change in percent; null if the earlier value is 0 or missing")
 
 
 class ParameterVersion(Schema):
@@ -209,7 +209,7 @@ class TuningParts(Schema):
     interpolate: bool = Field(description="whether gains are interpolated between operating points instead of switched")
     motion: Motion = Field(description="how references are followed: by the paper's law, or by a trajectory")
     u_plan: float = quantity("V", "voltage limit of time-optimal motion")
-    k_ext: float = quantity("1", "gain of the compensation of the estimated external force; 0 for none")
+    k_ext: float = quantity("1", "gain of the disturbance rejection; 0 for none")
 
 
 class ChosenTuning(TuningParts):
@@ -221,9 +221,9 @@ class ChosenTuning(TuningParts):
 class TuningView(ChosenTuning):
     """The active tuning, with the ranges of its parts."""
 
-    lam_q_min: float = quantity("s", "smallest λ_q accepted (M_s = 1.7 on the high-order model)")
+    lam_q_min: float = quantity("s", "smallest λ_q accepted (M_s at most 1.7 on the high-order model)")
     lam_q_max: float = quantity("s", "largest λ_q accepted")
-    lam_S_min: float = quantity("s", "smallest λ_S accepted (M_s = 1.7 on the high-order model)")
+    lam_S_min: float = quantity("s", "smallest λ_S accepted (M_s at most 1.7 on the high-order model)")
     lam_S_max: float = quantity("s", "largest λ_S accepted")
     lam_motor_min: float = quantity("s", "smallest λ_motor accepted (M_s of the sampled loop at most 1.7)")
     lam_motor_max: float = quantity("s", "largest λ_motor accepted")
@@ -253,9 +253,7 @@ class TuningRequest(Schema):
         default=None,
         **ANY_SIZE,
     )
-    k_ext: float | None = quantity(
-        "1", "compensated share of the estimated external force, 0 for none", default=None, **ANY_SIZE
-    )
+    k_ext: float | None = quantity("1", "gain of the disturbance rejection, 0 for none", default=None, **ANY_SIZE)
 
 
 class TrialRequest(TuningRequest):
@@ -298,11 +296,11 @@ class LoopPreview(Schema):
     stable: bool
     M_s: float | None = Field(description="maximum of the sensitivity function; null when unstable")
     gain_margin: float | None = Field(
-        description="factor by which the loop gain may rise before the loop becomes unstable; null when "
+        description="factor by which the loop gain may increase before the loop becomes unstable; null when "
         "unstable or unlimited"
     )
     phase_margin_deg: float | None = quantity(
-        "°", "phase that the loop may lose before it becomes unstable; null when unstable or unlimited"
+        "°", "additional phase lag that makes the loop unstable; null when unstable or unlimited"
     )
     printed: PrintedFormula | None = Field(description="result with the printed formula; null if not requested")
 
@@ -331,14 +329,14 @@ class MotorPreview(Schema):
 
     M_s: float = Field(description="maximum of the sensitivity function")
     gain_margin: float | None = Field(
-        description="factor by which the loop gain may rise before the loop becomes unstable; null when unlimited"
+        description="factor by which the loop gain may increase before the loop becomes unstable; null when unlimited"
     )
     gain_reduction_margin: float | None = Field(
         description="factor to which the loop gain may fall before the loop becomes unstable; null when "
         "it may fall to zero"
     )
     phase_margin_deg: float | None = quantity(
-        "°", "phase that the loop may lose before it becomes unstable; null when unlimited"
+        "°", "additional phase lag that makes the loop unstable; null when unlimited"
     )
 
 

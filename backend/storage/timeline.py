@@ -54,8 +54,8 @@ class LogQuery:
 class LogEntry:
     """An entry of the log; ``event`` is its number, None for starts and ends of runs.
 
-    ``t`` [s] counts from the first sample of its run, ``flight``: a flight record was stored, and ``note``, ``tags``
-    and ``remark_by`` are a person's annotation.
+    ``t`` [s] is relative to the first sample of its run; ``flight`` is whether a flight record was stored; ``note``,
+    ``tags`` and ``remark_by`` are the annotation by a person.
     """
 
     __pydantic_config__ = COMPLETE_RESPONSE_CONFIG

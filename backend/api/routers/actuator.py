@@ -45,7 +45,7 @@ control_router = APIRouter(prefix="/api/control", tags=["operate"], route_class=
 
 @control_router.post("")
 async def take_control(body: ControlRequest, service: CurrentService, person: Operator) -> Lease:
-    """Take control for a page, which keeps it while its pings on `/api/live` carry the returned key."""
+    """Take control for a page, which keeps it while its pings on `/api/live` contain the returned key."""
     if body.resume is not None:
         return service.control.resume(person, body.resume).build_lease()
     if body.handed is not None:
@@ -53,13 +53,13 @@ async def take_control(body: ControlRequest, service: CurrentService, person: Op
     return service.control.take(person, is_page=True, take_over=body.take_over).build_lease()
 
 
-@control_router.delete("", status_code=204)
+@control_router.delete("", status_code=204, summary="Release Control")
 async def give_up_control(service: CurrentService, person: Operator, stamp: CommandTokenHeader = None) -> None:
-    """Give up control; nothing moves."""
+    """Release control; nothing moves."""
     await service.control.give_up(person, parse_command_token(stamp))
 
 
-@control_router.post("/wishes", status_code=201)
+@control_router.post("/wishes", status_code=201, summary="Request Or Offer Control")
 async def ask_for_control(
     body: HandoverRequest, service: CurrentService, person: Operator, stamp: CommandTokenHeader = None
 ) -> HandoverView:
@@ -69,7 +69,7 @@ async def ask_for_control(
     return await service.hand_over.offer(person, parse_command_token(stamp), body.to, body.reason)
 
 
-@control_router.post("/wishes/{id}", status_code=204)
+@control_router.post("/wishes/{id}", status_code=204, summary="Answer Request For Control")
 async def answer_wish(
     id: RowId, body: HandoverReply, service: CurrentService, person: Operator, stamp: CommandTokenHeader = None
 ) -> None:
@@ -95,9 +95,9 @@ async def inject_fault(body: Injection, service: CurrentService, person: Actuato
     await apply_fault(service.actuator, service.control, body, person.name)
 
 
-@faults_router.delete("/injection", status_code=204)
+@faults_router.delete("/injection", status_code=204, summary="Clear Injected Fault")
 async def mend_fault(service: CurrentService, person: ActuatorOperator) -> None:
-    """Clear the injected fault; the latched fault stays until it is reset."""
+    """Clear the injected fault; the latched fault remains until it is reset."""
     await clear_faults(service.actuator, person.name)
 
 
@@ -109,7 +109,7 @@ operate_router = APIRouter(prefix="/api", tags=["operate"], route_class=ThreadRo
 
 @operate_router.get("/state")
 async def get_state(service: CurrentService, _person: SignedInUser) -> State:
-    """Return the state that the status line and the controls show."""
+    """Return the state that the status line and the controls display."""
     return service.state.view()
 
 
@@ -117,8 +117,8 @@ async def get_state(service: CurrentService, _person: SignedInUser) -> State:
 async def stop(service: CurrentService, person: StopRequester) -> StopProof:
     """Stop hard: zero volts within two ticks, latched.
 
-    Accepted in every mode from everyone who has not signed out and has a valid token. A replay is paused; nothing is
-    latched.
+    Accepted in every mode and from every role, even with an expired session, but not after sign-out. On a replay,
+    STOP pauses the playback and latches nothing.
     """
     return await service.actuator.stop(person.name)
 
@@ -132,7 +132,7 @@ async def reset(service: CurrentService, person: ControlHolder) -> State:
 
 @operate_router.post("/mode")
 async def set_mode(body: ModeRequest, service: CurrentService, person: ActuatorOperator) -> State:
-    """Change the mode; an illegal change is rejected with the legal ones."""
+    """Change the mode; rejects an illegal change and lists the legal ones."""
     await service.actuator.set_mode(body.mode, person.name)
     return service.state.view()
 
@@ -145,13 +145,13 @@ async def set_references(body: References, service: CurrentService, person: Actu
 
 @operate_router.post("/push")
 async def push(body: PushRequest, service: CurrentService, person: ActuatorOperator) -> PushRequest:
-    """Push a simulated joint in run and compliance; ends after the time, and when control is lost."""
+    """Push a simulated joint in run or compliance; the push ends after its duration or when control is lost."""
     return await service.actuator.push(body, person.name)
 
 
 @operate_router.put("/touch")
 async def set_touch(body: TouchOrder, service: CurrentService, person: ActuatorOperator) -> TouchView:
-    """Calibrate the bias of the external force, and set the force of the contact reaction."""
+    """Calibrate the bias of the external force, and set the threshold of the contact reaction."""
     return await service.actuator.contact.apply(body, person.name)
 
 
@@ -163,13 +163,13 @@ async def set_wall(body: WallOrder, service: CurrentService, person: ActuatorOpe
 
 @operate_router.put("/trigger")
 async def arm_trigger(body: TriggerOrder, service: CurrentService, person: Operator) -> TriggerView:
-    """Wait for a condition on a signal and store the samples around it; nothing moves."""
+    """Arm a trigger, which stores the samples around a condition on a signal; nothing moves."""
     return await service.triggers.arm(body, person.name)
 
 
 @operate_router.delete("/trigger", status_code=204)
 async def disarm_trigger(service: CurrentService, person: Operator) -> None:
-    """Stop waiting; a running capture is stored up to now."""
+    """Disarm the trigger; a running capture is stored up to now."""
     await service.triggers.disarm(person.name)
 
 
@@ -185,7 +185,7 @@ async def get_recording(service: CurrentService, _person: SignedInUser) -> Playe
     return service.actuator.player.recording
 
 
-@player_router.put("", status_code=204)
+@player_router.put("", status_code=204, summary="Control Playback")
 async def play(body: PlayerOrder, service: CurrentService, _person: ControlHolder) -> None:
-    """Play, pause, set speed or time of the recording; play at its end starts again."""
+    """Play or pause the recording, or set its speed or position; playing at its end restarts it."""
     await service.actuator.player.apply(body)

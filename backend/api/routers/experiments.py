@@ -48,7 +48,7 @@ async def list_experiments(request: Request, service: CurrentService, person: Si
 
 @experiments_router.post("", status_code=202)
 async def start_experiment(body: ExperimentRequest, service: CurrentService, person: ActuatorOperator) -> StartedRun:
-    """Start an experiment; its progress is in the state, its result under the returned id."""
+    """Start an experiment; the state shows its progress, and the returned id identifies its result."""
     return StartedRun(id=await service.ordered_runs.start_experiment(body, person.name))
 
 
@@ -62,7 +62,7 @@ async def dry_run_experiment(
 
 @experiments_router.get("/dry-run/progress")
 async def get_dry_run_progress(service: CurrentService, person: SignedInUser) -> DryRunProgress:
-    """Return the progress of the user's dry run; closing its connection ends it."""
+    """Return the progress of the user's dry run. To cancel a dry run, close its connection."""
     return await service.dry_runs.progress(person)
 
 
@@ -74,7 +74,7 @@ async def get_queue(service: CurrentService, _person: SignedInUser) -> QueueView
 
 @experiments_router.post("/queue", status_code=201)
 async def add_to_queue(body: ExperimentRequest, service: CurrentService, person: Operator) -> QueueView:
-    """Add an experiment to the end of the queue; it starts only when the queue runs."""
+    """Add an experiment to the end of the queue; it starts only while the queue runs."""
     return await service.ordered_runs.queue.add(body, person.name)
 
 
@@ -84,21 +84,21 @@ async def run_queue(service: CurrentService, _person: ActuatorOperator) -> Queue
     return await service.ordered_runs.queue.run()
 
 
-@experiments_router.post("/queue/hold")
+@experiments_router.post("/queue/hold", summary="Pause Queue")
 async def hold_queue(service: CurrentService, _person: Operator) -> QueueView:
-    """Start no further experiment; the current one continues."""
+    """Pause the queue after the current experiment."""
     return service.ordered_runs.queue.hold()
 
 
 @experiments_router.put("/queue/{id}/place")
 async def move_in_queue(id: RowId, body: QueuePlace, service: CurrentService, _person: Operator) -> QueueView:
-    """Move a waiting experiment to another place in the queue."""
+    """Move a queued experiment to another position."""
     return await service.ordered_runs.queue.move(id, body.place)
 
 
 @experiments_router.delete("/queue/{id}")
 async def remove_from_queue(id: RowId, service: CurrentService, _person: Operator) -> QueueView:
-    """Remove a waiting experiment from the queue."""
+    """Remove an experiment from the queue."""
     return await service.ordered_runs.queue.remove(id)
 
 
@@ -112,7 +112,9 @@ def get_experiment(id: RowId, service: CurrentService, _person: SignedInUser) ->
 
 
 own_experiments_router = APIRouter(prefix="/api/experiments", tags=["experiments"], route_class=ThreadRoute)
-ExperimentName = Annotated[str, Path(max_length=60, description="ready-made, own, or a version of an own one: name@2")]
+ExperimentName = Annotated[
+    str, Path(max_length=60, description="built-in or own experiment, or a version of an own one: name@2")
+]
 
 
 @own_experiments_router.get("/schema")
@@ -123,14 +125,14 @@ async def get_experiment_schema(_person: SignedInUser) -> dict[str, Any]:
 
 @own_experiments_router.get("/own")
 async def list_own_experiments(request: Request, service: CurrentService, person: SignedInUser) -> OwnExperimentList:
-    """List own experiments in their newest version."""
+    """List own experiments with their newest version."""
     if not await in_thread(service.experiments.has_own):
         return OwnExperimentList(experiments=[])
     found = await service.texts.run(person, request.is_disconnected, service.experiments.list_own)
     return OwnExperimentList(experiments=found)
 
 
-@own_experiments_router.post("/own", status_code=201)
+@own_experiments_router.post("/own", status_code=201, summary="Save Experiment")
 async def keep_experiment(
     request: Request, body: ExperimentText, service: CurrentService, person: Operator
 ) -> OwnExperiment:
@@ -142,7 +144,7 @@ async def keep_experiment(
 async def check_experiment(
     request: Request, body: ExperimentCheckRequest, service: CurrentService, person: SignedInUser
 ) -> CheckedExperiment:
-    """Check an experiment as a start does, on request with a dry run; stores nothing."""
+    """Apply the checks of a start to an experiment, optionally with a dry run; stores nothing."""
     return await service.ordered_runs.check_experiment(body, person, request.is_disconnected)
 
 
@@ -150,7 +152,7 @@ async def check_experiment(
 async def get_experiment_text(
     request: Request, name: ExperimentName, service: CurrentService, person: SignedInUser
 ) -> WrittenExperiment:
-    """Return the text of an experiment, to store it elsewhere or to edit it."""
+    """Return the text of an experiment, for a copy or for editing."""
     return await service.texts.run(person, request.is_disconnected, service.experiments.load_text, name)
 
 
@@ -183,7 +185,7 @@ async def list_studies(service: CurrentService, _person: SignedInUser) -> StudyL
     return await service.studies.list_newest()
 
 
-@studies_router.post("", status_code=201)
+@studies_router.post("", status_code=201, summary="Start Study")
 async def begin_study(body: StudyText, service: CurrentService, person: Operator) -> StudyView:
     """Store a study and compute it on the simulator in the background; nothing moves."""
     return await service.studies.start(body.text, person.name)
@@ -209,7 +211,7 @@ async def get_study(id: RowId, service: CurrentService, _person: SignedInUser, p
 
 @studies_router.post("/{id}/stop")
 async def stop_study(id: RowId, service: CurrentService, _person: Operator) -> StudyView:
-    """Stop a study, whichever process computes it; computed runs stay stored."""
+    """Stop a study, in whichever process it runs; computed runs are kept."""
     return await service.studies.stop(id)
 
 

@@ -21,24 +21,24 @@ from backend.services import describe_identification_kinds
 router = APIRouter(prefix="/api", tags=["identification"], route_class=ThreadRoute)
 
 
-@router.post("/identifications", status_code=202)
+@router.post("/identifications", status_code=202, summary="Start Identification")
 async def identify(
     body: identification.IdentificationRequest, service: CurrentService, person: ActuatorOperator
 ) -> identification.StartedRun:
-    """Start an identification run; its progress is in the state, its result under the returned id."""
+    """Start an identification run; the state shows its progress, and the returned id identifies its result."""
     return identification.StartedRun(id=await service.ordered_runs.start_identification(body, person.name))
 
 
-@router.put("/identifications/pause")
+@router.put("/identifications/pause", summary="Pause Identifications")
 async def pause(
     body: identification.PauseRequest, service: CurrentService, _person: ActuatorOperator
 ) -> identification.PauseRequest:
-    """Pause before the next of several identifications, or continue; rejected if none follows."""
+    """Pause before the next of several identifications, or continue; rejected without a next one."""
     service.ordered_runs.pause.request(body.paused)
     return body
 
 
-@router.post("/identifications/prediction")
+@router.post("/identifications/prediction", summary="Predict Identification")
 async def predict(
     request: Request, body: identification.IdentificationRequest, service: CurrentService, person: SignedInUser
 ) -> identification.Prediction:
@@ -74,7 +74,7 @@ def get_identification_curves(id: RowId, service: CurrentService, _person: Signe
     return service.identifications.build_curves(id)
 
 
-@router.get("/identifications/{id}/unseen")
+@router.get("/identifications/{id}/unseen", summary="Validate Model")
 async def get_unseen(id: RowId, of: RowNumber, service: CurrentService, _person: SignedInUser) -> ValidationView:
     """Compare a model with the recording of run `of`, or with the validation data of its own run."""
     return await service.identifications.validate(id, of)

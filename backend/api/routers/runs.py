@@ -76,7 +76,13 @@ def list_runs(
     kind: Annotated[
         str | None, Query(max_length=200, description="only runs of these kinds, separated by commas")
     ] = None,
-    search: Annotated[str, Query(max_length=100, description="words in kind, title, note, person or tags")] = "",
+    search: Annotated[
+        str,
+        Query(
+            max_length=100,
+            description="words in number, kind, title, plant, parameters, person, note, tags or end state",
+        ),
+    ] = "",
     where: Annotated[
         tuple[Where, ...], Query(max_length=10, description="searches, see docs/reference/search.md; all must match")
     ] = (),
@@ -109,14 +115,14 @@ def set_note(id: RowId, body: NoteRequest, service: CurrentService, _person: Ope
     return service.runs.set_note(id, body.note)
 
 
-@runs_router.post("/{id}/tags")
+@runs_router.post("/{id}/tags", summary="Add Tag")
 def put_tag(id: RowId, body: TagRequest, service: CurrentService, _person: Operator) -> RunView:
     """Add a tag to a run."""
     service.run_library.change_tags([id], [body.tag], [])
     return service.runs.load_run(id)
 
 
-@runs_router.delete("/{id}/tags/{tag}")
+@runs_router.delete("/{id}/tags/{tag}", summary="Remove Tag")
 def take_tag(id: RowId, tag: TagInPath, service: CurrentService, _person: Operator) -> RunView:
     """Remove a tag from a run."""
     service.run_library.change_tags([id], [], [tag])
@@ -125,14 +131,14 @@ def take_tag(id: RowId, tag: TagInPath, service: CurrentService, _person: Operat
 
 @runs_router.post("/{id}/evaluation")
 async def evaluate_run(request: Request, id: RowId, service: CurrentService, _person: Operator) -> RunView:
-    """Compute the result of a run again; earlier results stay stored."""
+    """Recompute the result of a run; earlier results are kept."""
     await run_while_connected(service.evaluations.evaluate_again(id), request.is_disconnected)
     return await in_thread(service.runs.load_run, id)
 
 
 @runs_router.get("/{id}/lineage")
 def get_lineage(id: RowId, service: CurrentService, _person: SignedInUser) -> Lineage:
-    """Return the lineage of a run, back to raw data and parameters, and what was derived from it."""
+    """Return the lineage of a run, back to raw data and parameters, and the results derived from it."""
     return service.history.build_lineage(id)
 
 
@@ -162,7 +168,10 @@ async def _parse_slice(
     to_s: Annotated[
         Finite | None, Query(alias="to", gt=0.0, le=LONGEST_S, description="end [s]; default: the end of the run")
     ] = None,
-    points: Annotated[int, Query(ge=10, le=20000, description="maximum; longer ranges give minima and maxima")] = 2000,
+    points: Annotated[
+        int,
+        Query(ge=10, le=20000, description="maximum number of points; a longer range is returned as minima and maxima"),
+    ] = 2000,
     signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
 ) -> SampleSlice:
     return SampleSlice(id, from_s, math.inf if to_s is None else to_s, points, signals.split(","))
@@ -179,7 +188,7 @@ async def get_samples(query: SliceQuery, service: CurrentService, _person: Signe
 
 @runs_router.get("/{id}/samples.bin", response_class=Response, responses={200: {"content": {BINARY: {}}}})
 async def get_packed_samples(query: SliceQuery, service: CurrentService, _person: SignedInUser) -> Response:
-    """Return the content of ``samples`` in binary, little endian.
+    """Return the content of ``samples`` in binary, little-endian.
 
     float64 bucket width [s], uint64 first bucket, uint32 buckets, uint32 values per bucket (1: samples, 2: smallest
     and largest); then for each signal in the requested order float32 values: the smallest, and with 2 values the
@@ -225,7 +234,7 @@ async def get_data(
 
 @runs_router.get("/{id}/bundle.zip", response_class=Response, responses={200: {"content": {ZIP: {}}}})
 async def get_bundle(id: RowId, service: CurrentService, _person: SignedInUser) -> Response:
-    """Return a run with everything that it refers to, for import elsewhere."""
+    """Return a run with all records that it refers to, for import elsewhere."""
     return build_download_response(await service.downloads.stream_bundle(id), ZIP, f"sinew-run-{id}.zip")
 
 
@@ -320,7 +329,7 @@ def save_search(name: SearchName, body: SearchText, service: CurrentService, per
     return service.run_library.save_search(name, body.where, person.name)
 
 
-@run_library_router.delete("/saved-searches/{name}")
+@run_library_router.delete("/saved-searches/{name}", summary="Delete Saved Search")
 def forget_search(name: SearchName, service: CurrentService, person: Operator) -> SavedSearchList:
     """Remove a saved search from the list."""
     return service.run_library.remove_search(name, person.name)
@@ -389,7 +398,7 @@ def get_metric_history(
     where: Annotated[str, Query(max_length=2 * LONGEST, description="only runs that match this search")] = "",
     everywhere: Annotated[bool, Query(description="include all stations, not only this one")] = False,
 ) -> MetricHistory:
-    """Return one metric of all runs of a kind over their dates."""
+    """Return the history of one metric over all runs of a kind."""
     return service.run_library.build_metric_history(kind, metric, where, everywhere=everywhere)
 
 
@@ -421,7 +430,7 @@ def list_formulas(service: CurrentService, _person: SignedInUser) -> FormulaList
     return service.formulas.list_formulas()
 
 
-@formulas_router.put("/formulas/{name}")
+@formulas_router.put("/formulas/{name}", summary="Store Formula")
 def put_formula(name: Named, body: FormulaText, service: CurrentService, person: Operator) -> FormulaView:
     """Store a new or changed derived signal."""
     return service.formulas.save(name, body, person.name)
@@ -429,7 +438,7 @@ def put_formula(name: Named, body: FormulaText, service: CurrentService, person:
 
 @formulas_router.delete("/formulas/{name}", status_code=204)
 def remove_formula(name: Named, service: CurrentService, person: Operator) -> None:
-    """Remove a derived signal; recordings stay as they are."""
+    """Remove a derived signal; recordings are unchanged."""
     service.formulas.remove(name, person.name)
 
 
@@ -469,13 +478,13 @@ Times = Annotated[list[Finite], Field(min_length=1, max_length=MAX_MOMENTS)]
 
 @run_figures_router.get("/{id}/statistics", **_describe_lines(StatisticsLine))
 async def get_statistics(query: RangeParameters, service: CurrentService, _person: SignedInUser) -> Response:
-    """Return statistics of every sample of a range: lines with progress, the result last."""
+    """Return statistics over all samples of a range, as lines: the progress, then the result."""
     return StreamingResponse(await service.figures.stream_statistics(query), media_type=LINES)
 
 
 @run_figures_router.get("/{id}/spectra", **_describe_lines(SpectraLine))
 async def get_spectra(query: RangeParameters, service: CurrentService, _person: SignedInUser) -> Response:
-    """Return spectra of every sample of a range (Welch's method), as lines like ``statistics``."""
+    """Return spectra over all samples of a range (Welch's method), as lines like ``statistics``."""
     return StreamingResponse(await service.figures.stream_spectra(query), media_type=LINES)
 
 
@@ -495,5 +504,5 @@ def get_values(
     at: Annotated[Times, Query(description="times since the run's first sample [s]")],
     signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
 ) -> RecordedValues:
-    """Return the values of signals at the last samples at or before some times."""
+    """Return the values of signals at the last sample at or before each given time."""
     return service.figures.read_values(id, at, tuple(dict.fromkeys(signals.split(","))))

@@ -54,7 +54,7 @@ session_router = APIRouter(prefix="/api", tags=["session"], route_class=ThreadRo
 
 @session_router.get("/health")
 async def get_health(service: CurrentService) -> Health:
-    """Return whether the control loop runs; open to everyone, without secrets."""
+    """Return whether the control loop runs; requires no sign-in, and contains no secrets."""
     return service.actuator.live_state.health()
 
 
@@ -79,7 +79,7 @@ async def get_session(request: Request, response: Response, person: SignedInUser
 async def set_name(
     body: NameRequest, request: Request, response: Response, service: CurrentService, person: SignedInUser
 ) -> SessionView:
-    """Set the name of this browser's user; session and control lease stay."""
+    """Set the name of this browser's user; session and control lease remain valid."""
     authentication = find_authentication(request)
     renamed = authentication.active_users.rename(person, body.name)
     set_session_cookie(authentication, request, response, renamed)
@@ -99,7 +99,7 @@ async def sign_in(body: SignIn, request: Request, response: Response) -> Session
 
 @session_router.delete("/session", status_code=204)
 async def sign_out(request: Request, response: Response) -> None:
-    """End the session: its cookie is no longer valid anywhere, and its pages are disconnected."""
+    """End the session: invalidate its cookie and disconnect its pages."""
     authentication = find_authentication(request)
     end_session(authentication, request, response)
     await authentication.sessions.save()
@@ -107,7 +107,7 @@ async def sign_out(request: Request, response: Response) -> None:
 
 @session_router.post("/session/tokens/rotate")
 async def rotate_tokens(body: Rotation, request: Request, response: Response, person: Operator) -> NewTokens:
-    """Replace tokens at once. All sessions of the old tokens end, except the caller's."""
+    """Replace tokens immediately. All sessions of the old tokens end, except the caller's."""
     roles = list(Role) if body.role is None else [body.role]
     authentication = find_authentication(request)
     tokens = await authentication.rotate(roles, person)

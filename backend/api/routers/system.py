@@ -54,13 +54,13 @@ bring_up_router = APIRouter(prefix="/api/bring-up", tags=["bring-up"], route_cla
 
 @bring_up_router.get("")
 async def get_bring_up(service: CurrentService, _person: SignedInUser) -> BringUpView:
-    """Return all steps in order with their states, and the running one."""
+    """Return all steps in order with their states, and the running step."""
     return await service.bring_up.view()
 
 
 @bring_up_router.post("/confirm")
 async def confirm_bring_up(service: CurrentService, _person: ActuatorOperator) -> BringUpView:
-    """Confirm what the running step asks for."""
+    """Confirm the action that the running step requests."""
     return await service.bring_up.confirm()
 
 
@@ -214,5 +214,5 @@ def get_recordings(service: CurrentService, _person: SignedInUser) -> Recordings
 
 @system_router.post("/recordings/removal")
 def remove_recordings(request: RemovalRequest, service: CurrentService, person: Operator) -> RecordingsView:
-    """Delete the samples of exactly these runs; rejected unless all of them may be deleted."""
+    """Delete the samples of these runs; rejected unless all of them may be deleted."""
     return service.retention.delete_samples(request.runs, person.name)

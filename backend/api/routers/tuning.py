@@ -37,7 +37,7 @@ banks_router = APIRouter(prefix="/api/banks", tags=["banks"], route_class=Thread
 OtherBank = Annotated[int | None, Query(ge=1, le=2**53, description="bank to compare with")]
 NewRuns = Annotated[
     list[RowNumber] | None,
-    Query(max_length=20, description="instead of another bank: runs that identified operating points again"),
+    Query(max_length=20, description="instead of another bank: new identification runs of operating points"),
 ]
 
 
@@ -60,11 +60,11 @@ def import_bank(body: BankFile, service: CurrentService, person: Operator) -> Ba
     return service.banks.import_bank(body, person.name)
 
 
-@banks_router.get("/in-use/difference")
+@banks_router.get("/in-use/difference", summary="Compare With Active Bank")
 async def compare_with_bank_in_use(
     service: CurrentService, _person: SignedInUser, other: OtherBank = None, run: NewRuns = None
 ) -> BankDifference:
-    """Compare models and gains in use with another bank, or with new identifications."""
+    """Compare the active models and gains with another bank, or with new identifications."""
     bank = service.actuator.live_state.tuning.bank
     _require_one(other, run)
     return await service.banks.compute_difference(None if bank is None else bank.id, other, run or ())
@@ -78,7 +78,7 @@ def get_bank(id: RowId, service: CurrentService, _person: SignedInUser) -> BankV
 
 @banks_router.get("/{id}/detail")
 async def get_bank_detail(id: RowId, service: CurrentService, _person: SignedInUser) -> BankDetail:
-    """Return gains and M_s of every entry at the active λ, and its identification."""
+    """Return gains, M_s and identification of every entry, at the active λ."""
     return await service.banks.compute_detail(id)
 
 
@@ -97,7 +97,7 @@ def export_bank(id: RowId, service: CurrentService, _person: SignedInUser) -> Ba
     return service.banks.export_bank(id)
 
 
-@banks_router.post("/geometry/activate")
+@banks_router.post("/geometry/activate", summary="Activate Geometric Gains")
 async def use_geometry(service: CurrentService, person: ActuatorOperator) -> TuningView:
     """Activate geometric gains without a bank; bumpless while the loop runs."""
     return await service.actuator.tuning_service.use_bank(None, person.name)
@@ -137,7 +137,7 @@ async def get_tuning(service: CurrentService, _person: SignedInUser) -> TuningVi
 
 @tuning_router.put("")
 async def set_tuning(body: TuningRequest, service: CurrentService, person: ActuatorOperator) -> TuningView:
-    """Change λ while the loop runs, bumpless; returns the active tuning."""
+    """Change parts of the active tuning, bumpless while the loop runs; returns the active tuning."""
     return await service.actuator.tuning_service.apply(body, person.name)
 
 
@@ -149,13 +149,13 @@ async def undo_change(service: CurrentService, person: ActuatorOperator) -> Tuni
 
 @tuning_router.post("/redo")
 async def redo_change(service: CurrentService, person: ActuatorOperator) -> TuningView:
-    """Activate again what the last undo reverted."""
+    """Restore the change that the last undo reverted."""
     return await service.actuator.tuning_service.redo(person.name)
 
 
 @tuning_router.post("/trial")
 async def try_tuning(body: TrialRequest, service: CurrentService, person: ActuatorOperator) -> State:
-    """Activate a tuning for some seconds; the service reverts it, even if the page is lost."""
+    """Activate a tuning for a limited time; the service reverts it, even if the page is lost."""
     await service.actuator.tuning_service.start_trial(body, person.name)
     return service.state.view()
 
@@ -167,7 +167,7 @@ async def revert_trial(service: CurrentService, person: ActuatorOperator) -> Sta
     return service.state.view()
 
 
-@tuning_router.post("/trial/keep")
+@tuning_router.post("/trial/keep", summary="Accept Trial Tuning")
 async def keep_trial(service: CurrentService, person: ActuatorOperator) -> State:
     """Keep the tuning of the trial."""
     await service.actuator.tuning_service.end_trial(True, person.name)
@@ -221,7 +221,7 @@ async def preview_tuning(
     )
 
 
-@tuning_router.get("/motor")
+@tuning_router.get("/motor", summary="Get Motor Margins")
 async def motor_margins(
     request: Request,
     service: CurrentService,
@@ -234,14 +234,14 @@ async def motor_margins(
     )
 
 
-@tuning_router.get("/robust")
+@tuning_router.get("/robust", summary="Get Robust Tuning")
 async def robust_tuning(
     request: Request,
     service: CurrentService,
     person: SignedInUser,
-    M_s: Annotated[Finite, Query(gt=M_S_RANGE[0], le=M_S_RANGE[1], description="required sensitivity peak")],
+    M_s: Annotated[Finite, Query(gt=M_S_RANGE[0], le=M_S_RANGE[1], description="largest permitted sensitivity peak")],
 ) -> RobustTuning:
-    """Return the smallest λ of each loop with the requested M_s, at the present λ_motor."""
+    """Return the smallest λ of each loop whose M_s does not exceed the requested value, at the present λ_motor."""
     return await service.actuator.tuning_service.compute_robust_tuning(
         M_s, service.texts.make_preview_runner(person, request.is_disconnected)
     )
