@@ -484,7 +484,7 @@ GRADES: dict[Grade, tuple[str, str]] = {
 ENDS: dict[EndState, str] = {
     EndState.RUNNING: "The run is in progress: samples are still recorded.",
     EndState.COMPLETED: "The program of the run was completed, or the session was ended normally.",
-    EndState.STOPPED: "A person pressed STOP or stopped the service before the run ended.",
+    EndState.STOPPED: "A person or the service stopped the run before its end.",
     EndState.TRIPPED: "A fault stopped the run; its timing is in the flight record.",
     EndState.LINK_LOST: "The page that held control was lost, or the control loop died or was restarted.",
     EndState.SERVICE_DIED: "The service failed or hung, and the control loop stopped automatically.",
@@ -535,7 +535,7 @@ CHAIN: dict[str, tuple[str, str]] = {
     "safety_module": ("Safety module", "Independent of the control loop: it disables the motors at F_max or at the "
                       "end of the joint's range and stays tripped until a person acknowledges the trip at the rig."),
 }  # fmt: skip
-"""Term and meaning of each link of the safety chain; each watches the one before it."""
+"""Term and meaning of each link of the safety chain; each monitors the previous one."""
 
 STEPS: dict[StepState, str] = {
     StepState.NEVER: "This step of the bring-up has not been done for this wiring.",

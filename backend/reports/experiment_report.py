@@ -320,7 +320,7 @@ _ROBUSTNESS_NOTES = (
     "shaft, to choose λ_motor; it gives the load and the chosen M_s = 1.4, but no response.",
     "The load pulls in the direction of the tendon. It is applied at the shaft, in one step, in addition "
     "to the tendon's own force; joint and stiffness loops stay closed, so both motor references respond as well.",
-    "The integral of the error corresponds to what the integral part of the motor loop added: "
+    "The integral of the error corresponds to the contribution of the integral action of the motor loop: "
     "τ_load/(K_t k_i), apart from friction and the small motion of the references.",
 )
 
@@ -601,9 +601,9 @@ _ON_RESPONSES = (
     "output, dead time and governor included."
 )
 _ON_IMPACTS = (
-    "F_wall is the force of the simulated wall on the joint, tangential at r_j: k_wall δ (1 + c_wall δ') "
-    "at penetration depth δ, never a pull. In the first milliseconds the wall stops the joint's own "
-    "inertia, independently of its stiffness; then the motors press through the springs. A low stiffness "
+    "F_wall is the force of the simulated obstacle on the joint, tangential at r_j: k_wall δ (1 + c_wall δ') "
+    "at penetration depth δ, never a pull. In the first milliseconds the obstacle stops the inertia "
+    "of the joint, independently of its stiffness; then the motors press through the springs. A low stiffness "
     "reduces this second part only. The contact reaction stops the motors, opens the position loop and "
     "commands the lowest stiffness, for the duration of the corresponding hit without the reaction. The contact "
     "force is estimated from encoders and springs, less the bias that the experiment has calibrated at rest."

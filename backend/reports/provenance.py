@@ -53,7 +53,7 @@ S_NOTE = (
 END_STATES = {
     EndState.RUNNING: "still running",
     EndState.COMPLETED: "completed",
-    EndState.STOPPED: "stopped by the operator",
+    EndState.STOPPED: "stopped before its end",
     EndState.TRIPPED: "tripped",
     EndState.LINK_LOST: "connection to the page in control or to the control loop lost",
     EndState.SERVICE_DIED: "service died",
@@ -113,7 +113,7 @@ def tuning_facts(source: RunData) -> tuple[Fact, ...]:
     controller, known = _CONTROLLERS.get(law) or (_cascade_in_words(source, law), _KNOWN)
     lines = [Fact("Tuning", ", ".join(parts)), Fact("Controller", controller)]
     if known:
-        lines.append(Fact("Model used by the law", known))
+        lines.append(Fact("Model used by the controller", known))
     if source.run.plant in SIMULATED and loop.seed is not None:
         lines.append(Fact("Seed", str(loop.seed)))
     return tuple(lines)
@@ -129,7 +129,7 @@ def _cascade_in_words(source: RunData, law: Law) -> str:
     if loop.budget:
         words += f"; motion time-optimal within U_plan = {exact(loop.budget)} V"
     elif law == Law.CASCADE:
-        words += "; motion lambda: the paper's law with the governor"
+        words += "; motion lambda: the paper's law with the reference governor"
     if loop.k_ext and law == Law.CASCADE:
         words += f"; disturbance rejection by feed-forward, k_ext = {exact(loop.k_ext)}"
     return words
@@ -138,7 +138,7 @@ def _cascade_in_words(source: RunData, law: Law) -> str:
 def _lam_text(source: RunData, name: str) -> str:
     column = source.columns[f"lam_{name}"]
     if column.size == 0:
-        return "not known: no sample was recorded"
+        return "unknown: no sample was recorded"
     low, high = float(column.min()), float(column.max())
     low_text, high_text = exact(round(low, 5)), exact(round(high, 5))
     return f"{low_text} s" if low_text == high_text else f"{low_text} to {high_text} s (changed during the run)"
@@ -462,7 +462,7 @@ def reproduction(source: RunData) -> tuple[Block, ...]:
 def _not_again(source: RunData) -> str:
     run = source.run
     if run.plant != SIMULATOR.name:
-        return f"a run can be repeated only on the simulator, and the plant of this run is {run.plant}"
+        return f"only runs on the simulator can be repeated, and the plant of this run is {run.plant}"
     if run.set_to.plan is None:
         return "it was operated manually"
     if run.end_state != EndState.COMPLETED:
@@ -515,9 +515,9 @@ def _caption(source: RunData, files: bool) -> str:
     if source.bank is None:
         words += f", in a separate data folder, {_FOLDER}"
     else:
-        words += f", in the data folder that has bank “{source.bank.name}” version {source.bank.version}"
+        words += f", in the data folder that contains bank “{source.bank.name}” version {source.bank.version}"
     if files:
-        words += ", with the files below in the current folder of the shell"
+        words += ", with the files below in the current directory"
     if source.run.set_to.granted is None:
         words += (
             ". The same versions give the same samples; if the run was not the first one of its command, "

@@ -142,7 +142,7 @@ def test_a_stopped_run_is_incomplete() -> None:
     report = tracking_report(source_of(part, end_state="stopped"))
     assert report.outcome == "incomplete"
     assert report.verdict.startswith("Incomplete: 9.5 s of 51 s were executed")
-    assert "stopped by the operator" in report.facts[0].text
+    assert "stopped before its end" in report.facts[0].text
     assert to_pdf(report).startswith(b"%PDF-")
 
 
@@ -353,8 +353,8 @@ def test_a_law_for_comparison_lists_only_what_it_uses_and_says_what_it_knows(law
     facts = {fact.label: fact.text for fact in report.facts}
     assert facts["Tuning"] == "λ_q = 0.5 s, λ_S = 0.42 s"
     known = "true plant" if law == "feedback-linearization" else "identified geometry, spring and motors"
-    assert known in facts["Model used by the law"]
-    assert ("friction" in facts["Model used by the law"]) == (law == "feedback-linearization")
+    assert known in facts["Model used by the controller"]
+    assert ("friction" in facts["Model used by the controller"]) == (law == "feedback-linearization")
     assert "U_plan = 8.5 V" not in facts["Controller"]
     made = next(section for section in report.sections if section.heading == "Settings and origin")
     assert not any("Gains were computed" in getattr(block, "text", "") for block in made.blocks)
@@ -365,7 +365,7 @@ def test_the_cascade_lists_all_of_its_tuning() -> None:
     assert {"λ_q", "λ_S", "λ_motor", "b", "bank", "interpolate", "motion", "U_plan", "k_ext"} <= settings_in(report)
     facts = {fact.label: fact.text for fact in report.facts}
     assert "U_plan = 8.5 V" in facts["Controller"]
-    assert "not their friction" in facts["Model used by the law"]
+    assert "not their friction" in facts["Model used by the controller"]
 
 
 @pytest.mark.parametrize("tuning_of", [make_single_loop_tuning, make_feedback_linearization_tuning])

@@ -3356,7 +3356,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "end",
     "name": "stopped",
     "term": "stopped",
-    "meaning": "A person pressed STOP or stopped the service before the run ended.",
+    "meaning": "A person or the service stopped the run before its end.",
     "source": "docs/how-to/notebook.md"
   },
   "end:tripped": {
