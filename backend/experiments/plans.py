@@ -208,7 +208,7 @@ class SpringIdentificationPlan:
         maximum=47.0,
         unit="N",
         symbol="F_high",
-        meaning="tension where the sweep reverses, below that of the solid spring",
+        meaning="tension where the sweep reverses, below the trip limit F_max",
     )
     sweep_s: float = number_setting(
         15.0, minimum=3.0, maximum=120.0, unit="s", symbol="t_s", meaning="duration of one rising or falling sweep"

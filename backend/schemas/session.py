@@ -86,6 +86,6 @@ class Health(Schema):
 
     alive: bool
     mode: Mode | None
-    rate_Hz: float = quantity("Hz", "ticks per second over the last second")
+    rate_Hz: float = quantity("Hz", "ticks per second over the last 5 s")
     overruns: int = Field(description="deadlines missed since the loop started")
     version: str

@@ -467,7 +467,7 @@ class LimitsView(Schema):
     S_min: float = quantity("N·m/rad", "smallest stiffness reference")
     S_max: float = quantity("N·m/rad", "largest stiffness reference")
     F_min: float = quantity("N", "smallest tendon tension that keeps a tendon taut")
-    F_max: float = quantity("N", "tendon tension at which the spring is fully compressed")
+    F_max: float = quantity("N", "tendon tension above which the control loop trips")
     F_push_max: float = quantity("N", "largest push in either direction; 0 if pushes are not possible")
     F_contact_min: float = quantity("N", "smallest threshold of the contact reaction")
     F_contact_max: float = quantity("N", "largest threshold of the contact reaction")
@@ -476,7 +476,7 @@ class LimitsView(Schema):
     c_wall_max: float = quantity("s/m", "largest damping of an obstacle; the smallest is 0")
     u_max: float = quantity("V", "largest motor voltage in either direction")
     q_trip: float = quantity("rad", "joint position in either direction at which the control loop trips")
-    tensions: list[TensionView] = Field(description="stiffness from slack tendons to fully compressed springs")
+    tensions: list[TensionView] = Field(description="joint stiffness over the tension, from F_min to at most F_max")
 
 
 class FaultView(Schema):

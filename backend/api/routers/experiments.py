@@ -56,7 +56,7 @@ async def start_experiment(body: ExperimentRequest, service: CurrentService, per
 async def dry_run_experiment(
     request: Request, body: ExperimentRequest, service: CurrentService, person: SignedInUser
 ) -> DryRunView:
-    """Simulate an experiment, one per user, at most 10 min, while the connection is open."""
+    """Simulate an experiment of at most 10 min while the connection is open; one dry run per user."""
     return await service.ordered_runs.dry_run(body, person, request.is_disconnected)
 
 
