@@ -67,7 +67,9 @@ STRUCTURES = (
 
 
 def data(
-    file: Annotated[Path, typer.Argument(help="Table of samples: .csv, .mat (version 7) or .parquet.")],
+    file: Annotated[
+        Path, typer.Argument(help="Table of samples: text such as .csv, .mat (up to version 7) or .parquet.")
+    ],
     u: Annotated[str, typer.Option("--input", metavar="COLUMN", help="Column of the input u, held between samples.")],
     y: Annotated[str, typer.Option("--output", metavar="COLUMN", help="Column of the output y.")],
     structure: Annotated[str, typer.Option(metavar="NAME", help=f"Structure: {STRUCTURES}.")],

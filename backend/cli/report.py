@@ -123,7 +123,7 @@ def verify(
     samples: Annotated[
         Path | None,
         typer.Option(
-            "--samples", help="CSV or Parquet of its samples. [data.csv next to the report, or the stored run]"
+            "--samples", help="Export of the run with its samples. [data.csv next to the report, or the stored run]"
         ),
     ] = None,
     key: Annotated[

@@ -314,7 +314,7 @@ def restore(
 ) -> None:
     """Restore a backup, unless a service uses the folder.
 
-    The previous database is kept next to it as sinew.before-restore-TIME.db.
+    The previous database is kept in the data folder as sinew.before-restore-TIME.db.
     """
     from backend.data_folder import lock_for_service
     from backend.storage import FILE_NAME, BackupError, restore_database
@@ -490,7 +490,7 @@ def serve(
 def link(data: DataFolder = None) -> None:
     """Print the sign-in links of the service that uses the data folder.
 
-    Exit 1 if there is none.
+    Exit 1 without a running service.
     """
     from backend.auth import load_tokens
     from backend.data_folder import describe_missing_address, read_service_addresses
