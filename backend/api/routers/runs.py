@@ -77,11 +77,7 @@ def list_runs(
         str | None, Query(max_length=200, description="only runs of these kinds, separated by commas")
     ] = None,
     search: Annotated[
-        str,
-        Query(
-            max_length=100,
-            description="words in number, kind, title, plant, parameters, person, note, tags or end state",
-        ),
+        str, Query(max_length=100, description="words in number, kind, title, plant, person, note, tags or end state")
     ] = "",
     where: Annotated[
         tuple[Where, ...], Query(max_length=10, description="searches, see docs/reference/search.md; all must match")
@@ -168,10 +164,7 @@ async def _parse_slice(
     to_s: Annotated[
         Finite | None, Query(alias="to", gt=0.0, le=LONGEST_S, description="end [s]; default: the end of the run")
     ] = None,
-    points: Annotated[
-        int,
-        Query(ge=10, le=20000, description="maximum number of points; a longer range is returned as minima and maxima"),
-    ] = 2000,
+    points: Annotated[int, Query(ge=10, le=20000, description="maximum; longer ranges give minima and maxima")] = 2000,
     signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
 ) -> SampleSlice:
     return SampleSlice(id, from_s, math.inf if to_s is None else to_s, points, signals.split(","))
