@@ -504,7 +504,7 @@ def actuator(
         )
         return
     if "tension_N" in chosen:
-        fail("--tensions and --set tension_N=... exclude each other", status=2)
+        fail("--tensions and --set tension_N=... are mutually exclusive", status=2)
     base = load_active_tuning(settings)
     built = [
         _build_request(ActuatorIdentificationPlan, {**chosen, "tension_N": tension}, base)

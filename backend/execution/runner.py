@@ -436,7 +436,7 @@ async def execute_run(
     except LoopExitedError as loop_exit:
         closed = await _wait_until_recorded(rig, run.id, fallback=(EndState.LINK_LOST, str(loop_exit)))
     except BaseException as error:
-        _close_run(rig, run.id, EndState.SERVICE_DIED, f"given up: {error or type(error).__name__}")
+        _close_run(rig, run.id, EndState.SERVICE_DIED, f"aborted: {error or type(error).__name__}")
         raise
     await release()
     return closed

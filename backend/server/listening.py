@@ -113,10 +113,10 @@ def describe_served_addresses(host: str) -> str:
     if not _is_any(host):
         return ""
     if ":" not in host:
-        return "It listens on every IPv4 address of this machine, not over IPv6; --host :: serves both."
+        return "The service listens on every IPv4 address of this machine, but not on IPv6; --host :: serves both."
     if _is_dual_stack(host):
-        return "It listens on every address of this machine, over IPv6 and IPv4."
-    return "It listens on every IPv6 address of this machine, not over IPv4: this system cannot serve both."
+        return "The service listens on every IPv6 and IPv4 address of this machine."
+    return "The service listens on every IPv6 address of this machine, but not on IPv4: this system cannot serve both."
 
 
 def _is_dual_stack(host: str) -> bool:

@@ -123,7 +123,7 @@ def test_what_a_host_serves_is_what_it_says(host: str, served: list[str], refuse
                 socket.create_connection((address, port), 5)
     said = describe_served_addresses(host)
     assert ("IPv4" in said, "IPv6" in said) == ((True, True) if host != "::1" else (False, False))
-    assert ("over IPv6 and IPv4" in said) == (host == "::")
+    assert ("every IPv6 and IPv4 address" in said) == (host == "::")
 
 
 def test_the_links_are_those_of_the_public_url_and_of_this_machine(

@@ -121,7 +121,7 @@ def test_a_run_given_up_before_its_first_samples_were_read_ends_as_they_say(data
     run = new_run(database)
     recorder = Recorder(database, writer.ring)
     with database.session() as session:
-        runs.end(session, run.id, EndState.SERVICE_DIED, "given up: service ended by SIGTERM")
+        runs.end(session, run.id, EndState.SERVICE_DIED, "aborted: service ended by SIGTERM")
     writer.write(10, run.id)
     writer.write(1, fault=FAULT_CODE[Fault.SERVICE_ENDED])
     recorder.on_event(RunEnded(10, run.id, completed=False, why=Fault.SERVICE_ENDED, detail="service ended by SIGTERM"))
