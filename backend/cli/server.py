@@ -179,7 +179,7 @@ def foxglove(
 ) -> None:
     """Serve the live stream to Foxglove or Lichtblick until interrupted."""
     from backend.auth import load_tokens
-    from backend.data_folder import describe_missing_address, read_service_address
+    from backend.data_folder import read_service_address
 
     try:
         from backend.foxglove import LiveSource, OtherVersionError, serve_foxglove
@@ -369,8 +369,7 @@ def name_station(
             claim.release()
             station_lock.release()
     with open_configured_database(settings):  # opening it rebuilds the search index
-        assigned = f"{format_count(run_count, 'run')} assigned to station {station}"
-        console.print(f"{assigned}; start its service with --station {station}")
+        console.print(f"runs assigned to {station}: {run_count}; start its service with --station {station}")
 
 
 @database_app.command()
