@@ -49,19 +49,19 @@ def _of_run(session: Session, number: int) -> tuple[list[str], int]:
     for chunk in recordings.chunks(session, number, first, max(digests) + 1):
         if why := _problem(chunk, digests[chunk.first_tick], len(recording.fields)):
             at_s = (chunk.first_tick - first) * recording.period_s
-            problems.append(f"run {number}: the samples from {at_s:g} s on are not those that were recorded: {why}")
+            problems.append(f"run {number}: the samples from {at_s:g} s on differ from the recorded ones: {why}")
     return problems, sum(digest == "" for digest in digests.values())
 
 
 def _problem(chunk: Chunk, digest: str, columns: int) -> str:
     if digest and (found := hashlib.sha256(chunk.samples).hexdigest()) != digest:
-        return f"their sha256 is {found}, recorded was {digest}"
+        return f"their sha256 is {found}, but the recorded one is {digest}"
     try:
         table, summary = unpack(chunk.samples, columns), unpack(chunk.summary, columns)
     except CodecError as error:
         return str(error)
     if len(table) != chunk.count:
-        return f"they are {len(table)}, recorded were {chunk.count}"
+        return f"their number is {len(table)}, but {chunk.count} were recorded"
     if not _is_equal(summarise_buckets(table), summary):
         return "their minima or maxima differ from the stored ones"
     return ""
