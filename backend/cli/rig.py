@@ -437,9 +437,7 @@ class LoadCellChoice(StrEnum):
 def bring_up(
     step: Annotated[
         list[StepId] | None,
-        typer.Option(
-            "--step", help="Step to run; repeatable, runs in the order of the steps. [all steps to do or out of date]"
-        ),
+        typer.Option("--step", help="Step to run; repeatable, runs in the order of the steps. [all pending steps]"),
     ] = None,
     listed: Annotated[bool, typer.Option("--list", help="Only list the state of the steps.")] = False,
     plant: PlantName = None,
