@@ -435,7 +435,7 @@ def other_signal_moved(*, signal: str, deviation: float, unit: str) -> str:
 @catalogue_entry
 def steps_not_measured(*, missing: int, steps: int, start_s: float, reason: str) -> str:
     verb = "was" if missing == 1 else "were"
-    return f"{missing} of {steps} steps {verb} not measured; step at {start_s:g} s: {reason}"
+    return f"{missing} of {steps} steps {verb} not measured; the one at {start_s:g} s: {reason}"
 
 
 @catalogue_entry
