@@ -200,7 +200,7 @@ def bound_not_evaluated(*, reason: str) -> str:
 
 @catalogue_entry
 def no_samples_of_program() -> str:
-    return "the run holds no samples of its program"
+    return "the run contains no samples of its program"
 
 
 @catalogue_entry
