@@ -175,14 +175,19 @@ def told(running: subprocess.Popen[str], words: str) -> None:
     pytest.fail(f"it ended without saying {words!r}: {''.join(said)}")
 
 
+def asked(running: subprocess.Popen[str], words: str) -> None:
+    """Wait for a question; the description of its step may contain the same words."""
+    told(running, f"  > {words}")
+
+
 @pytest.mark.live
 def test_a_tare_at_the_terminal_is_what_the_service_shows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     done(tmp_path, StepId.WIRING_TEST)
     with at_a_terminal("tare", *CARD, "--json", data=tmp_path) as (running, typing):
-        for question in (START, "Slacken both tendons", "the control loop restarts"):
-            told(running, question)
+        for question in (START, "Slacken both tendons", "Remove all weights"):
+            asked(running, question)
             # After the first, while the loop starts and nothing is asked: no answer.
             os.write(typing, b"\nq\n" if question == START else b"\n")
         printed, said = running.communicate()
@@ -204,7 +209,7 @@ def test_ctrl_c_in_a_step_keeps_nothing_of_it(tmp_path: Path) -> None:
     done(tmp_path, StepId.WIRING_TEST)
     with at_a_terminal("bring-up", "--step", "zero", "--step", "direction", *CARD, data=tmp_path) as (running, typing):
         for question in (START, "Turn the joint by hand to its zero mark", "Turn both motors by hand"):
-            told(running, question)
+            asked(running, question)
             os.write(typing, b"\n")
         told(running, "motor A")
         running.send_signal(signal.SIGINT)
@@ -223,7 +228,7 @@ def test_the_joint_is_homed_from_the_terminal(tmp_path: Path) -> None:
     command = ("bring-up", "--step", "home", "--wiring", str(mine), "--json", *CARD)
     with at_a_terminal(*command, data=tmp_path) as (running, typing):
         for question in (START, "Turn the joint by hand near to its middle"):
-            told(running, question)
+            asked(running, question)
             os.write(typing, b"\n")
         printed, said = running.communicate()
     assert running.returncode == 0, said
