@@ -1,6 +1,6 @@
 """Documents, in the OpenAPI schema, dataclasses that routes return unchanged.
 
-Pydantic reads the metadata of a dataclass's fields and its ``__pydantic_config__`` only where the interface serialises
+Pydantic reads the metadata of a dataclass's fields and its ``__pydantic_config__`` only where the interface serializes
 it. Domain modules can thus describe their fields without importing pydantic or copying them into a schema.
 """
 

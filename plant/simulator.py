@@ -172,7 +172,7 @@ class SensorModel(NamedTuple):
 
 
 @compiled
-def quantise(value: float, step: float) -> float:
+def quantize(value: float, step: float) -> float:
     """Round to the nearest multiple of ``step``; unchanged if ``step`` is 0."""
     if step == 0.0:
         return value
@@ -217,11 +217,11 @@ def sense_state(
         line, tick, sensors.delay_ticks, tendon_tension(plant.spring_A, x_A), tendon_tension(plant.spring_B, x_B)
     )
     return Measurement(
-        q=quantise(x.q, sensors.joint_step),
-        theta_A=quantise(x.theta_A, sensors.motor_step),
-        theta_B=quantise(x.theta_B, sensors.motor_step),
-        F_A=quantise(F_A + noise_A, sensors.force_step),
-        F_B=quantise(F_B + noise_B, sensors.force_step),
+        q=quantize(x.q, sensors.joint_step),
+        theta_A=quantize(x.theta_A, sensors.motor_step),
+        theta_B=quantize(x.theta_B, sensors.motor_step),
+        F_A=quantize(F_A + noise_A, sensors.force_step),
+        F_B=quantize(F_B + noise_B, sensors.force_step),
         S_true=joint_stiffness(plant.joint, plant.spring_A, plant.spring_B, x_A, x_B),
         F_push=F_push,
         safety_trip=safety_trip,
@@ -262,10 +262,10 @@ def actuate_plant(
 ) -> PlantState:
     """Return the state one period later.
 
-    The command is limited and quantised as by the converter; a push [N] at r_j, a load and an obstacle act too.
+    The command is limited and quantized as by the converter; a push [N] at r_j, a load and an obstacle act too.
     """
-    u_A = quantise(min(max(command.u_A, -u_max), u_max), sensors.voltage_step)
-    u_B = quantise(min(max(command.u_B, -u_max), u_max), sensors.voltage_step)
+    u_A = quantize(min(max(command.u_A, -u_max), u_max), sensors.voltage_step)
+    u_B = quantize(min(max(command.u_B, -u_max), u_max), sensors.voltage_step)
     return advance_state(
         plant=plant,
         x=x,

@@ -68,8 +68,8 @@ def compute_terminals(
     ``pull_A``, ``pull_B`` [N] pull at the load cells in addition.
     """
     return (
-        quantise_volts(compute_volts(wires.cell_A, m.F_A + pull_A)),
-        quantise_volts(compute_volts(wires.cell_B, m.F_B + pull_B)),
+        quantize_volts(compute_volts(wires.cell_A, m.F_A + pull_A)),
+        quantize_volts(compute_volts(wires.cell_B, m.F_B + pull_B)),
         compute_counts(wires.encoder_q, m.q),
         compute_counts(wires.encoder_A, m.theta_A),
         compute_counts(wires.encoder_B, m.theta_B),
@@ -99,7 +99,7 @@ def compute_volts(cell: LoadCellScaling, F: float) -> float:
 
 
 @compiled
-def quantise_volts(V: float) -> float:
+def quantize_volts(V: float) -> float:
     """Round volts as a 16-bit converter does, limited to its range; NaN stays NaN."""
     if math.isnan(V):
         return V

@@ -40,7 +40,7 @@ from plant.manual_input import NO_MANUAL_INPUT, ManualInput
 from plant.rig import Rig
 from plant.safety_card import WATCHDOG_S, Card, CardState, WatchdogExpiredError
 from plant.simulator import Simulator
-from plant.terminals import compute_terminals, make_terminals, quantise_volts
+from plant.terminals import compute_terminals, make_terminals, quantize_volts
 from plant.wiring import Wiring, is_wired_alike
 
 # In-process channel --------------------------------------------------------------------------------
@@ -583,7 +583,7 @@ class VirtualCard(TaskCalls):
         volts = dict(zip(self._channels[request.task.name], request.write_array[:], strict=True))
         A, B = self._wiring.motor_A, self._wiring.motor_B
         V_A, V_B = volts.get(A.channel, 0.0), volts.get(B.channel, 0.0)
-        self._last_output = MotorCommand(quantise_volts(V_A) / A.gain, quantise_volts(V_B) / B.gain)
+        self._last_output = MotorCommand(quantize_volts(V_A) / A.gain, quantize_volts(V_B) / B.gain)
         self._registers.set_outputs(self._last_output)
         self._unwritten_s = 0.0
         self._advance()

@@ -159,7 +159,7 @@ def _open_migrated(settings: Settings, *, owns_folder: bool) -> "Database":
 def _close_interrupted_runs(settings: Settings, database: "Database") -> None:
     """Close the runs of killed commands and services.
 
-    On a database server only a service can recognise them.
+    On a database server only a service can recognize them.
     """
     from backend.data_folder import lock_if_unused
     from backend.storage import StorageError, describe_claim, runs

@@ -228,7 +228,7 @@ def recordings(
 
     --delete deletes the samples of a run.
     """
-    from backend.recording import NotRemovableError, RetentionRule, delete_recordings, summarise_retention
+    from backend.recording import NotRemovableError, RetentionRule, delete_recordings, summarize_retention
 
     settings = load_settings(data=data)
     rule = RetentionRule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days)
@@ -237,7 +237,7 @@ def recordings(
             found = (
                 delete_recordings(database, rule, delete, current_user())
                 if delete
-                else summarise_retention(database, rule)
+                else summarize_retention(database, rule)
             )
         except NotRemovableError as error:
             fail(str(error), status=2)

@@ -1,4 +1,4 @@
-"""Baseline laws: feedback linearisation with a full model, and single loops.
+"""Baseline laws: feedback linearization with a full model, and single loops.
 
 The single loops, one per output, have no cascade.
 """
@@ -28,7 +28,7 @@ from plant import (
 )
 
 # Feedback linearization ----------------------------------------------------------------------------
-# Baseline with a full model: feedback linearisation that decouples joint position and stiffness.
+# Baseline with a full model: feedback linearization that decouples joint position and stiffness.
 #
 # The static law follows Palli, Melchiorri, Wimböck, Grebenstein, Hirzinger, "Feedback linearization and simultaneous
 # stiffness-position control of robots with antagonistic actuated joints" (ICRA 2007); De Luca, Flacco, Bicchi, Schiavi,

@@ -16,7 +16,7 @@ from backend.exports.base import Batch, Facts, ImportRefusedError, get_reason, m
 from backend.exports.bundle import Bundle, make_recording_name, make_report_name, open_bundle
 from backend.exports.formats import file_digest, read_export
 from backend.models import UnreadableDocumentError, find_bank_changes, remove_initial_bank, renumber_banks
-from backend.recording import CHUNK_TICKS, SamplesDigest, compute_recording_digest, pack_table, summarise_buckets
+from backend.recording import CHUNK_TICKS, SamplesDigest, compute_recording_digest, pack_table, summarize_buckets
 from backend.storage import (
     BANK,
     ENTRIES,
@@ -191,7 +191,7 @@ def store_run(session: Session, document: Mapping[str, Any], file: Path | None, 
         for tick, batch in _pieces(facts, batches):
             table = make_table(batch, facts.fields)
             chunks = [
-                Chunk(tick + begin, len(part), pack_table(summarise_buckets(part)), pack_table(part))
+                Chunk(tick + begin, len(part), pack_table(summarize_buckets(part)), pack_table(part))
                 for begin in range(0, len(table), CHUNK_TICKS)
                 for part in (table[begin : begin + CHUNK_TICKS],)
             ]

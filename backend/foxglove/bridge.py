@@ -37,7 +37,7 @@ from plant import ErrorCode, Message, SinewError, T_s
 # Message substitutes -------------------------------------------------------------------------------
 # Substitutes for messages: the vendor's server is given numbers that only this process can replace by the messages.
 #
-# That server listens on a port without authentication; an unauthorised client of it receives numbers only.
+# That server listens on a port without authentication; an unauthorized client of it receives numbers only.
 
 
 _TICKET = struct.Struct("<Q")
@@ -97,9 +97,9 @@ FAREWELL_S = 1.0
 
 
 class Gateway:
-    """Relays between authorised clients and the vendor's server on ``port``.
+    """Relays between authorized clients and the vendor's server on ``port``.
 
-    Without a key no client is authorised.
+    Without a key no client is authorized.
     """
 
     def __init__(self, port: int, tickets: MessageSlots) -> None:

@@ -1,4 +1,4 @@
-"""Starting values of a fit, and linearisation of a structure at its parameters."""
+"""Starting values of a fit, and linearization of a structure at its parameters."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from backend.identification.models import (
 )
 from backend.identification.records import NoStartError, Record, RecordError, Signal, UnstableModelError
 
-# Linearisation -------------------------------------------------------------------------------------
+# Linearization -------------------------------------------------------------------------------------
 # Output error and its sensitivities: the evaluation of a structure on a record.
 #
 #     y(t) = G(s; parameters) u(t) + initial state + offset + ramp + noise

@@ -125,8 +125,8 @@ def moving_average(poles: Poles, period_s: float, part: float = 1.0) -> Signal:
     """
     A, B, C = state_space(poles)
     order = B.size
-    step, x = _discretise_zoh(A, B, period_s)
-    seen, first = _discretise_zoh(A, B, part * period_s)
+    step, x = _discretize_zoh(A, B, period_s)
+    seen, first = _discretize_zoh(A, B, part * period_s)
     impulse = np.empty(order + 1)
     impulse[0] = C @ first
     for k in range(1, order + 1):
@@ -136,7 +136,7 @@ def moving_average(poles: Poles, period_s: float, part: float = 1.0) -> Signal:
     return np.asarray(taps / taps.sum())
 
 
-def _discretise_zoh(A: Signal, B: Signal, time_s: float) -> tuple[Signal, Signal]:
+def _discretize_zoh(A: Signal, B: Signal, time_s: float) -> tuple[Signal, Signal]:
     """Return the state transition, shape (n, n), and the effect of a held input (n,)."""
     from scipy.linalg import expm
 
@@ -223,7 +223,7 @@ KNOWN = f"first, third, lags2 .. lags{MAX_LAGS}, order:1 .. order:{MAX_ORDER}, e
 
 
 class DenominatorKind(StrEnum):
-    """Parametrisation of the denominator."""
+    """Parametrization of the denominator."""
 
     FIRST = "first"
     THIRD = "third"
@@ -233,7 +233,7 @@ class DenominatorKind(StrEnum):
 
 @dataclass(frozen=True)
 class Structure:
-    """A parametrised transfer function; build it with :func:`find_structure`.
+    """A parametrized transfer function; build it with :func:`find_structure`.
 
     ``names`` are the parameters in order, the gain first, all others positive; if the structure is ``delayed`` the last
     one is the dead time t_d [s].

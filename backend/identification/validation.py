@@ -33,7 +33,7 @@ MAX_NOISE_ORDER = 12
 def fit_autoregression(residuals: Signal, max_order: int = MAX_NOISE_ORDER) -> Signal:
     """Return the coefficients 1, d_1 .. d_p of D(z^-1), by the Yule-Walker equations.
 
-    The order p <= max_order minimises BIC.
+    The order p <= max_order minimizes BIC.
     """
     from scipy.linalg import solve_toeplitz
 

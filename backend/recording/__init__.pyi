@@ -1,5 +1,5 @@
 from . import reader
-from .codec import CodecError, SamplesDigest, compute_recording_digest, pack_table, summarise_buckets
+from .codec import CodecError, SamplesDigest, compute_recording_digest, pack_table, summarize_buckets
 from .derived_signals import (
     ComputedSignal,
     Derived,
@@ -34,7 +34,7 @@ from .reader import (
     read_samples,
 )
 from .recorder import CHUNK_TICKS, RECORDER_PART, Recorder, describe_end
-from .retention import NotRemovableError, Overview, RetentionRule, delete_recordings, summarise_retention
+from .retention import NotRemovableError, Overview, RetentionRule, delete_recordings, summarize_retention
 from .trigger import TRIGGER_PART, WINDOWS, Armed, Condition, ConditionKind, Trigger, Triggered, load_armed_trigger
 from .verification import RecordingsCheck, check_recordings
 
@@ -91,7 +91,7 @@ __all__ = [
     "read_slabs",
     "reader",
     "select_derived",
-    "summarise_buckets",
-    "summarise_retention",
+    "summarize_buckets",
+    "summarize_retention",
     "welch_spectrum",
 ]

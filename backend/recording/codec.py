@@ -71,7 +71,7 @@ def _inflate(packed: bytes, columns: int) -> bytes:
     return raw
 
 
-def summarise_buckets(table: Table) -> Table:
+def summarize_buckets(table: Table) -> Table:
     """Return minima and maxima per ``BUCKET_TICKS`` rows: [2 * buckets, columns].
 
     Minima come first. The last bucket may have fewer rows. A bucket without any number gives NaN.

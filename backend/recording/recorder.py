@@ -16,7 +16,7 @@ from backend.faults import Fault
 from backend.models import StoredWall, build_stored_wall
 from backend.realtime import Event, LoopExited, Ring, RunEnded, WallChanged
 from backend.recording import messages
-from backend.recording.codec import Table, pack_table, summarise_buckets
+from backend.recording.codec import Table, pack_table, summarize_buckets
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
 from backend.storage import (
     Chunk,
@@ -371,7 +371,7 @@ def _split_chunks(tick: int, table: Table) -> list[Chunk]:
     """Pack a table that begins at ``tick``; all chunks except the last are full."""
     parts = [table[at : at + CHUNK_TICKS] for at in range(0, len(table), CHUNK_TICKS)]
     return [
-        Chunk(tick + CHUNK_TICKS * index, len(part), pack_table(summarise_buckets(part)), pack_table(part))
+        Chunk(tick + CHUNK_TICKS * index, len(part), pack_table(summarize_buckets(part)), pack_table(part))
         for index, part in enumerate(parts)
     ]
 

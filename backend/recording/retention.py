@@ -63,7 +63,7 @@ class Overview:
         )
 
 
-def summarise_retention(database: Database, rule: RetentionRule) -> Overview:
+def summarize_retention(database: Database, rule: RetentionRule) -> Overview:
     """Return the sizes of recordings and the deletable runs.
 
     These are the oldest without dependent results, until the rest is within the limit.
@@ -85,13 +85,13 @@ def delete_recordings(database: Database, rule: RetentionRule, run_ids: Sequence
 
     Raises NotRemovableError unless every one of them is deletable.
     """
-    may_go = {run.run_id: run for run in summarise_retention(database, rule).may_go}
+    may_go = {run.run_id: run for run in summarize_retention(database, rule).may_go}
     others = sorted(set(run_ids) - set(may_go))
     if others or not run_ids:
         raise NotRemovableError(messages.runs_not_removable(refused=others, removable=list(may_go)))
     for run_id in sorted(set(run_ids)):
         _remove(database, may_go[run_id], who)
-    return summarise_retention(database, rule)
+    return summarize_retention(database, rule)
 
 
 def _remove(database: Database, run: RetentionEntry, who: str) -> None:

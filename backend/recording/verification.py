@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backend.recording.codec import CodecError, Table, summarise_buckets, unpack
+from backend.recording.codec import CodecError, Table, summarize_buckets, unpack
 from backend.storage import Chunk, Database, Session, recordings
 
 
@@ -62,7 +62,7 @@ def _problem(chunk: Chunk, digest: str, columns: int) -> str:
         return str(error)
     if len(table) != chunk.count:
         return f"their number is {len(table)}, but {chunk.count} were recorded"
-    if not _is_equal(summarise_buckets(table), summary):
+    if not _is_equal(summarize_buckets(table), summary):
         return "their minima or maxima differ from the stored ones"
     return ""
 

@@ -45,7 +45,7 @@ def of_samples(columns: Columns) -> str:
     """Return the SHA-256 of all samples: the times, then each stored signal."""
     found = hashlib.sha256()
     for name in _present(columns):
-        found.update(_normalise_column(columns, name).tobytes())
+        found.update(_normalize_column(columns, name).tobytes())
     return found.hexdigest()
 
 
@@ -54,7 +54,7 @@ def compute_block_hashes(columns: Columns) -> dict[str, list[str]]:
     size = columns["t"].size
     return {
         name: [_check(stored[start : start + _BLOCK]) for start in range(0, size, _BLOCK)]
-        for name, stored in ((name, _normalise_column(columns, name)) for name in _present(columns))
+        for name, stored in ((name, _normalize_column(columns, name)) for name in _present(columns))
     }
 
 
@@ -66,7 +66,7 @@ def _check(stored: NDArray[Any]) -> str:
     return f"{zlib.crc32(stored.tobytes()):08x}"
 
 
-def _normalise_column(columns: Columns, name: str) -> NDArray[Any]:
+def _normalize_column(columns: Columns, name: str) -> NDArray[Any]:
     """Return a column in the form that is hashed, independent of the file format.
 
     Times are in whole ns, which all formats preserve. Signals are float32 with a single kind of NaN.

@@ -88,7 +88,7 @@ _CONTROLLERS = {
         "the identified geometry, spring and motors (K_m, T_m); its gains are for the operating point at 20 N",
     ),
     Law.FEEDBACK_LINEARIZATION: (
-        "feedback linearisation (the static law), for comparison: without motor loops, without bank and outer gains",
+        "feedback linearization (the static law), for comparison: without motor loops, without bank and outer gains",
         "the true plant: all equations and parameters of the simulator, including friction and the "
         "differences between the sides. No such model exists for a rig",
     ),

@@ -79,7 +79,7 @@ BODE_NOTES = (
     "Bandwidth and resonance are relative to the gain 1 at zero frequency, which integral action "
     "ensures. Between two lines, and between zero frequency and the lowest line, 1/|H|² is interpolated "
     "over f² by a monotone cubic.",
-    "The prediction combines the plant, linearised about the references with its identified parameters "
+    "The prediction combines the plant, linearized about the references with its identified parameters "
     "and zero-order hold of the voltages, with the active loops and gains. In time-optimal motion it "
     "includes the trajectory, provided that the voltage for the references is within its limit. It does "
     "not include friction.",
@@ -561,7 +561,7 @@ def impact_panels(columns: Columns, hits: Sequence[Hit], name: str, angles: Angl
 
 PUSH_NOTES = (
     "Deviations are relative to the mean over the 0.1 s before each push. The predicted response is that of "
-    "the plant, linearised with its identified parameters, and of the active loops and gains under the "
+    "the plant, linearized with its identified parameters, and of the active loops and gains under the "
     "same force; it does not include friction. It is the same in both motions, because the loops that "
     "respond to a push are the same.",
     "Static is r_j F/S, the deflection under a constant force with the position loop open. With the loop "

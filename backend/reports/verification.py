@@ -577,7 +577,7 @@ def computed_again(manifest: ReportManifest, columns: Columns) -> tuple[Verified
         left_out = (*older, *_list_unverified_fields(manifest))
         others = [] if older else list(_results(manifest, again))
         is_complete = bool(older) or not others
-        source = rebuild_run_data(manifest, columns, *(_normalise_result(manifest) if is_complete else again))
+        source = rebuild_run_data(manifest, columns, *(_normalize_result(manifest) if is_complete else again))
     except Exception as error:
         problem = not_made("the source data", "a run that can be recomputed", error)
         return Verified((*differences, problem)[:MOST], ()), None
@@ -649,7 +649,7 @@ def _recompute_result(manifest: ReportManifest, columns: Columns) -> _Result:
     return result.metrics, result.criteria, None if estimate is None else to_stored_estimate(estimate)
 
 
-def _normalise_result(manifest: ReportManifest) -> _Result:
+def _normalize_result(manifest: ReportManifest) -> _Result:
     """Return the result as the report has it, so that rounding changes no hash."""
     metrics, of = manifest.metrics, f"run {manifest.run.id}"
     criteria = CRITERIA.read(manifest.criteria, of)

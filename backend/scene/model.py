@@ -136,7 +136,7 @@ def can_be_drawn(sample: dict[str, float]) -> bool:
 
 
 def force_colour(force_N: float) -> tuple[int, int, int]:
-    """Return the colour of a tendon with force ``force_N``, finely quantised."""
+    """Return the colour of a tendon with force ``force_N``, finely quantized."""
     level = round(_COLOUR_STEPS * min(max(force_N / SOLID_FORCE_N, 0.0), 1.0)) / _COLOUR_STEPS
     for (low, begin), (high, end) in pairwise(_FORCE_COLOURS):
         if level <= high:

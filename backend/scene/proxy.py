@@ -165,11 +165,11 @@ class InboundLimiter:
 
 
 def create_scene_router(
-    authorise: Callable[[HTTPConnection], object], scene: SceneMirror, path: str = "/scene"
+    authorize: Callable[[HTTPConnection], object], scene: SceneMirror, path: str = "/scene"
 ) -> APIRouter:
     """Return the routes of ``scene`` under ``path``.
 
-    ``authorise`` raises for unauthenticated requests.
+    ``authorize`` raises for unauthenticated requests.
     """
     routes = APIRouter(include_in_schema=False)
     html = page()
@@ -182,13 +182,13 @@ def create_scene_router(
 
     @routes.get(f"{path}/")
     def client(request: Request) -> HTMLResponse:
-        authorise(request)
+        authorize(request)
         return HTMLResponse(html, headers={"Content-Security-Policy": POLICY, "Cache-Control": "private, max-age=3600"})
 
     @routes.websocket(path)
     @routes.websocket(f"{path}/")
     async def stream(websocket: WebSocket) -> None:
-        authorise(websocket)
+        authorize(websocket)
         await viewers.serve(websocket)
 
     return routes

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from backend import __version__
 from backend.realtime import LATENESS_EDGES_S, Supervisor, count_lateness
-from backend.recording import Overview, RetentionRule, delete_recordings, summarise_retention
+from backend.recording import Overview, RetentionRule, delete_recordings, summarize_retention
 from backend.schemas import (
     BackupView,
     DatabaseCheck,
@@ -145,7 +145,7 @@ class Retention:
 
     def summarize_recordings(self) -> RecordingsView:
         """Return the size of the recordings and which may be deleted. Raises StorageError."""
-        return self._build_view(summarise_retention(self._database, self._rule))
+        return self._build_view(summarize_retention(self._database, self._rule))
 
     def delete_samples(self, run_ids: list[int], who: str) -> RecordingsView:
         """Delete the samples of exactly these runs.

@@ -125,7 +125,7 @@ def find_same_record(session: Session, kind: str, document: Document) -> int | N
         here = build_record_document(session, kind, row.id)
         changing = (*_CHANGES.get(kind, ()), *REFERENCES)
         if all(
-            _normalise_for_comparison(name, here) == _normalise_for_comparison(name, document)
+            _normalize_for_comparison(name, here) == _normalize_for_comparison(name, document)
             for name in here
             if name not in changing
         ):
@@ -178,7 +178,7 @@ def connect_imported_bank(session: Session, run_id: int, document: Document) -> 
     return True
 
 
-def _normalise_for_comparison(name: str, document: Document) -> Any:
+def _normalize_for_comparison(name: str, document: Document) -> Any:
     """Return a part of a record for comparison, without the numbers of banks."""
     part = document[name]
     return renumber_banks(remove_initial_bank(part), lambda _: 0) if name == "settings" else part

@@ -370,14 +370,14 @@ def _require_known(term: Compare, known: Sequence[str], what: str) -> None:
             raise QueryError(value.place, messages.value_not_known(attribute=what, value=value.text), known, value.text)
 
 
-def normalise_tag(tag: str) -> str:
+def normalize_tag(tag: str) -> str:
     """Return a tag as stored: casefolded, in Unicode's NFC."""
     return normalize("NFC", normalize("NFC", tag).casefold())
 
 
 def tag(term: Compare) -> Condition:
     """Compare the tags of a run, of which one must match."""
-    tags = [normalise_tag(value.text) for value in term.values]
+    tags = [normalize_tag(value.text) for value in term.values]
     tagged = select(RunTagRow.run_id)
     any_tag = RunIndexRow.run_id.in_(tagged)
     named = RunIndexRow.run_id.in_(tagged.where(RunTagRow.tag.in_(tags)))

@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 from backend.errors import RequestRejectedError
 from backend.storage import messages, runs
 from backend.storage.orm import TAG_MAX, RunRow, RunTagRow, UnknownRecordError, mark_for_reindex
-from backend.storage.search import NONE, normalise_tag
+from backend.storage.search import NONE, normalize_tag
 from backend.storage.search_index import insert_new
 from backend.storage.stations import session_station
 from plant import ErrorCode
@@ -77,7 +77,7 @@ def of_runs(session: Session, run_ids: Sequence[int]) -> dict[int, list[str]]:
 
 def read_tag(tag: str) -> str:
     """Return a tag as stored. Raises TagError."""
-    normalised = normalise_tag(tag)
-    if not _TAG.fullmatch(normalised) or len(normalised) > TAG_MAX or normalised == NONE:
+    normalized = normalize_tag(tag)
+    if not _TAG.fullmatch(normalized) or len(normalized) > TAG_MAX or normalized == NONE:
         raise TagError(tag)
-    return normalised
+    return normalized

@@ -153,14 +153,14 @@ def _query_entries(
 
     Filter words of angles by the displayed text. The database has angles in rad: rows with an angle are filtered here.
     """
-    words = [_normalise_text(word) for word in asked.words if _may_be_of_angle(word)]
+    words = [_normalize_text(word) for word in asked.words if _may_be_of_angle(word)]
     if not words:
         return [make(row)[0] for row in session.execute(query.limit(limit))]
 
     def matches(found: tuple[LogEntry, str]) -> bool:
         one, beside = found
         turned = (format_text(text, asked.angles) for text in (one.text, beside))
-        read = [_normalise_text(place) for place in (*turned, one.who, one.note, *one.tags)]
+        read = [_normalize_text(place) for place in (*turned, one.who, one.note, *one.tags)]
         read += [place.replace("°", " deg") for place in read]
         return all(word == str(one.run) or any(word in place for place in read) for word in words)
 
@@ -176,7 +176,7 @@ def _may_be_of_angle(word: str) -> bool:
     return any(letter.isdigit() for letter in word) or bool(_UNITS.fullmatch(word.casefold()))
 
 
-def _normalise_text(text: str) -> str:
+def _normalize_text(text: str) -> str:
     return _SPELLED.sub("°", text.casefold().replace("−", "-"))
 
 

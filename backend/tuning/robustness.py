@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 
 # Linear model --------------------------------------------------------------------------------------
-# The high-order linear model of the outer loops' process: the plant linearised at rest, with closed motor loops.
+# The high-order linear model of the outer loops' process: the plant linearized at rest, with closed motor loops.
 #
 # It has the four lags of the motor loops, their load, and the joint's resonance, which a first-order model neglects
 # (erratum E6). Coulomb friction is neglected: smoothed at standstill it would act as a huge viscous friction.
@@ -111,7 +111,7 @@ def linear_plant(
 ) -> "control.StateSpace":
     """Return the plant from voltages [V] and joint torque [N·m] to q, θ_A, θ_B [rad].
 
-    The plant is linearised at rest at S [N·m/rad] and q = 0. Motors and springs are the identified ones, or with
+    The plant is linearized at rest at S [N·m/rad] and q = 0. Motors and springs are the identified ones, or with
     ``true_plant`` those of the plant itself. S is always the controller's estimate.
     """
     import control
@@ -449,7 +449,7 @@ def motor_robustness(motor: MotorModel, gains: pid.IPDGains) -> Robustness:
     """
     import control
 
-    loop = _discretise_motor(motor) * _law(gains)
+    loop = _discretize_motor(motor) * _law(gains)
     return compute_robustness(control.tf2ss(loop), loop(_Z), _MOTOR_LOOP_OMEGA)
 
 
@@ -517,11 +517,11 @@ def _computed_range(motor: MotorModel) -> tuple[float, float, float]:
 
 
 def _peak(motor: MotorModel, lam: float) -> float:
-    return peak((_discretise_motor(motor) * _law(motor_gains(motor.K_m, motor.T_m, lam)))(_Z))
+    return peak((_discretize_motor(motor) * _law(motor_gains(motor.K_m, motor.T_m, lam)))(_Z))
 
 
 @cache
-def _discretise_motor(motor: MotorModel) -> "control.TransferFunction":
+def _discretize_motor(motor: MotorModel) -> "control.TransferFunction":
     """Return the model from the voltage over a period to the position at its end."""
     import control
 

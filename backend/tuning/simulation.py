@@ -415,7 +415,7 @@ class Sampled:
 
 @dataclass(frozen=True)
 class SampledLoop:
-    """The loop and its parts, linearised at rest.
+    """The loop and its parts, linearized at rest.
 
     ``plant``: voltages [V] and a joint torque [N·m] to q, θ_A, θ_B [rad]. ``law``: q_ref, S_ref, q, θ_A, θ_B, and the
     rejection's inputs, to voltages. ``closed``: inputs as in ``INPUTS``, outputs as in ``OUTPUTS``. ``split`` (2, 2):

@@ -1,4 +1,4 @@
-"""Who is recognised by what, and where the tokens are kept."""
+"""Who is recognized by what, and where the tokens are kept."""
 
 import asyncio
 import stat
@@ -18,7 +18,7 @@ from backend.server.security import COOKIE, end_session, read_credentials, set_s
 from backend.settings import Settings
 from tests.refusals import refused
 
-# Who is recognised by what, on its own.
+# Who is recognized by what, on its own.
 
 
 class Clock:
@@ -94,7 +94,7 @@ def test_each_token_opens_its_role_and_others_none(door: Door) -> None:
     assert sign_in_status(door, "\ud800") == 401
 
 
-def test_the_cookie_is_recognised_with_the_same_tokens_only(door: Door, tmp_path: Path) -> None:
+def test_the_cookie_is_recognized_with_the_same_tokens_only(door: Door, tmp_path: Path) -> None:
     response = Response()
     asks = connection({})
     ana = door.authentication.sign_in(read_credentials(asks), door.token(), "Ana")

@@ -91,7 +91,7 @@ def run_feedback_linearization(
     F_push: Array | None = None,
     seed: int = 0,
 ) -> Trajectory:
-    """As ``closed_loop.run``, under feedback linearisation."""
+    """As ``closed_loop.run``, under feedback linearization."""
     rig, x, u_A, u_B, m = _at_rest(parameters, tuning.decoupler, float(q_ref[0]), float(S_ref[0]))
     controller = baselines.initialize_feedback_linearization(tuning, u_A, u_B, m)
     line, out = empty_arrays(q_ref.size)

@@ -25,7 +25,7 @@ from plant.simulator import DELAY_SLOTS, actuate_plant, sense_state
 
 
 class TrueStates(NamedTuple):
-    """Each (ticks,): joint [rad], stiffness [N·m/rad], motor angles [rad] and voltages [V], none of them quantised."""
+    """Each (ticks,): joint [rad], stiffness [N·m/rad], motor angles [rad] and voltages [V], none of them quantized."""
 
     q: Array
     S: Array

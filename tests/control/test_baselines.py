@@ -1,4 +1,4 @@
-"""Baseline laws: feedback linearisation and the single loop."""
+"""Baseline laws: feedback linearization and the single loop."""
 
 import math
 from dataclasses import replace
@@ -12,7 +12,7 @@ from plant.interface import Measurement
 from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop.baseline_loops import run_feedback_linearization, run_single_loop
 
-# Feedback linearisation: what is left of the plant is the reference filter, and both channels are strangers.
+# Feedback linearization: what is left of the plant is the reference filter, and both channels are strangers.
 
 IDEAL = load_parameters("ideal")
 UNGOVERNED = 1e9
@@ -107,7 +107,7 @@ def test_clipped_voltage_does_not_wind_up() -> None:
     assert trajectory.q[-1] == pytest.approx(1.0, abs=2e-3)
 
 
-def test_a_spring_of_third_order_is_linearised_too() -> None:
+def test_a_spring_of_third_order_is_linearized_too() -> None:
     k = (-2.0, 300.0, 7000.0, 30_000.0)
     cubic = replace(IDEAL, spring=replace(IDEAL.spring, k=k, x_solid=0.060), identified=replace(IDEAL.identified, k=k))
     ticks = 4000

@@ -209,7 +209,7 @@ def test_e8_minimum_stiffness_is_the_one_at_zero_force() -> None:
 
 
 def test_e9_the_static_law_needs_no_states_of_its_own() -> None:
-    """Relative degrees of the linearised joint with its two motors: 4 for q, 2 for S, together all six states."""
+    """Relative degrees of the linearized joint with its two motors: 4 for q, 2 for S, together all six states."""
     text = section("E9")
     J_j, B_j, S_0, stiffer = 5.2e-4, 0.046, 10.5, 2 * r_j**2 * k_2 * r_m
     A = np.zeros((6, 6))  # q, q', θ_A, θ_A', θ_B, θ_B'

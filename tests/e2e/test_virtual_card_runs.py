@@ -133,7 +133,7 @@ def started(operator: Operator, button: str, path: str) -> int:
 
 
 def agree(name: str, ours: list[dict[str, Any]], theirs: Mapping[str, tuple[float | None, str]]) -> None:
-    """Assert that figures agree with the simulator's within quantisation."""
+    """Assert that figures agree with the simulator's within quantization."""
     assert {figure["name"] for figure in ours} == theirs.keys()
     for figure in ours:
         value, expected = figure["value"], theirs[figure["name"]][0]

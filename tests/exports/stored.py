@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sqlalchemy import text
 
 from backend.analysis.evaluation import reevaluate_run
-from backend.recording.codec import pack_table, summarise_buckets
+from backend.recording.codec import pack_table, summarize_buckets
 from backend.sample import STORED_NAMES
 from backend.schemas.run import LineageNode
 from backend.services.lineage import RunHistory
@@ -60,7 +60,7 @@ def recorded(
     recordings.begin(session, run.id, list(STORED_NAMES), T_s)
     for number, (begin, end) in enumerate(itertools.pairwise((0, *cuts, len(table)))):
         part = table[begin:end]
-        chunk = Chunk(7_000 + begin + 5 * number, len(part), pack_table(summarise_buckets(part)), pack_table(part))
+        chunk = Chunk(7_000 + begin + 5 * number, len(part), pack_table(summarize_buckets(part)), pack_table(part))
         recordings.add_chunks(session, run.id, [chunk])
     if cuts:
         recordings.add_gap(session, run.id, 5 * len(cuts), "the disk was full")

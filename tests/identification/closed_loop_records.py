@@ -1,6 +1,6 @@
 """Records whose truth is known: a linear plant inside a PI loop, a binary sequence at its input, noise in the loop.
 
-Simulated sample by sample through scipy's own discretisation, independent of the package's filters.
+Simulated sample by sample through scipy's own discretization, independent of the package's filters.
 """
 
 from typing import TypedDict

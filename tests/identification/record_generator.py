@@ -1,6 +1,6 @@
 """Provoked records whose truth is known: good ones of every shape, and ones with a fault that identification must see.
 
-All come from a seed. Simulated through SciPy's own discretisation, or sample by sample by the motor of
+All come from a seed. Simulated through SciPy's own discretization, or sample by sample by the motor of
 :mod:`tests.identification.own_motor`, independent of the package's filters.
 """
 

@@ -88,7 +88,7 @@ def test_too_little_motion_is_said_with_the_number_of_counts() -> None:
     assert find_reason(found.verdict, "too_little_motion")["counts"] == pytest.approx(found.motion_counts)
 
 
-# The default experiment played on the simulator, against geometry and against the plant linearised numerically.
+# The default experiment played on the simulator, against geometry and against the plant linearized numerically.
 
 OMEGA = np.geomspace(0.05, 5.0, 30)
 SUM_OF_LAGS_S = 0.342
@@ -108,7 +108,7 @@ def candidate(found: ActuatorIdentification, channel: str, structure: str) -> Es
     return next(estimate for estimate in ranked if estimate.model.structure == structure)
 
 
-def linearised(parameters: PlantParameters, S: float) -> tuple[np.ndarray, np.ndarray]:
+def linearized(parameters: PlantParameters, S: float) -> tuple[np.ndarray, np.ndarray]:
     """Responses at OMEGA from one motor's reference to q and S.
 
     Both sides are alike, so that one motor alone does half of what both do through the decoupler.
@@ -176,7 +176,7 @@ def test_on_the_ideal_plant_gains_lags_and_frequency_response_are_right(
     assert candidate(found, "q", "lags4").model.gain == pytest.approx(0.05, rel=0.01)
     assert G_q.model.gain == pytest.approx(0.05, rel=0.002)
     assert candidate(found, "S", "order:4").model.gain == pytest.approx(GAIN_S, rel=0.01)
-    for model, truth in zip((G_q, G_S), linearised(ideal, TABLE_1[tension].S), strict=True):
+    for model, truth in zip((G_q, G_S), linearized(ideal, TABLE_1[tension].S), strict=True):
         assert pytest.approx(SUM_OF_LAGS_S, rel=0.05) == model.first_order.T
         ratio = model.model.response(OMEGA) / truth
         assert np.max(np.abs(np.abs(ratio) - 1.0)) < 0.03

@@ -1,4 +1,4 @@
-"""Files as people save them give the columns they hold; time is recognised and checked, never taken silently."""
+"""Files as people save them give the columns they hold; time is recognized and checked, never taken silently."""
 
 import io
 from collections.abc import Callable
@@ -82,7 +82,7 @@ TIMES = {
 
 
 @pytest.mark.parametrize("heading", TIMES)
-def test_a_time_column_is_recognised_by_its_name_and_unit(heading: str) -> None:
+def test_a_time_column_is_recognized_by_its_name_and_unit(heading: str) -> None:
     text = f"{heading},u,y\n" + "".join(
         f"{t!r},{u},{y}\n" for t, u, y in zip(TIMES[heading].tolist(), U, Y, strict=True)
     )

@@ -70,7 +70,7 @@ def test_there_are_no_other_rows() -> None:
     assert set(TABLE_1) == set(PRINTED)
 
 
-# Simulation by sections against scipy's discretisation run step by step.
+# Simulation by sections against scipy's discretization run step by step.
 
 PERIOD_S = 1e-3
 MODELS = [

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from plant.dynamics import AT_REST, PlantState, tendon_tension
 from plant.interface import ZERO_VOLTS, MotorCommand, PlantError
 from plant.parameters import PlantParameters
-from plant.simulator import Simulator, quantise
+from plant.simulator import Simulator, quantize
 from tests.refusals import refused
 
 # Encoders, load cells and converters of the simulated rig, seen through its interface.
@@ -23,10 +23,10 @@ def with_sensors(parameters: PlantParameters, **entries: float) -> PlantParamete
 
 
 @given(st.floats(-10.0, 10.0), st.sampled_from([2.0 * np.pi / 4000, 2.0 * np.pi / 8000, 20.0 / 2**16]))
-def test_quantisation_is_the_nearest_multiple(value: float, step: float) -> None:
-    counts = quantise(value, step) / step
+def test_quantization_is_the_nearest_multiple(value: float, step: float) -> None:
+    counts = quantize(value, step) / step
     assert counts == pytest.approx(round(counts), abs=1e-9)
-    assert abs(quantise(value, step) - value) <= 0.5 * step * (1.0 + 1e-9)
+    assert abs(quantize(value, step) - value) <= 0.5 * step * (1.0 + 1e-9)
 
 
 def test_encoders_read_whole_counts_of_their_own_resolution(ideal: PlantParameters) -> None:

@@ -21,7 +21,7 @@ from plant.interface import (
 from plant.parameters import load_parameters
 from plant.safety_card import WATCHDOG_S
 from plant.simulator import FaultInjector, Simulator
-from plant.terminals import LoadCellScaling, compute_volts, quantise_volts
+from plant.terminals import LoadCellScaling, compute_volts, quantize_volts
 from plant.virtual_daq import VirtualRig, apply_miswiring
 from plant.wiring import SECTIONS, Wiring, load_wiring
 
@@ -59,10 +59,10 @@ def test_the_end_switch_is_read_whichever_level_it_holds(active: str, position: 
 
 def test_a_converter_ends_at_its_first_and_last_code() -> None:
     step = 20.0 / 2**16
-    assert (quantise_volts(25.0), quantise_volts(-25.0)) == (10.0 - step, -10.0)
-    assert (quantise_volts(10.0), quantise_volts(10.0 - step)) == (10.0 - step, 10.0 - step)
-    assert quantise_volts(1.2345) == pytest.approx(1.2345, abs=step / 2)
-    assert math.isnan(quantise_volts(math.nan))
+    assert (quantize_volts(25.0), quantize_volts(-25.0)) == (10.0 - step, -10.0)
+    assert (quantize_volts(10.0), quantize_volts(10.0 - step)) == (10.0 - step, 10.0 - step)
+    assert quantize_volts(1.2345) == pytest.approx(1.2345, abs=step / 2)
+    assert math.isnan(quantize_volts(math.nan))
 
 
 def test_a_card_in_stepped_time_that_is_gone_goes_on_with_its_last_volts_until_its_watchdog_expires() -> None:

@@ -1,6 +1,6 @@
 """Changes of mode, law, bank and tuning drawn by chance while the joint rests, and what each of them moves.
 
-Feedback linearisation is not among the laws: on encoders with counts its voltages never rest (9 V peak to peak on
+Feedback linearization is not among the laws: on encoders with counts its voltages never rest (9 V peak to peak on
 `lab`), so nothing can be said of a change to it.
 """
 

@@ -74,7 +74,7 @@ def test_soft_stop_brakes_under_tension_before_it_lets_go(name: str, moving_s: f
     released = int(np.argmax(modes == MODE_CODE[Mode.TRIPPED]))
     assert released > 300
     assert F[:released].min() > 5.0
-    # Encoder quantisation alone makes the estimate of a standing joint read up to one count in ten ticks.
+    # Encoder quantization alone makes the estimate of a standing joint read up to one count in ten ticks.
     noise = 0.16 if name == "lab" else 0.0
     assert np.max(np.abs(q_dot[250:released])) < 0.05 * speed + noise
     assert bench.column("u_A")[-1] == bench.column("u_B")[-1] == 0.0

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.recording.codec import pack_table, summarise_buckets
+from backend.recording.codec import pack_table, summarize_buckets
 from backend.storage import recordings
 from backend.storage.database import Database
 from backend.storage.recordings import Chunk
@@ -30,7 +30,7 @@ def recorded_run(
         kept = [k for k in range(begin, min(begin + CHUNK, len(table))) if k not in lost]
         for part in np.split(kept, np.flatnonzero(np.diff(kept) > 1) + 1) if kept else []:
             rows = table[part]
-            chunks.append(Chunk(first + int(part[0]), len(part), pack_table(summarise_buckets(rows)), pack_table(rows)))
+            chunks.append(Chunk(first + int(part[0]), len(part), pack_table(summarize_buckets(rows)), pack_table(rows)))
     with database.session() as session:
         recordings.begin_imported(session, run, list(signals), T_s, len(lost), "lost on purpose" if lost else "")
         recordings.add_chunks(session, run, chunks)

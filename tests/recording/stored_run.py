@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.recording.codec import pack_table, summarise_buckets
+from backend.recording.codec import pack_table, summarize_buckets
 from backend.recording.recorder import CHUNK_TICKS
 from backend.sample import STORED_NAMES
 from backend.storage import recordings, runs
@@ -40,7 +40,7 @@ def store_run(
         for part in parts:
             for begin in range(part.start, part.stop, CHUNK_TICKS):
                 rows = table[begin : min(begin + CHUNK_TICKS, part.stop)]
-                packed = Chunk(FIRST_TICK + begin, len(rows), pack_table(summarise_buckets(rows)), pack_table(rows))
+                packed = Chunk(FIRST_TICK + begin, len(rows), pack_table(summarize_buckets(rows)), pack_table(rows))
                 recordings.add_chunks(session, run, [packed])
         if missing.stop > missing.start:
             recordings.add_gap(session, run, missing.stop - missing.start, "the disk was full")

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from backend.recording.codec import BUCKET_TICKS, CodecError, pack_table, summarise_buckets, unpack
+from backend.recording.codec import BUCKET_TICKS, CodecError, pack_table, summarize_buckets, unpack
 from tests.refusals import refused
 
 TABLES = npst.arrays(np.float32, npst.array_shapes(min_dims=2, max_dims=2, min_side=1, max_side=130))
@@ -31,7 +31,7 @@ def test_special_values_survive() -> None:
 @given(TABLES)
 @settings(deadline=None, max_examples=50)
 def test_summary_holds_every_number_and_no_other(table: np.ndarray[tuple[int, ...], np.dtype[np.float32]]) -> None:
-    low, high = np.split(summarise_buckets(table), 2)
+    low, high = np.split(summarize_buckets(table), 2)
     assert len(low) == math.ceil(len(table) / BUCKET_TICKS)
     for bucket in range(len(low)):
         part = table[bucket * BUCKET_TICKS : (bucket + 1) * BUCKET_TICKS]

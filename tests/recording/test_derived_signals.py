@@ -22,7 +22,7 @@ from backend.experiments.parser import (
     parse_derived_signal,
 )
 from backend.realtime.ring_buffer import Ring
-from backend.recording.codec import pack_table, summarise_buckets
+from backend.recording.codec import pack_table, summarize_buckets
 from backend.recording.reader import AT_HAND_SAMPLES, UnknownSignalError, read_envelope, read_samples
 from backend.recording.recorder import CHUNK_TICKS
 from backend.sample import COMBINED_SIGNAL_BY_NAME, COMBINED_SIGNALS, INDEX, STORED_NAMES
@@ -261,7 +261,7 @@ def packed_second(error: float) -> tuple[bytes, bytes]:
     table[:, q] = table[:, q_ref] = np.sin(np.arange(CHUNK_TICKS))
     table[:, theta_A] = 2.0
     table[AT, q] += np.float32(error)
-    return pack_table(summarise_buckets(table)), pack_table(table)
+    return pack_table(summarize_buckets(table)), pack_table(table)
 
 
 def test_the_whole_of_a_long_recording_has_the_extremes_of_every_sample(long_run: tuple[Database, int]) -> None:

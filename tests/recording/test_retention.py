@@ -9,7 +9,7 @@ from sqlalchemy import text
 
 from backend.models.run import Metrics
 from backend.recording.reader import read_samples
-from backend.recording.retention import NotRemovableError, RetentionRule, delete_recordings, summarise_retention
+from backend.recording.retention import NotRemovableError, RetentionRule, delete_recordings, summarize_retention
 from backend.storage import events, identifications, recordings, results, runs
 from backend.storage.database import Database, Session
 from backend.storage.orm import UnknownRecordError
@@ -40,12 +40,12 @@ def recorded(database: Database, days: int = 100, end: EndState = EndState.STOPP
 
 
 def ids(database: Database, rule: RetentionRule) -> list[int]:
-    return [run.run_id for run in summarise_retention(database, rule).may_go]
+    return [run.run_id for run in summarize_retention(database, rule).may_go]
 
 
 def test_under_the_limit_nothing_may_go(database: Database) -> None:
     run = recorded(database)
-    found = summarise_retention(database, RetentionRule(BYTES, 30))
+    found = summarize_retention(database, RetentionRule(BYTES, 30))
     assert (found.total_bytes, found.may_go, found.describe) == (BYTES, (), "")
     with refused(NotRemovableError, "runs_not_removable", refused=[run], removable=[]):
         delete_recordings(database, RetentionRule(BYTES, 30), [run], "Ana")
@@ -57,14 +57,14 @@ def test_the_oldest_go_first_and_only_as_many_as_have_to(database: Database) -> 
     assert ids(database, RetentionRule(2 * BYTES, 30)) == [first]
     assert ids(database, RetentionRule(BYTES, 30)) == [first, second]
     assert ids(database, RetentionRule(1, 30)) == [first, second, third]
-    says = summarise_retention(database, RetentionRule(BYTES, 30)).describe
+    says = summarize_retention(database, RetentionRule(BYTES, 30)).describe
     assert "limit 0.0 MB: the samples of 2 runs older than 30 days (0.1 MB) can be deleted" in says
 
 
 def test_what_is_young_or_open_stays(database: Database) -> None:
     recorded(database, days=29)
     recorded(database, days=90, end=EndState.RUNNING)
-    found = summarise_retention(database, RetentionRule(1, 30))
+    found = summarize_retention(database, RetentionRule(1, 30))
     assert found.may_go == ()
     assert "none can be deleted" in found.describe
 
@@ -92,7 +92,7 @@ def test_what_a_model_or_result_came_from_never_goes(database: Database, use: Ca
         delete_recordings(database, RetentionRule(1, 0), [used, unused], "Ana")
     with database.reading() as session:
         assert recordings.extent(session, unused).count == CHUNKS * 1000, "refused as a whole"
-    assert summarise_retention(database, RetentionRule(1, 0)).in_use_bytes == BYTES
+    assert summarize_retention(database, RetentionRule(1, 0)).in_use_bytes == BYTES
 
 
 @pytest.mark.parametrize("named", [[], [999]])

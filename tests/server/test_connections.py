@@ -190,7 +190,7 @@ def test_an_idle_crowd_of_many_addresses_does_not_push_out_who_asked(crowd: Crow
     assert crowd.gone == list("23456")
 
 
-def test_who_is_recognised_stays(crowd: Crowd) -> None:
+def test_who_is_recognized_stays(crowd: Crowd) -> None:
     assert crowd.limiter.authenticate(crowd.comes("operator", "10.0.0.1"), OPERATOR)
     for name in "abcdef":
         crowd.comes(name, "10.0.0.1")

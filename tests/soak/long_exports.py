@@ -17,7 +17,7 @@ from rich.console import Console
 
 from backend.exports.base import export_run
 from backend.exports.formats import DataFormat, stream_export
-from backend.recording.codec import pack_table, summarise_buckets
+from backend.recording.codec import pack_table, summarize_buckets
 from backend.recording.recorder import CHUNK_TICKS
 from backend.sample import STORED_NAMES
 from backend.storage import recordings, runs
@@ -49,7 +49,7 @@ def _recorded(folder: Path, seconds: int) -> int:
     tables = [random.normal(0.4, 0.01, shape).astype(np.float32) for _ in range(_ALIKE)]
     for table in tables:
         table[:, STORED_NAMES.index("S_true")] = np.nan
-    packed = [(pack_table(summarise_buckets(table)), pack_table(table)) for table in tables]
+    packed = [(pack_table(summarize_buckets(table)), pack_table(table)) for table in tables]
     database = open_database(folder)
     try:
         with database.session() as session:

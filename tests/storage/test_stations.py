@@ -144,8 +144,8 @@ def test_what_keeps_house_leaves_other_stations_alone(stations: tuple[Database, 
                 flights.add(session, NewFlight(event.id, "force_limit", 0, tick, 9, ["q"], b"xx"))
         numbers.append(run.id)
     rule = RetentionRule(max_bytes=1, keep_days=0)
-    assert [one.run_id for one in retention.summarise_retention(a, rule).may_go] == numbers[:1]
-    assert retention.summarise_retention(a, rule).total_bytes == 100
+    assert [one.run_id for one in retention.summarize_retention(a, rule).may_go] == numbers[:1]
+    assert retention.summarize_retention(a, rule).total_bytes == 100
     with refused(NotRemovableError, "runs_not_removable", refused=[numbers[1]]):
         retention.delete_recordings(a, rule, [numbers[1]], "Ana")
     retention.delete_recordings(a, rule, [numbers[0]], "Ana")

@@ -92,7 +92,7 @@ const LOPSIDED = 0.4;
 
 /**
  * The range to draw for `extent`, given the range drawn before. Ends fall on round numbers; the range is never
- * narrower than `narrowest`, so that quantisation noise at rest does not fill the chart.
+ * narrower than `narrowest`, so that quantization noise at rest does not fill the chart.
  */
 export function steadyRange(before: ValueRange, extent: Extent, narrowest: number): ValueRange {
   if (extent.maximum < extent.minimum) return before;

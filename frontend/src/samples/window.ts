@@ -120,7 +120,7 @@ export class SampleWindow {
       const column = this.ordered[index] as Column;
       this.fill(column.samples, holeFrom, frame.firstTick);
       this.copy(column.samples, frame.columns[index] as Float32Array, frame.firstTick);
-      this.summarise(column, holeFrom);
+      this.summarize(column, holeFrom);
     }
     for (const sum of this.sums) this.add(sum, Math.max(holeFrom, this.startTick));
     this.compute(Math.max(holeFrom, this.startTick));
@@ -159,7 +159,7 @@ export class SampleWindow {
       const slot = tick & mask;
       out[slot] = (timesA as number) * (ofA[slot] as number) + (timesB as number) * (ofB[slot] as number);
     }
-    this.summarise(column, fromTick);
+    this.summarize(column, fromTick);
   }
 
   private compute(fromTick: number): void {
@@ -173,7 +173,7 @@ export class SampleWindow {
           column.samples[(tick + row) & (this.capacity - 1)] = values[row] as number;
       }
     }
-    for (const { column } of this.derived) this.summarise(column, fromTick);
+    for (const { column } of this.derived) this.summarize(column, fromTick);
   }
 
   private given(name: string, tick: number, count: number): Float64Array {
@@ -194,7 +194,7 @@ export class SampleWindow {
     samples.set(kept.subarray(head), 0);
   }
 
-  private summarise(column: Column, fromTick: number): void {
+  private summarize(column: Column, fromTick: number): void {
     const blocks = this.capacity / BLOCK_TICKS;
     const firstBlock = Math.floor(Math.max(fromTick, this.startTick) / BLOCK_TICKS);
     for (let block = firstBlock; block * BLOCK_TICKS < this.endTick; block++) {

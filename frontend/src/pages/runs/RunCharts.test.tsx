@@ -52,7 +52,7 @@ it("asks for all of a short stretch at once", async () => {
   expect(result.current.lacking).toBe("");
 });
 
-it("shows what is summarised of a long one before what follows from every sample, and says that it comes", async () => {
+it("shows what is summarized of a long one before what follows from every sample, and says that it comes", async () => {
   const result = used(LONG_S + 1);
   await waitFor(() => expect([...asked.keys()].sort()).toEqual(["q - q_ref", "q,S"]));
   await act(async () => asked.get("q,S")?.(curves(2)));

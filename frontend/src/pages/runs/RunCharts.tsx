@@ -37,7 +37,7 @@ import { Replay } from "./Replay";
 import replay from "./Replay.module.css";
 import { TEXTS } from "./texts";
 
-/** Stretches of recordings, in two parts where they are long: what is summarised comes at once, what follows from every sample later. */
+/** Stretches of recordings, in two parts where they are long: what is summarized comes at once, what follows from every sample later. */
 
 /** Of what is longer [s] every sample is read beside the service: the extremes of a difference come some seconds later. */
 export const LONG_S = AT_HAND_SAMPLES * PERIOD_S;
