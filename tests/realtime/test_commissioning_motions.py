@@ -29,6 +29,7 @@ from backend.realtime.commissioning_motions import (
     HOMING_MAX_V,
     TENSION_MAX_N,
     TIME_MAX_S,
+    TRIAL_MAX_V,
     ModuleTrial,
     MotorTrial,
     compute_switch_travel,
@@ -41,7 +42,7 @@ from backend.sample import INDEX
 from backend.tuning.gains import collect_plant_knowledge
 from plant.dynamics import PlantState
 from plant.factory import make_plant
-from plant.interface import Measurement, PlantChoice, PlantKind
+from plant.interface import Measurement, PlantChoice, PlantKind, T_s
 from plant.manual_input import NO_MANUAL_INPUT, ManualInput
 from plant.messages import directions_not_proven
 from plant.parameters import load_parameters
@@ -319,6 +320,23 @@ def test_a_reading_that_is_no_number_ends_the_way_out(silent: str) -> None:
     assert rising == sorted(rising)
     after = [trial.step(gains, m._replace(**{silent: math.nan})).u_A for _ in range(50)]
     assert max(after) <= rising[-1]
+
+
+def test_a_motor_returns_with_the_voltages_of_its_way_out_and_rests_before_the_end() -> None:
+    """Nothing moves here, so that the way out ends at the largest voltage, after a second."""
+    m = Measurement(0.0, 0.0, 0.0, 2.0, 2.0, math.nan, 0.0, 0.0)
+    gains = build_cascade_tuning(
+        build_tuning_command(PARAMETERS_TRIAL, LoopSettings(), None), collect_plant_knowledge(PARAMETERS_TRIAL)
+    )
+    carry = MotorLoopState(pid.at_rest_motor_pair(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
+    trial, u_A = MotorTrial(carry, NO_REFERENCE, m, "A"), []
+    while not trial.done and len(u_A) < 5000:
+        u_A.append(trial.step(gains, m).u_A)
+    out, coast, back, pause = np.split(np.array(u_A), [999, 1200, 2200])
+    np.testing.assert_allclose(out, np.arange(1, 1000) * TRIAL_MAX_V * T_s)
+    np.testing.assert_array_equal(coast, 0.0)
+    np.testing.assert_allclose(back, -np.arange(1, 1001) * TRIAL_MAX_V * T_s)
+    np.testing.assert_array_equal(pause, np.zeros(301))
 
 
 @pytest.mark.parametrize("silent", ["F_A", "F_B"])

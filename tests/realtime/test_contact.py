@@ -3,11 +3,13 @@
 import math
 from dataclasses import replace
 from typing import TypeVar
+from unittest.mock import Mock, call
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from backend.control.motion_types import Setpoint
 from backend.faults import Limit
 from backend.realtime.commands import (
     Accepted,
@@ -22,7 +24,7 @@ from backend.realtime.commands import (
     TuningChanged,
     WallChanged,
 )
-from backend.realtime.contact import TAIL_S
+from backend.realtime.contact import TAIL_S, ProgramDisturbances
 from backend.realtime.gains import build_cascade_tuning, make_tuning_command
 from backend.realtime.modes import MODE_CODE, Cause, Mode
 from backend.realtime.program import (
@@ -650,3 +652,16 @@ def test_random_pushes_neither_trip_nor_slacken(name: str) -> None:
     for F in (bench.column("F_A"), bench.column("F_B")):
         assert F[10_000:].min() > 1.0
         assert F[10_000:].max() < 50.0
+
+
+def test_each_program_begins_without_the_contact_detection_of_the_one_before() -> None:
+    contact = Mock()
+    disturbances = ProgramDisturbances(Mock(), [], contact)
+    program = Mock(walls=())
+    for _ in range(2):
+        disturbances.begin(program)
+        disturbances.apply_setpoint(Setpoint(0.0, 12.0, 0.0, contact_detection=1), 5)
+        assert disturbances.get_active_inputs(0).contact_detection == 1
+        disturbances.end(9)
+        assert disturbances.get_active_inputs(0).contact_detection == 0
+    assert contact.use.call_args_list == [call(1), call(1)]

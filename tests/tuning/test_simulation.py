@@ -25,6 +25,7 @@ from backend.tuning.simulation import (
     OUTPUTS,
     PUSH_N,
     Array,
+    estimate_torque,
     forecast_push,
     make_sampled_loop,
     planned_response,
@@ -392,3 +393,11 @@ def test_against_something_stiff_the_margin_is_paid_for_the_share() -> None:
     assert M_s(*opened(2.0, 8.0, 0.0, 100.0)) < 1.1
     assert 2.0 < M_s(*opened(2.0, 8.0, 0.7, 100.0)) < 1.0 / (1.0 - 0.7)
     assert M_s(*opened(2.0, 8.0, 1.0, 100.0)) > 5.0
+
+
+def test_the_estimate_of_a_torque_lags_by_its_poles_and_a_tick() -> None:
+    """The mean delay of a step: a tick for the reading, and decay/(1 − decay) ticks for each of three lags."""
+    decay = math.exp(-disturbance_observer.POLE * T_s)
+    missing = 1.0 - estimate_torque(np.ones(5000))
+    assert missing.sum() == pytest.approx(1.0 + 3.0 * decay / (1.0 - decay))
+    assert abs(missing[-1]) < 1e-9
