@@ -179,7 +179,7 @@ def test_a_tare_takes_the_zero_with_it_and_says_so(rig: httpx.Client) -> None:
     assert played(rig, "zero")["state"] == "current"
     step = played(rig, "tare")
     assert step["state"] == "current", step
-    assert "lose" in step["instruction"]
+    assert "zeros are lost" in step["instruction"]
     zero = step_of(rig, "zero")
     assert zero["state"] == "out_of_date"
     assert "lost their zero" in zero["why"]

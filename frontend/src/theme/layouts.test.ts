@@ -139,7 +139,10 @@ describe("editing", () => {
 
   it("gives a new panel a title that is free", () => {
     const once = done(withPanel(STANDARD, "q"));
-    expect(once.panels.at(-1)).toEqual({ title: "Joint position 2", signals: ["q"], over: null, share: 1 });
+    const { title } = once.panels.at(-1) as { title: string };
+    const twice = done(withPanel(once, "q"));
+    expect(STANDARD.panels.map((panel) => panel.title)).not.toContain(title);
+    expect(twice.panels.at(-1)).toEqual({ title: `${title} 2`, signals: ["q"], over: null, share: 1 });
     expect(titleFor("lateness_s", [])).toBe("lateness_s");
     const full = { ...MINE, panels: Array.from({ length: MOST.panels }, () => MINE.panels[0] as never) };
     expect(withPanel(full, "q")).toBe(fillText(TEXTS.panelsFull, { count: 12 }));
