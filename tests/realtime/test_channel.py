@@ -215,6 +215,23 @@ def test_a_program_of_which_a_part_never_came_is_refused() -> None:
         parts.whole(2, rest)
 
 
+def test_a_part_too_many_is_refused() -> None:
+    segment = Segment(duration_s=0.1, q_ref=0.0, S_ref=10.0)
+    *parts_sent, last = packets(RunProgram(Program(Law.CASCADE, (segment,) * MAX_SEGMENTS)), 2)
+    parts, (_, rest) = ProgramParts(), decode_to_loop(last)
+    arrived = 0
+    for packet in (*parts_sent, parts_sent[0]):
+        _, part = decode_to_loop(packet)
+        assert isinstance(part, ProgramPart)
+        parts.add(2, part)
+        arrived += len(part.segments)
+    assert isinstance(rest, LongProgram)
+    with refused(
+        CommandRejectedError, "program_parts_missing", parts="segments", arrived=arrived, expected=MAX_SEGMENTS
+    ):
+        parts.whole(2, rest)
+
+
 def test_too_many_segments_and_too_long_a_packet_are_refused_with_their_number() -> None:
     segment = Segment(duration_s=0.1, q_ref=0.0, S_ref=10.0)
     with pytest.raises(OutOfRangeError, match="number of segments: 1001 is more than 1000"):

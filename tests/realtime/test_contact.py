@@ -333,6 +333,16 @@ def test_the_program_goes_on_in_time_as_one_run() -> None:
     assert bench.column("F_A")[begun:].min() > 1.0
 
 
+def test_the_position_loop_is_closed_again_after_the_reaction() -> None:
+    """A push of 2 N in the rest of the program moves the joint, and the loop brings it back."""
+    pushed = replace(HITS, segments=(*PARTS[:-1], replace(PARTS[-1], duration_s=4.0, F_push=2.0)))
+    bench, begun = played(pushed)
+    end = told(bench, RunEnded)[-1].tick
+    q = bench.column("q")[begun + BACK + 1000 : end]
+    assert np.abs(q).max() > 0.01
+    assert np.abs(q[-200:]).max() < 0.003
+
+
 def test_no_voltage_jumps_where_it_gives_way_or_goes_on() -> None:
     bench, begun = played(HITS)
     for name in ("u_A", "u_B"):
