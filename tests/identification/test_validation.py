@@ -28,6 +28,7 @@ from backend.identification.records import IdentificationError, NotConvergedErro
 from backend.identification.validation import (
     ValidationData,
     fit_autoregression,
+    has_noise_feedback,
     input_correlation,
     judge,
     read_whiteness_test,
@@ -555,3 +556,11 @@ def test_an_output_without_lag_ends_in_a_verdict_that_is_not_wrong(case: str, st
 def test_what_is_wrong_is_named(kind: str, code: str, values: dict[str, object]) -> None:
     found = outcome(provoked(kind, 0))
     assert any(reason.code == code and values.items() <= dict(reason.values).items() for reason in found.reasons), found
+
+
+@pytest.mark.parametrize("count", [50, 56, 58, 60])
+def test_a_record_shorter_than_its_regression_shows_no_feedback(count: int) -> None:
+    """With few samples or none to spare, 29 regressors explain independent noise; no feedback follows from that."""
+    for seed in range(50):
+        random = np.random.default_rng(seed)
+        assert not has_noise_feedback(random.standard_normal(count), random.standard_normal(count), 1.0)

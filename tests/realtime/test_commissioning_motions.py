@@ -329,7 +329,8 @@ def test_a_motor_returns_with_the_voltages_of_its_way_out_and_rests_before_the_e
         build_tuning_command(PARAMETERS_TRIAL, LoopSettings(), None), collect_plant_knowledge(PARAMETERS_TRIAL)
     )
     carry = MotorLoopState(pid.at_rest_motor_pair(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
-    trial, u_A = MotorTrial(carry, NO_REFERENCE, m, "A"), []
+    trial = MotorTrial(carry, NO_REFERENCE, m, "A")
+    u_A: list[float] = []
     while not trial.done and len(u_A) < 5000:
         u_A.append(trial.step(gains, m).u_A)
     out, coast, back, pause = np.split(np.array(u_A), [999, 1200, 2200])
