@@ -294,7 +294,7 @@ def test_a_read_only_data_folder_is_told_with_a_remedy(tmp_path: Path) -> None:
     assert ended.returncode == 1
     (line,) = ended.stderr.decode().splitlines()
     assert str(folder) in line
-    assert "cannot be written" in line
+    assert "not writable" in line
     assert "--data" in line
 
 

@@ -308,10 +308,10 @@ def test_answers_of_a_pipe_end_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         (["bring-up"], "the plant is the simulator: use --plant rig"),
         (["bring-up", "--plant", "rig"], "standard input is not a terminal"),
-        (["bring-up", *CARD, "--step", "direction"], "Motor directions: first: Wiring test, Zero"),
-        (["tare", *CARD], "Tare: first: Wiring test"),
+        (["bring-up", *CARD, "--step", "direction"], "Motor directions: do Wiring test, Zero first"),
+        (["tare", *CARD], "Tare: do Wiring test first"),
         (["bring-up", *CARD, "--step", "home"], "Homing: end_switch.position is missing in the wiring file"),
-        (["calibrate", *CARD, "--weight", "5"], "two known weights at least"),
+        (["calibrate", *CARD, "--weight", "5"], "specify 2 to 9 known weights; 1 given"),
         (["calibrate", *CARD, "--weight", "7", "--weight", "5"], "at least 5 N apart"),
         (["calibrate", *CARD, "--weight", "5", "--weight", "60"], "45 N"),
     ],

@@ -157,7 +157,9 @@ def test_a_file_gives_back_every_sample_and_says_what_it_is(database: Database) 
     lines = b"".join(stream_curves_file(database, asked)).decode().splitlines()
     head = [line for line in lines if line.startswith("#")]
     assert "aligned by step 1 of q_ref" in head[0]
-    assert any(line.startswith(f"# q_run_{run} [rad] q: joint position") and "-0.15 s" in line for line in head)
+    assert any(
+        line.startswith(f"# q_run_{run} [rad] q: measured joint position") and "-0.15 s" in line for line in head
+    )
     rows = list(csv.DictReader(lines[len(head) :]))
     assert list(rows[0]) == ["t", f"q_run_{reference}", f"q_run_{run}", f"d_q_run_{run}"]
     assert len(rows) == LENGTH

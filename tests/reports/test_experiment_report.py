@@ -162,7 +162,7 @@ def test_what_was_not_measured_is_said_with_its_reason_in_every_table(tracking_s
     figures = {row[0]: (row[1], row[3]) for row in metrics.rows}
     assert figures["Rise time of q"][0] == "not measured"
     assert "% of the step" in figures["Rise time of q"][1]
-    missing = next(table for table in tables if table.caption.startswith("Quantities that could not be measured"))
+    missing = next(table for table in tables if table.caption.startswith("Metrics that could not be measured"))
     assert any(row[1] == "q" and "the previous motion had not ended" in row[3] for row in missing.rows)
     assert not any(cell == "–" for table in (criteria, metrics, missing) for row in table.rows for cell in row)
 
@@ -242,7 +242,7 @@ def tables(report: Report) -> list[Table]:
 
 
 def compared(report: Report) -> Table:
-    return next(table for table in tables(report) if "paper's governor" in table.caption)
+    return next(table for table in tables(report) if "simulated with the paper's law" in table.caption)
 
 
 def number(cell: str) -> float:
@@ -258,8 +258,12 @@ def test_a_report_says_by_what_references_were_followed() -> None:
     assert controller(planned(k_ext=0.7)).text.endswith(
         "U_plan = 8.5 V; disturbance rejection by feed-forward, k_ext = 0.7"
     )
-    assert controller(planned(motion="lambda")).text.endswith("motion lambda: the paper's law with the governor")
-    assert controller(source_of(samples(PLAN))).text.endswith("motion lambda: the paper's law with the governor")
+    assert controller(planned(motion="lambda")).text.endswith(
+        "motion lambda: the paper's law with the reference governor"
+    )
+    assert controller(source_of(samples(PLAN))).text.endswith(
+        "motion lambda: the paper's law with the reference governor"
+    )
 
 
 def test_what_the_paper_s_law_would_take_is_a_simulation_of_its_own(report_plan: Report) -> None:

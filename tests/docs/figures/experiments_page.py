@@ -52,8 +52,8 @@ SWING = Prose(
 LOADED = Prose(
     PAGE,
     "motors under a load",
-    "Under a load of the shafts a motor of `lab` still deviates from its reference after 5 s, by up to {off:.0f} % of "
-    "its largest deviation",
+    "Under a shaft load a motor of `lab` still deviates from its reference after 5 s, by up to {off:.0f} % of its "
+    "largest deviation",
 )
 FOLLOWED = Prose(
     PAGE,
