@@ -321,7 +321,7 @@ def test_a_preview_of_an_earlier_value_is_grey_until_its_own_is_there(
         f"90 % after {step['rise_s']:.2f} s, within 2 % after {step['settling_s']:.2f} s"
     )
     expect(shown_parts["step"]).to_contain_text(f"tension ≥ {step['F_min_N']:.1f} N")
-    expect(shown_parts["push"]).to_contain_text(f"after {push['back_s']:.2f} s")
+    expect(shown_parts["push"]).to_contain_text(f": {push['back_s']:.2f} s")
     page.unroute(PREVIEWS)
     page.get_by_role("button", name="Discard", exact=True).click()
     page.get_by_role("switch", name="Stage changes").uncheck()
