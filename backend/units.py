@@ -56,8 +56,9 @@ _ESCAPED = re.compile(f"{UNIT_MARK}({ESCAPE}*)")
 
 
 def format_count(count: float, noun: str) -> str:
-    """Return a number of things with its noun: "1 day", "30 days"."""
-    return f"{count:g} {noun}" if count == 1 else f"{count:g} {noun}s"
+    """Return a number of things with its noun: "1 day", "30 days". Integers are exact."""
+    number = f"{count:g}" if isinstance(count, float) else str(count)
+    return f"{number} {noun}" if count == 1 else f"{number} {noun}s"
 
 
 def get_display_unit(unit: str, angles: AngleUnit) -> DisplayUnit:

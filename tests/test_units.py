@@ -159,3 +159,8 @@ def test_one_is_one_day_and_all_else_are_days() -> None:
         "30 days",
         "0.5 days",
     ]
+
+
+def test_a_count_is_exact_however_large() -> None:
+    assert format_count(1_234_567, "sample") == "1234567 samples"
+    assert format_count(10**400, "sample") == f"{10**400} samples"

@@ -225,7 +225,7 @@ def test_nothing_else_stands_in_the_account(report: Made, old: str, new: str) ->
 IMPOSSIBLE: dict[str, tuple[Callable[[Document], None], str]] = {
     "an end that there is not": (put("run", "end_state", value="complete"), "the page"),
     "a kind that there is not": (put("run", "kind", value="trackings"), "the page"),
-    "a number beyond any float": (put("missed_before", value=10**400), "the source data"),
+    "a number beyond any float": (put("missed_before", value=10**400), "metrics, missing_samples"),
     "a metric beyond any float": (put("metrics", "played_s", value=10**400), "metrics, played_s"),
     "a section that is a number": (put("run", "parameters", "geometry", value=7), "the source data"),
 }
