@@ -6,7 +6,7 @@ import ipaddress
 import logging
 import socket
 from collections import deque
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum, auto
@@ -48,7 +48,14 @@ RESERVE = 40
 """File descriptors reserved for the database, the loop process, pools, and connections being opened or closed."""
 
 MOST_SLOTS = 2048
-MAX_ANONYMOUS = 64
+MAX_ANONYMOUS = 512
+"""Most slots of anonymous connections.
+
+The pool's size determines how long a new connection may wait for its first data while a flood replaces all others. With
+64 slots, 500 connections that are held and reopened left a client 20 ms to send its STOP request. An idle connection
+costs a descriptor and some kilobytes.
+"""
+
 SOCKET_COSTS = 3
 """Slots of a websocket: the 3D view needs three descriptors per page."""
 
@@ -130,11 +137,12 @@ class ConnectionLimiter:
         largest = max(self._anonymous.values(), key=len, default=None)
         if largest is None:
             return None
-        crowds: Iterable[dict[ConnectionSlot, None]] = (
-            [largest] if 2 * len(largest) > self.budget.anonymous else self._anonymous.values()
-        )
-        silent = max(([slot for slot in crowd if not slot.is_answered()] for crowd in crowds), key=len)
-        return silent[0] if silent else next(iter(largest))
+        if 2 * len(largest) <= self.budget.anonymous:
+            silent = max(
+                ([slot for slot in crowd if not slot.is_answered()] for crowd in self._anonymous.values()), key=len
+            )
+            return silent[0] if silent else next(iter(largest))
+        return next((slot for slot in largest if not slot.is_answered()), next(iter(largest)))
 
     def leave(self, slot: ConnectionSlot) -> None:
         """Free a slot, whoever held it."""

@@ -544,8 +544,16 @@ def test_a_body_that_breaks_while_its_request_waits_is_answered_once(
     assert not [record for record in caplog.records if record.exc_info]
 
 
-def test_who_has_just_spoken_is_not_sent_away_by_a_crowd(address: tuple[str, int]) -> None:
-    for _ in range(20):
-        said = b"GET /thing HTTP/1.1\r\nConnection: close\r\n" + HOST + b"\r\n"
-        with connected(address, said) as guest, many(address, 150):
-            assert everything_from(guest).endswith(b'"here"')
+def test_an_eviction_spares_connections_whose_request_has_arrived(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "MAX_ANONYMOUS", 64)  # a pool that 150 connections replace twice
+    with served(HostOriginMiddleware(app)) as address:
+        for _ in range(20):
+            request = b"GET /thing HTTP/1.1\r\nConnection: close\r\n" + HOST + b"\r\n"
+            with connected(address, request) as client, many(address, 150):
+                assert everything_from(client).endswith(b'"here"')
+
+
+def test_a_client_has_time_to_send_while_200_others_connect(address: tuple[str, int]) -> None:
+    with connected(address) as client, many(address, 200):
+        client.sendall(b"GET /thing HTTP/1.1\r\nConnection: close\r\n" + HOST + b"\r\n")
+        assert everything_from(client).endswith(b'"here"')
