@@ -18,7 +18,7 @@ from backend.server import (
     CONNECTION_LIMITER,
     CONNECTION_SLOT,
     LONGEST_WAIT_S,
-    PASSES_BY,
+    STOP_PATH,
     ConnectionLimiter,
     ConnectionSlot,
     WebsocketThrottle,
@@ -95,7 +95,7 @@ class AuthenticationMiddleware:
 
         A dozen bodies in one iteration would delay STOP.
         """
-        if path == PASSES_BY:
+        if path == STOP_PATH:
             require_valid_body(body)
             return
         async with self._validation_lock:

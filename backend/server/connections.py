@@ -4,6 +4,7 @@ import asyncio
 import errno
 import ipaddress
 import logging
+import re
 import socket
 from collections import deque
 from collections.abc import Callable, Generator
@@ -209,8 +210,8 @@ def _network(address: str) -> str:
 # without free descriptors, retries a thousand times a second with a traceback in the log each time.
 
 
-BACKLOG = 512
-"""Connections that the kernel queues: a flood of them is accepted within some tens of milliseconds."""
+BACKLOG = 2048
+"""Connections that the kernel queues; a client that finds the queue full tries again after a second."""
 
 SILENCE_S = 10.0
 """Time in which a connection must send data [s]."""
@@ -219,6 +220,18 @@ ACCEPT_TURN_S = 0.005
 """Time for accepting connections before other work gets its turn [s]."""
 
 FIRST_BYTES = 16 * 1024
+
+HANDOVERS_PER_ROUND = 8
+"""Connections that are passed to a protocol in a round of the event loop; requests of STOP do not wait for a turn.
+
+A protocol and the parsing of a request cost ten times as much as the acceptance of its connection.
+"""
+
+STOP_PATH = "/api/stop"
+"""Path of STOP, whose requests precede all others."""
+
+_STOP_REQUEST = re.compile(rb"POST [^ ?]*" + STOP_PATH.encode() + rb"[ ?]")
+"""First line of a request of STOP; a proxy may have left its prefix."""
 
 PAUSE_S = 0.05
 """Pause after the kernel failed to accept a connection [s]."""
@@ -245,6 +258,8 @@ class ConnectionAcceptor:
         self._listening = listening
         self._highest = highest
         self._retry: asyncio.TimerHandle | None = None
+        self._waiting: deque[_PendingConnection] = deque()
+        self._is_passing = False
         listening.setblocking(False)
         listening.listen(BACKLOG)
         self._accept_from_now_on()
@@ -277,6 +292,23 @@ class ConnectionAcceptor:
                 continue
             _PendingConnection(self, connection, str(address[0]))
 
+    def pass_on(self, pending: "_PendingConnection", *, is_stop: bool) -> None:
+        """Pass a connection with data to a protocol, STOP at once and others in order of arrival."""
+        if is_stop:
+            pending.pass_on()
+            return
+        self._waiting.append(pending)
+        if not self._is_passing:
+            self._is_passing = True
+            self._loop.call_soon(self._pass_on_some)
+
+    def _pass_on_some(self) -> None:
+        for _ in range(min(HANDOVERS_PER_ROUND, len(self._waiting))):
+            self._waiting.popleft().pass_on()
+        self._is_passing = bool(self._waiting)
+        if self._is_passing:
+            self._loop.call_soon(self._pass_on_some)
+
     def _accept_later(self, error: OSError) -> None:
         """Leave the connections in the kernel's queue for a moment."""
         _log.error("The service currently cannot accept connections: %s", error)
@@ -295,17 +327,17 @@ class _PendingConnection:
         self._loop = asyncio.get_running_loop()
         self._handover: asyncio.Task[None] | None = None
         self._is_closed = False
+        self._has_data = False
         connection.setblocking(False)
-        with suppress(
-            OSError
-        ):  # closed already; without this option a response in two parts would wait 40 ms for an acknowledgement
+        # Without this option a response in two parts would wait 40 ms for an acknowledgement.
+        with suppress(OSError):  # closed already
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._slot = ConnectionSlot(address, self._end)
         listener.limiter.enter(self._slot)
         self._patience = self._loop.call_later(SILENCE_S, self._end)
         # Under load its data have waited in the kernel with it, so each turn of the event loop counts.
         self._listen()
-        if self._handover is None and not self._is_closed:
+        if not self._has_data and not self._is_closed:
             self._loop.add_reader(connection, self._listen)
 
     def _listen(self) -> None:
@@ -322,9 +354,15 @@ class _PendingConnection:
         self._loop.remove_reader(self._connection)
         self._slot.first_words = words
         self._slot.is_answered = lambda: True  # evicted last: its data have not been read yet
-        self._handover = self._loop.create_task(self._pass_on())
+        self._has_data = True
+        self._listener.pass_on(self, is_stop=_STOP_REQUEST.match(words) is not None)
 
-    async def _pass_on(self) -> None:
+    def pass_on(self) -> None:
+        """Pass the connection to a protocol, unless it was closed meanwhile."""
+        if not self._is_closed:
+            self._handover = self._loop.create_task(self._hand_over())
+
+    async def _hand_over(self) -> None:
         """Pass the connection to a protocol, which takes over ``slot.end``."""
         try:
             factory = partial(self._listener.protocol, self._slot)
@@ -670,7 +708,7 @@ class HttpProtocol(_LimitedProtocol, H11Protocol):
         """Take over the slot and the data received before."""
         super().connection_made(transport)
         self.slot.end = self.end
-        self.slot.is_answered = lambda: bool(self.slot.first_words) or self._find_wait() is _Wait.NOTHING
+        self.slot.is_answered = self._is_answered
         self._watch()
         # Deferred: until this returns, the transport cannot be paused.
         self.loop.call_soon(self._take_first_words)
@@ -736,6 +774,9 @@ class HttpProtocol(_LimitedProtocol, H11Protocol):
             self.cycle.disconnected = True  # a request with an invalid body: its route's own response is discarded
             self.cycle.message_event.set()
         self.transport.close()
+
+    def _is_answered(self) -> bool:
+        return bool(self.slot.first_words or self._unread) or self._find_wait() is _Wait.NOTHING
 
     def _take_first_words(self) -> None:
         words, self.slot.first_words = self.slot.first_words, b""
@@ -864,9 +905,6 @@ class _Handshake(ServerProtocol):
 # tenth of a second long, and a response takes several rounds.
 
 
-PASSES_BY = "/api/stop"
-
-
 class RequestSchedulingMiddleware:
     """ASGI middleware that starts one operator's and one other request per round.
 
@@ -881,7 +919,7 @@ class RequestSchedulingMiddleware:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on in its turn."""
-        if scope["type"] in ("http", "websocket") and scope["path"] != PASSES_BY:
+        if scope["type"] in ("http", "websocket") and scope["path"] != STOP_PATH:
             await self._turn(self._operators if _is_operator(scope) else self._others)
         await self._app(scope, receive, send)
 

@@ -25,11 +25,11 @@ from backend.server.connections import (
     FRAMES_AT_ONCE,
     FRAMES_PER_S,
     LONGEST_WAIT_S,
-    PASSES_BY,
     READ_TIMEOUT_S,
     SOCKET_COSTS,
     SOCKETS_AT_ONCE,
     SOCKETS_PER_S,
+    STOP_PATH,
     Budget,
     ConnectionBudget,
     ConnectionLimiter,
@@ -83,14 +83,14 @@ class Answers:
 
 
 def test_what_passes_by_is_the_service_s_stop() -> None:
-    assert "post" in build_openapi_schema()["paths"][PASSES_BY]
+    assert "post" in build_openapi_schema()["paths"][STOP_PATH]
 
 
 def test_stop_begins_at_once_whoever_waits() -> None:
     answers = Answers()
     crowd = [asked(f"/{n}", Role.VIEWER) for n in range(CROWD)]
-    asyncio.run(answers.to_all(*crowd, asked(PASSES_BY, Role.VIEWER)))
-    assert answers.begun[PASSES_BY] == answers.begun["/0"]
+    asyncio.run(answers.to_all(*crowd, asked(STOP_PATH, Role.VIEWER)))
+    assert answers.begun[STOP_PATH] == answers.begun["/0"]
     rounds = [answers.begun[f"/{n}"] for n in range(CROWD)]
     assert rounds == sorted(set(rounds))  # one a round, in the order of their coming
 
@@ -414,6 +414,11 @@ async def change(body: dict[str, int]) -> str:
     return "changed"
 
 
+@app.post(STOP_PATH)
+async def stop() -> str:
+    return "stopped"
+
+
 @app.post(SHEETS)
 async def print_sheet(body: dict[str, int]) -> str:
     return "printed"
@@ -551,6 +556,34 @@ def test_an_eviction_spares_connections_whose_request_has_arrived(monkeypatch: p
             request = b"GET /thing HTTP/1.1\r\nConnection: close\r\n" + HOST + b"\r\n"
             with connected(address, request) as client, many(address, 150):
                 assert everything_from(client).endswith(b'"here"')
+
+
+def test_an_eviction_spares_connections_whose_request_is_not_parsed_yet(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "MAX_ANONYMOUS", 64)
+    monkeypatch.setattr(ReadScheduler, "add", lambda self, connection: None)
+    with served(HostOriginMiddleware(app)) as address, connected(address, b"GET /thing HTTP/1.1\r\n") as client:
+        time.sleep(SHORT_S)
+        with many(address, 150) as others:
+            assert everything_from(others[0]) == b""
+            assert not is_closed(client)
+
+
+@pytest.mark.parametrize("prefix", [b"", b"/rig"])
+def test_stop_precedes_connections_that_wait_for_their_turn(
+    prefix: bytes, address: tuple[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "HANDOVERS_PER_ROUND", 0)
+    end = b" HTTP/1.1\r\nConnection: close\r\nContent-Length: 0\r\n" + HOST + b"\r\n"
+    with connected(address, b"GET /thing" + end) as other:
+        with connected(address, b"POST " + prefix + STOP_PATH.encode() + end) as client:
+            answer = everything_from(client)
+        assert answer.endswith(b'"stopped"') if not prefix else answer.startswith(b"HTTP/1.1 404 ")
+        other.settimeout(SHORT_S)
+        with pytest.raises(TimeoutError):
+            other.recv(1)
+        monkeypatch.undo()
+        other.settimeout(PATIENCE_S)
+        assert everything_from(other).endswith(b'"here"')
 
 
 def test_a_client_has_time_to_send_while_200_others_connect(address: tuple[str, int]) -> None:

@@ -104,13 +104,19 @@ async def _slow_head(host: str, port: int) -> None:
 
 
 async def _hold(host: str, port: int) -> None:
-    """Open connections, send half a request on each, and hold them until the service closes the last."""
-    async with contextlib.AsyncExitStack() as held:
-        for _ in range(_EACH):
-            reader, writer = await asyncio.open_connection(host, port)
-            held.callback(writer.transport.abort)
-            writer.write(HELD)
-        await reader.read()
+    """Hold connections with half a request on each, and replace at once each one that the service closes."""
+
+    async def hold_one() -> None:
+        while True:
+            with contextlib.suppress(OSError):
+                reader, writer = await asyncio.open_connection(host, port)
+                try:
+                    writer.write(HELD)
+                    await reader.read()
+                finally:
+                    writer.transport.abort()
+
+    await asyncio.gather(*(hold_one() for _ in range(_EACH)))
 
 
 def flood(signals: Signals, kind: str, url: str, token: str, viewers: int) -> None:
