@@ -23,7 +23,13 @@ LOADED_S = 20.0
 STANDING = Table(
     PAGE,
     "standing",
-    ("", "peak-to-peak q", "peak-to-peak motor angle", "peak-to-peak u", "ticks in which a motor's count changes"),
+    (
+        "",
+        "peak-to-peak q",
+        "peak-to-peak motor angle",
+        "peak-to-peak u",
+        "control steps in which a motor's count changes",
+    ),
 )
 STEP = Table(PAGE, "step with friction", ("", "λ_q [s]", "90 % of 2π/3 after"))
 LOADED = Table(
