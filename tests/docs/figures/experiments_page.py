@@ -63,7 +63,15 @@ FOLLOWED = Prose(
 REST = Table(
     PAGE,
     "hold at rest",
-    ("plant", "motion", "deviation of q", "peak-to-peak q", "peak-to-peak u", "peak-to-peak S", "ticks with motion"),
+    (
+        "plant",
+        "motion",
+        "deviation of q",
+        "peak-to-peak q",
+        "peak-to-peak u",
+        "peak-to-peak S",
+        "control steps with motion",
+    ),
     key=2,
 )
 
