@@ -88,7 +88,7 @@ FIELDS: tuple[Field, ...] = (
     Field("n_B", "n_B", "1", "counts of the encoder of motor B since the start of the loop, NaN without a card"),
     Field("lam_q", "λ_q", "s", "active tuning parameter of the position loop"),
     Field("lam_S", "λ_S", "s", "active tuning parameter of the stiffness loop"),
-    Field("bank_entry", "entry", "1", "active entry of the bank, fractional during interpolation"),
+    Field("bank_entry", "entry", "1", "active operating point of the bank, fractional during interpolation"),
     Field(
         "limits",
         "limits",

@@ -1609,7 +1609,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "bank_entry",
     "term": "entry",
-    "meaning": "active entry of the bank, fractional during interpolation",
+    "meaning": "active operating point of the bank, fractional during interpolation",
     "source": "docs/reference/notation.md"
   },
   "signal:limits": {
@@ -3636,7 +3636,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "Hard stop: zero volts in the tick in which the command arrives."
+        "Hard stop: zero volts in the control step in which the command arrives."
       ],
       [
         "Within",
@@ -3661,7 +3661,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "Hard stop in the same tick."
+        "Hard stop in the same control step."
       ],
       [
         "Within",
@@ -3686,7 +3686,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "Hard stop in the same tick."
+        "Hard stop in the same control step."
       ],
       [
         "Within",
@@ -3736,7 +3736,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "Hard stop in the same tick."
+        "Hard stop in the same control step."
       ],
       [
         "Within",
@@ -3782,11 +3782,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A reading changed by more than is physically possible in one tick: with the shipped parameters, 0.1 rad for the joint, 0.09 rad for a motor and 9 N for a load cell. Torn tendons and unplugged cables cause such a jump."
+        "A reading changed by more than is physically possible in one control step: with the shipped parameters, 0.1 rad for the joint, 0.09 rad for a motor and 9 N for a load cell. Torn tendons and unplugged cables cause such a jump."
       ],
       [
         "Reaction",
-        "Hard stop in the same tick; the next pretension sets the encoder zeros again."
+        "Hard stop in the same control step; the next pretension sets the encoder zeros again."
       ],
       [
         "Within",
@@ -3836,11 +3836,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "Hard stop in the first tick after the missed periods."
+        "Hard stop in the first control step after the missed periods."
       ],
       [
         "Within",
-        "1 ms of the next tick."
+        "1 ms of the next control step."
       ],
       [
         "Remedy",
@@ -3982,7 +3982,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The watchdog's count of its checks, which the control loop reads at each write, did not change for 0.5 s: the process of the watchdog was killed or hangs. A pause of the whole machine counts as two ticks. This fault occurs only on the simulator and the virtual card: on a rig, only the proof test at each start detects a failed watchdog."
+        "The watchdog's count of its checks, which the control loop reads at each write, did not change for 0.5 s: the process of the watchdog was killed or hangs. A pause of the whole machine counts as two control steps. This fault occurs only on the simulator and the virtual card: on a rig, only the proof test at each start detects a failed watchdog."
       ],
       [
         "Reaction",
@@ -4036,7 +4036,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "Hard stop in the same tick."
+        "Hard stop in the same control step."
       ],
       [
         "Within",
@@ -4086,7 +4086,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "Hard stop in the same tick, regardless of any fault latched before. Zero volts replace the voltages of the step, or follow immediately after them if the sample counter was changed. The control loop continues to record at zero volts, but does not start another motion: a reset starts a new control loop."
+        "Hard stop in the same control step, regardless of any fault latched before. Zero volts replace the voltages of the step, or follow immediately after them if the sample counter was changed. The control loop continues to record at zero volts, but does not start another motion: a reset starts a new control loop."
       ],
       [
         "Within",

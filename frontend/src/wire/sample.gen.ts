@@ -173,7 +173,7 @@ export const FIELDS = [
     "name": "bank_entry",
     "symbol": "entry",
     "unit": "1",
-    "meaning": "active entry of the bank, fractional during interpolation"
+    "meaning": "active operating point of the bank, fractional during interpolation"
   },
   {
     "name": "limits",
