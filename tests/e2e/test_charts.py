@@ -115,7 +115,7 @@ def test_the_spectrum_of_a_selection(watching: Operator) -> None:
     expect(dialog.get_by_role("status", name="Spectrum details")).to_contain_text("(°)²/Hz")
     dialog.get_by_role("combobox", name="Chart").select_option("Tendon force")
     dialog.get_by_text("Amplitude", exact=True).click()
-    expect(dialog.get_by_role("status", name="Spectrum details")).to_contain_text("N over Hz")
+    expect(dialog.get_by_role("status", name="Spectrum details")).to_contain_text("N vs Hz")
     page.keyboard.press("Escape")
     expect(dialog).to_be_hidden()
 

@@ -6,8 +6,10 @@ from playwright.sync_api import Browser, expect
 
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 
+CHARTS = load_texts("charts")
 FIELD = "Joint position steps between ±q_max"
 
 
@@ -40,7 +42,7 @@ def test_an_angle_is_refused_where_it_was_typed_and_the_unit_changes_everywhere(
     expect(in_degrees).to_have_count(0)
     operator.go("Operate")
     expect(page.get_by_label("q_ref value [rad]")).to_be_visible()
-    expect(page.get_by_text("S [N·m/rad] over q [rad]")).to_be_visible()
+    expect(page.get_by_text(f"S [N·m/rad] {CHARTS['versus']} q [rad]")).to_be_visible()
     expect(page.get_by_text("[°]")).to_have_count(0)
 
     page.reload()
