@@ -51,8 +51,8 @@ def test_a_person_is_asked_once_is_seen_by_all_and_signs_out(browser: Browser, s
     expect(vic.get_by_role("img", name="Viewer")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     expect(vic.get_by_role("form", name="Your name")).to_have_count(0)
     _take_control(ana)
-    _expect_connected(vic, f"Ana {TEXTS['hasControl']}, 1 page", "Ana (viewer), you VIEW, 1 page")
-    _expect_connected(ana, "Ana, you has control, 1 page", "Ana (viewer) VIEW, 1 page")
+    _expect_connected(vic, f"Ana {TEXTS['hasControl']}, 1 page", f"Ana (viewer), you {TEXTS['viewOnly']}, 1 page")
+    _expect_connected(ana, "Ana, you has control, 1 page", f"Ana (viewer) {TEXTS['viewOnly']}, 1 page")
 
     (cookie,) = [one for one in ana.context.cookies() if one["name"].startswith(COOKIE)]
     ana.get_by_role("menuitem", name="Sign out").click()
@@ -60,7 +60,7 @@ def test_a_person_is_asked_once_is_seen_by_all_and_signs_out(browser: Browser, s
     carried = {"Cookie": f"{cookie['name']}={cookie['value']}"}
     assert httpx.get(f"{service.url}/api/state", headers=carried).status_code == 401
     assert httpx.post(f"{service.url}/api/stop", headers=carried).status_code == 401
-    _expect_connected(vic, "Ana (viewer), you VIEW, 1 page")
+    _expect_connected(vic, f"Ana (viewer), you {TEXTS['viewOnly']}, 1 page")
     # control was given up, not lost: nothing is stopped
     assert vic.evaluate("fetch('./api/state').then(answer => answer.json()).then(state => state.holder)") is None
     ana.context.close()
@@ -94,10 +94,14 @@ def test_a_closed_laptop_disappears_and_comes_back(browser: Browser, service: Se
             assert page.request.post(f"{url}/api/session", data=signing_in).ok
             page.goto(f"{url}/#/studies")
             expect(page.get_by_role("banner")).to_be_visible()
-        _expect_connected(vic, f"Ana {TEXTS['canTakeControl']}, 1 page", "Vic (viewer), you VIEW, 1 page")
+        _expect_connected(
+            vic, f"Ana {TEXTS['canTakeControl']}, 1 page", f"Vic (viewer), you {TEXTS['viewOnly']}, 1 page"
+        )
         relay.freeze()
-        _expect_connected(vic, "Vic (viewer), you VIEW, 1 page", within_s=PING_TIMEOUT_S + PATIENCE_S)
+        _expect_connected(vic, f"Vic (viewer), you {TEXTS['viewOnly']}, 1 page", within_s=PING_TIMEOUT_S + PATIENCE_S)
         relay.thaw()
-        _expect_connected(vic, f"Ana {TEXTS['canTakeControl']}, 1 page", "Vic (viewer), you VIEW, 1 page")
+        _expect_connected(
+            vic, f"Ana {TEXTS['canTakeControl']}, 1 page", f"Vic (viewer), you {TEXTS['viewOnly']}, 1 page"
+        )
         ana.context.close()
         vic.context.close()

@@ -465,6 +465,7 @@ export function ControlMenu({ onName, onForm }: ControlMenuProps) {
 
 /** What somebody who is connected may do and does. */
 function whatOf({ name, role, pages }: State["people"][number], holder: string | null): string {
-  const right = role === "viewer" ? TEXTS.viewer : name === holder ? TEXTS.hasControl : TEXTS.canTakeControl;
+  const right =
+    role === "viewer" ? TEXTS.viewOnly : name === holder ? TEXTS.hasControl : TEXTS.canTakeControl;
   return fillText(TEXTS.personState, { right, pages: countThings(pages, "page") });
 }

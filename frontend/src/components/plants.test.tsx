@@ -113,9 +113,9 @@ it.each(KINDS)("offers the bring-up where there are wires: %s", (kind) => {
 it.each([
   ["simulator", "Inject faults into the simulator while"],
   ["virtual_card", "Inject faults into the virtual card while"],
-  ["rig", "only into a simulator. Current plant: rig."],
-  ["replay", "only into a simulator. Current plant: replay of a recording."],
-  ["package", "only into a simulator. Current plant: “servo-bench” from a package."],
+  ["rig", "only into a simulated plant. Current plant: rig."],
+  ["replay", "only into a simulated plant. Current plant: replay of a recording."],
+  ["package", "only into a simulated plant. Current plant: “servo-bench” from a package."],
 ] as const)("says at the faults what is driven: %s", async (kind, words) => {
   open(<DeveloperPage />, kind);
   expect(document.body.textContent).toContain(words);

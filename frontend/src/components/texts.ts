@@ -49,6 +49,7 @@ export const TEXTS = {
   personState: "{right}, {pages},",
   since: "since {time}",
   viewer: "VIEW",
+  viewOnly: "view only",
   hasControl: "has control",
   canTakeControl: "can take control",
   changeName: "Change name",

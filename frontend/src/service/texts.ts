@@ -68,7 +68,7 @@ export const TEXTS = {
   notArmed: "Not armed",
   notArmedBecause: "Not armed: {reason}; {made}",
   armed: "Armed: {condition}; {made}",
-  capturing: "Recording: {condition}; {left} s left",
+  capturing: "Capturing: {condition}; {left} s left",
   captured: "{count} of {total} captured",
   // notifications
   notAllowedYet: "Notifications from this page are not allowed yet. Turn them on here and allow them.",

@@ -195,8 +195,8 @@ def _changes(found: Findings, moment: Moment) -> None:
         found.sentence("time of the trial [s]", words[-1], "{n} s", (left[0] - 0.5, left[1] + 0.5))
         found.sentence(
             "what comes back",
-            words[0].split(" s", 1)[0],
-            _template("trialReverts").partition(" s")[0],
+            " s".join(words[0].split(" s")[:2]),
+            " s".join(_template("trialReverts").split(" s")[:2]),
             trial["lam_q"],
             trial["lam_S"],
         )

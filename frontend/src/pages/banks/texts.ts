@@ -65,7 +65,7 @@ export const TEXTS = {
   notRecorded: "not recorded",
 
   // changes between two banks
-  changes: "Changes to {bank}",
+  changes: "Comparison of {bank}",
   comparedWith: "Compared with",
   activeOption: "{bank} (active)",
   comparing: "Comparing…",

@@ -59,7 +59,7 @@ export const TEXTS = {
   moveUpInQueue: "Move experiment {id} up",
   removeFromQueue: "Remove experiment {id} from the queue",
   pauseQueue: "Pause after this run",
-  pauseQueueHint: "The current run finishes; references are then held under tension.",
+  pauseQueueHint: "The current run finishes; the control loop then holds Pretension.",
   startQueue: "Start queue",
   startQueueAgain: "Restart queue",
 

@@ -143,7 +143,7 @@ export const TEXTS = {
   unstable: "unstable",
 
   // step forecast
-  forecastOfQ: "60° step forecast",
+  forecastOfQ: "q step forecast",
   forecastOfS: "S step forecast",
   stepOf: "{signal} step",
   stepOfQ: "{size} step at S {S} N·m/rad",
@@ -199,7 +199,7 @@ export const TEXTS = {
   trialDurationProblem: "Trial duration: {problem}.",
   discard: "Discard",
   trial: "Trial",
-  trialReverts: "Trial: reverts to {lam_q}, {lam_S} s{others} in {time} s",
+  trialReverts: "Reverts to λ_q {lam_q} s, λ_S {lam_S} s{others} in {time} s",
   keep: "Keep",
   revertNow: "Revert now",
   savedBy: "Saved by {person}",
@@ -282,7 +282,7 @@ export const TEXTS = {
   currentRun: "Current run",
   progress: "Run progress",
   softAbort: "Soft abort",
-  softAbortHint: "Bring the joint to rest under tension. {result}",
+  softAbortHint: "Bring the joint to rest under tension, then set zero volts. {result}",
   keptAsStopped: "The run is saved as stopped.",
   keptAsComplete: "Run {run} is complete and stays saved; {runs} will not start.",
   remainingRun: "remaining run",

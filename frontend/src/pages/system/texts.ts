@@ -104,7 +104,7 @@ export const TEXTS = {
   captureCount: "Captures",
   arm: "Arm",
   numbersMissing: "Enter a number in each field.",
-  armHint: "Saves the samples before and after the first one that meets the condition. Nothing moves.",
+  armHint: "Each capture saves the samples before and after the one that meets the condition. Nothing moves.",
   // flight records
   flights: "Flight records",
   noFlights: "No trip or trigger yet.",
@@ -128,7 +128,7 @@ export const TEXTS = {
   developer: "Developer page",
   developerHint: "Inject faults into the {plant} while the joint moves, then clear them and reset.",
   simulatorName: "simulator",
-  notInjectable: "Faults can be injected only into a simulator. Current plant: {plant}.",
+  notInjectable: "Faults can be injected only into a simulated plant. Current plant: {plant}.",
   plantOfPackage: "“{name}” from a package",
   replay: "replay of a recording",
   rig: "rig",

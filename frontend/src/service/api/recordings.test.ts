@@ -57,7 +57,7 @@ describe("trigger", () => {
     expect(describeTrigger(null)).toBe("Not armed");
     expect(describeTrigger(ARMED)).toBe("Armed: F_A rising through 20 N; 1 of 3 captured");
     expect(describeTrigger({ ...ARMED, phase: "capturing", left_s: 1.25 })).toMatch(
-      /^Recording: .*; 1\.[23] s left$/,
+      /^Capturing: .*; 1\.[23] s left$/,
     );
     expect(
       describeTrigger({ ...ARMED, phase: "ended", captured: 3, ended: "all captures are complete" }),
