@@ -362,7 +362,7 @@ class TriggerOrder(Schema):
     level: _Value = Field(description="level, or lower end of the window, in the SI unit of the signal")
     upper: _Value | None = Field(default=None, description="upper end of the window; null without a window")
     before_s: float = quantity("s", "time to capture before the trigger", default=1.0, ge=0.0, le=LONGEST_S)
-    after_s: float = quantity("s", "time to capture from the trigger on", default=1.0, ge=0.001, le=LONGEST_S)
+    after_s: float = quantity("s", "time to capture after the trigger", default=1.0, ge=0.001, le=LONGEST_S)
     captures: int = Field(
         default=1, ge=1, le=CAPTURES_MAX, description="number of captures after which the trigger disarms itself"
     )
