@@ -166,7 +166,7 @@ _DB = "20 log₁₀"
 EQUATIONS: dict[str, str] = {
     "rise_q_s": "t(90 %) − t(10 %)",
     "rise_S_s": "t(90 %) − t(10 %)",
-    "settling_q_s": "last t with |q − q_ref| > 0.02 |Δq_ref|, from the step",
+    "settling_q_s": "last t with |q − q_ref| > 0.02 |Δq_ref| + count/2, from the step",
     "settling_S_s": "last t with |S − S_ref| > 0.02 |ΔS_ref|, from the step",
     "reach_q_s": "t(90 %) − t(step), of the largest |Δq_ref| with ΔS_ref = 0",
     "reach_bound_q_s": "T_m θ'' + θ' = K_m u_max, until θ = 0.9 Δθ",
@@ -485,7 +485,7 @@ ENDS: dict[EndState, str] = {
     EndState.RUNNING: "The run is in progress: samples are still recorded.",
     EndState.COMPLETED: "The program of the run was completed, or the session was ended normally.",
     EndState.STOPPED: "A person or the service stopped the run before its end.",
-    EndState.TRIPPED: "A fault stopped the run; its timing is in the flight record.",
+    EndState.TRIPPED: "A fault stopped the run; the flight record contains the samples around the trip.",
     EndState.LINK_LOST: "The page that held control was lost, or the control loop died or was restarted.",
     EndState.SERVICE_DIED: "The service failed or hung, and the control loop stopped automatically.",
 }
@@ -562,7 +562,7 @@ TIMING: dict[str, str] = {
 """Terms of the header for fields of ``TimingView``, whose descriptions are the meanings."""
 
 ROUND_TRIP_TIME = GlossaryTerm(
-    TermKind.TIMING, "latency_ms", "Link", "round-trip time from this page to the service and back", "ms"
+    TermKind.TIMING, "latency_ms", "Link", "round-trip time of a message between this page and the service", "ms"
 )
 
 

@@ -85,14 +85,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "joint stiffness S",
     "term": "joint stiffness S",
-    "meaning": "Derivative of the joint torque with respect to q at fixed motor positions.",
+    "meaning": "Negative derivative of the joint torque with respect to q at fixed motor positions.",
     "source": "docs/glossary.md"
   },
   "concept:apparent stiffness": {
     "kind": "concept",
     "name": "apparent stiffness",
     "term": "apparent stiffness",
-    "meaning": "Ratio of an external force to the deflection it causes while the controller is active.",
+    "meaning": "Ratio of an external torque to the deflection it causes while the controller is active.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -143,7 +143,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Not used",
-        "touch, felt"
+        "touch (page label only), felt"
       ]
     ]
   },
@@ -312,7 +312,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "trajectory feed-forward",
     "term": "trajectory feed-forward",
-    "meaning": "Time-optimal trajectory that the loops follow, computed for a voltage limit.",
+    "meaning": "Motor voltages of a model that follows a time-optimal trajectory; the loops correct the error.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -321,11 +321,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ]
     ]
   },
-  "concept:feed-forward voltage limit u_plan": {
+  "concept:voltage limit U_plan": {
     "kind": "concept",
-    "name": "feed-forward voltage limit u_plan",
-    "term": "feed-forward voltage limit u_plan",
-    "meaning": "Largest voltage that a trajectory may use; 0 selects the reference governor alone.",
+    "name": "voltage limit U_plan",
+    "term": "voltage limit U_plan",
+    "meaning": "Largest voltage that time-optimal motion may use; it has no effect in lambda motion.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -410,7 +410,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "tuning",
     "term": "tuning",
-    "meaning": "Set that contains the tuning parameters, the motion, the feed-forward voltage limit, the gain of the disturbance rejection and the bank.",
+    "meaning": "Set that contains the tuning parameters, the setpoint weight b, the motion, the voltage limit, the gain of the disturbance rejection, the bank and its scheduling.",
     "source": "docs/glossary.md"
   },
   "concept:active tuning": {
@@ -456,7 +456,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "trial",
     "term": "trial",
-    "meaning": "Temporary tuning that reverts after a set time.",
+    "meaning": "Tuning that applies for a set time and then reverts to the previous one.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -565,7 +565,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "soft abort",
     "term": "soft abort",
-    "meaning": "Command that ends a run and holds constant references under tension.",
+    "meaning": "Soft stop of a run before the end of its program.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -711,7 +711,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "handover",
     "term": "handover",
-    "meaning": "Transfer of the control lease on request.",
+    "meaning": "Transfer of the control lease on request or by offer.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -791,19 +791,19 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "claim",
     "term": "claim",
-    "meaning": "Database entry that reserves the database for one service.",
+    "meaning": "Database entry that reserves a station for one service.",
     "source": "docs/glossary.md"
   },
   "concept:round-trip time": {
     "kind": "concept",
     "name": "round-trip time",
     "term": "round-trip time",
-    "meaning": "Time that a message takes from the page to the service and back.",
+    "meaning": "Time that a message takes from the page to the service and back. Label on the page: Link.",
     "source": "docs/glossary.md",
     "more": [
       [
         "Not used",
-        "link, there and back"
+        "there and back"
       ]
     ]
   },
@@ -824,7 +824,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "overrun",
     "term": "overrun",
-    "meaning": "Control step that ended after its period.",
+    "meaning": "Deadline that the control loop skips because it is late by at least one period.",
     "source": "docs/glossary.md"
   },
   "concept:data folder": {
@@ -873,7 +873,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "replay",
     "term": "replay",
-    "meaning": "Playback of a recording as a live source.",
+    "meaning": "Playback of a recording, as a live source or in the charts of a run.",
     "source": "docs/glossary.md"
   },
   "concept:excitation": {
@@ -894,7 +894,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "operating point",
     "term": "operating point",
-    "meaning": "Tension (and load) at which a model was identified.",
+    "meaning": "Tension, and the resulting stiffness, at which a model was identified.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -1013,7 +1013,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "forecast",
     "term": "forecast",
-    "meaning": "Predicted joint path, tensions and duration of an identification, computed before it starts.",
+    "meaning": "Advance prediction: joint path, tensions and duration of an identification, or the response to a step or a push.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -1090,7 +1090,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Not used",
-        "plan, sequence"
+        "plan"
       ]
     ]
   },
@@ -1141,12 +1141,18 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "Named group of metrics that is computed for an experiment.",
     "source": "docs/glossary.md"
   },
-  "concept:composer": {
+  "concept:sequence": {
     "kind": "concept",
-    "name": "composer",
-    "term": "composer",
-    "meaning": "Editor of the page in which a person builds an experiment from parts.",
-    "source": "docs/glossary.md"
+    "name": "sequence",
+    "term": "sequence",
+    "meaning": "Parts of an experiment in order, as a person edits them on the page.",
+    "source": "docs/glossary.md",
+    "more": [
+      [
+        "Not used",
+        "composer"
+      ]
+    ]
   },
   "concept:run": {
     "kind": "concept",
@@ -1160,6 +1166,13 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
         "task, job"
       ]
     ]
+  },
+  "concept:manual session": {
+    "kind": "concept",
+    "name": "manual session",
+    "term": "manual session",
+    "meaning": "Run that records mode Run, without a program or criteria. Kind of run: session.",
+    "source": "docs/glossary.md"
   },
   "concept:queue": {
     "kind": "concept",
@@ -1205,7 +1218,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "criterion",
     "term": "criterion",
-    "meaning": "Metric with a bound; its result is passed, failed or not measured.",
+    "meaning": "Metric with a bound; its result is pass, fail or not measured.",
     "source": "docs/glossary.md"
   },
   "concept:not measured": {
@@ -1232,7 +1245,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "study",
     "term": "study",
-    "meaning": "Many simulated runs of one experiment with varied settings.",
+    "meaning": "Many simulated runs of one experiment with varied settings, plant parameters and noise seeds.",
     "source": "docs/glossary.md"
   },
   "concept:report": {
@@ -1299,14 +1312,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "flight record",
     "term": "flight record",
-    "meaning": "Samples around a trip, at the full rate.",
+    "meaning": "Samples around a trip or a trigger, at the full rate.",
     "source": "docs/glossary.md"
   },
   "concept:trigger capture": {
     "kind": "concept",
     "name": "trigger capture",
     "term": "trigger capture",
-    "meaning": "Samples around the time at which a condition on a signal becomes true.",
+    "meaning": "Samples around the time at which a signal meets a condition.",
     "source": "docs/glossary.md"
   },
   "concept:derived signal": {
@@ -2327,7 +2340,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "trigger.after_s",
     "term": "time after the trigger",
-    "meaning": "time to capture from the trigger on",
+    "meaning": "time to capture after the trigger",
     "unit": "s",
     "more": [
       [
@@ -2526,7 +2539,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Settling time of q",
     "meaning": "longest time until the signal stays within ±2 % of the step plus half a count, q steps",
     "unit": "s",
-    "equation": "last t with |q − q_ref| > 0.02 |Δq_ref|, from the step",
+    "equation": "last t with |q − q_ref| > 0.02 |Δq_ref| + count/2, from the step",
     "source": "docs/how-to/experiments.md"
   },
   "figure:settling_S_s": {
@@ -3363,7 +3376,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "end",
     "name": "tripped",
     "term": "tripped",
-    "meaning": "A fault stopped the run; its timing is in the flight record.",
+    "meaning": "A fault stopped the run; the flight record contains the samples around the trip.",
     "source": "docs/how-to/notebook.md"
   },
   "end:link_lost": {
@@ -4178,7 +4191,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "timing",
     "name": "latency_ms",
     "term": "Link",
-    "meaning": "round-trip time from this page to the service and back",
+    "meaning": "round-trip time of a message between this page and the service",
     "unit": "ms"
   }
 };
