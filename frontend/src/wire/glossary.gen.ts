@@ -118,7 +118,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "push",
     "term": "push",
-    "meaning": "External force that an operator or a program applies in the simulator.",
+    "meaning": "External force that an operator or a program applies to a simulated plant.",
     "source": "docs/glossary.md"
   },
   "concept:obstacle": {
@@ -2146,7 +2146,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "K",
     "term": "K",
     "meaning": "static gain; the geometry gives r_m/(2 r_j) for G_q and 2 r_j² k2 r_m for G_S",
-    "unit": "1 or N·m/rad",
+    "unit": "1 or N·m/rad²",
     "source": "docs/reference/notation.md"
   },
   "quantity:T": {

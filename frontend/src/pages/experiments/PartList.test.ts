@@ -33,10 +33,10 @@ test("a sine may say its crest, and a motion the push beside it", () => {
   const sine = { do: "sine", q_ref: -0.1, S_ref: 12, period_s: 4, duration_s: 4, F_push: -3 };
   expect(describePart(sine, "rad")).toBe(
     "Sine on q: crest at −0.1 rad, S: crest at 12 N·m/rad, period 4 s, 4 s (1 cycle), " +
-      "push −3 N (simulator only)",
+      "push −3 N (simulated plants only)",
   );
   expect(describePart({ do: "ramp", q_ref: 0.2, duration_s: 1, F_push: "depth" }, "rad")).toBe(
-    "Ramp q to 0.2 rad in 1 s, push depth (simulator only)",
+    "Ramp q to 0.2 rad in 1 s, push depth (simulated plants only)",
   );
   expect(describePart({ do: "step", q_ref: 0.2, duration_s: 1, F_push: 0 }, "rad")).toBe(
     "Step q to 0.2 rad; hold 1 s",

@@ -119,7 +119,7 @@ export const TEXTS = {
   // outcomes of the runs
   outcomes: "Outcomes",
   outcomesHint: "Shares with 95 % confidence intervals",
-  outcomeShare: "Share",
+  outcomeShare: "Outcome",
   runs: "Runs",
   total: "Total",
   intervalPercent: "Interval [%]",
