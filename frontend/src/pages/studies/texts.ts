@@ -44,7 +44,7 @@ export const TEXTS = {
   ofLoop: "Control loop settings",
   ofPlant: "Plant parameters",
   fromText: "From the text",
-  fixedSettings: "Fixed settings (other settings use the active values)",
+  fixedSettings: "Fixed settings (others: experiment defaults and active tuning)",
   setting: "Setting {number}",
   settingName: "Name of setting {number}",
   ofSetting: "of setting {number}",
