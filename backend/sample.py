@@ -93,7 +93,7 @@ FIELDS: tuple[Field, ...] = (
         "limits",
         "limits",
         "1",
-        "limits that were active in this tick, one bit each; docs/reference/faults.md lists them",
+        "limits that were active in this control step, one bit each; docs/reference/faults.md lists them",
     ),
     Field("fault", "fault", "1", "code of the latched fault as listed in docs/reference/faults.md, 0 for none"),
     Field("lateness_s", "late", "s", "delay of the start of the control step relative to its deadline"),

@@ -82,7 +82,7 @@ class RunProgram:
 class ApplyPush:
     """Push the joint by an external force [N] for a time [s]; 0 N ends the push.
 
-    Only for a plant that can be pushed (the simulator).
+    Only for a plant that can be pushed (simulator, virtual card).
     """
 
     F_push: float
@@ -91,14 +91,14 @@ class ApplyPush:
 
 @dataclass(frozen=True)
 class Obstruct:
-    """Set an obstacle, None removes it; only on the simulator."""
+    """Set an obstacle, None removes it; only for a simulated plant."""
 
     obstacle: Obstacle | None
 
 
 @dataclass(frozen=True)
 class Inject:
-    """Inject a fault, None clears it; only on the simulator."""
+    """Inject a fault, None clears it; only for a simulated plant."""
 
     injected_fault: InjectedFault | None
 

@@ -1629,7 +1629,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "limits",
     "term": "limits",
-    "meaning": "limits that were active in this tick, one bit each; docs/reference/faults.md lists them",
+    "meaning": "limits that were active in this control step, one bit each; docs/reference/faults.md lists them",
     "source": "docs/reference/notation.md"
   },
   "signal:fault": {

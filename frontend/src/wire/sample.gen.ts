@@ -179,7 +179,7 @@ export const FIELDS = [
     "name": "limits",
     "symbol": "limits",
     "unit": "1",
-    "meaning": "limits that were active in this tick, one bit each; docs/reference/faults.md lists them"
+    "meaning": "limits that were active in this control step, one bit each; docs/reference/faults.md lists them"
   },
   {
     "name": "fault",
