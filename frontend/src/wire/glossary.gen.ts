@@ -3695,7 +3695,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The joint encoder read more than the joint range (90° to either side)."
+        "The joint encoder read an angle outside the joint range (±90°)."
       ],
       [
         "Reaction",
@@ -3720,7 +3720,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A tendon under control stayed below 1 N for more than 0.1 s. A shorter time below 1 N is not a fault."
+        "The tension of a controlled tendon stayed below 1 N for more than 0.1 s. A shorter time below 1 N is not a fault."
       ],
       [
         "Reaction",
@@ -3770,7 +3770,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A motor encoder did not move by a count for 0.1 s although its motor was driven; or a load cell did not change by even one digit while its motor turned by 2 rad; or a reading stayed constant while tension and encoders became inconsistent (see implausible). A constant reading without motion is not a fault."
+        "A motor encoder did not change by even one count for 0.1 s although its motor was driven; or a load cell did not change by even one digit while its motor turned by 2 rad; or a reading stayed constant while tension and encoders became inconsistent (see implausible). A constant reading without motion is not a fault."
       ],
       [
         "Reaction",
@@ -3945,7 +3945,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "Opening, reading or writing the plant failed."
+        "Reading or writing the plant failed."
       ],
       [
         "Reaction",
@@ -3999,7 +3999,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "The control loop switches the drive-enable line off, sets the outputs to zero volts, and stays in this state. If it dies before it has noticed, the service clears the outputs within 0.7 s of the control loop's last write; if the service is dead as well, only the safety module and the e-stop remain."
+        "The control loop switches the drive-enable line off, sets the outputs to zero volts, and stays in this state. If it dies before this reaction, the service clears the outputs within 0.7 s of the control loop's last write; if the service is dead as well, only the safety module and the e-stop remain."
       ],
       [
         "Within",
@@ -4129,28 +4129,28 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "limit",
     "name": "GOVERNOR",
     "term": "governor",
-    "meaning": "the references moved slower than commanded, so that the motors can follow",
+    "meaning": "the references moved more slowly than commanded, so that the motors could follow",
     "source": "docs/reference/faults.md"
   },
   "limit:TENSION_FLOOR": {
     "kind": "limit",
     "name": "TENSION_FLOOR",
     "term": "tension floor",
-    "meaning": "a tendon would have become slack",
+    "meaning": "the tension of a tendon would have fallen below 4 N",
     "source": "docs/reference/faults.md"
   },
   "limit:TENSION_CEILING": {
     "kind": "limit",
     "name": "TENSION_CEILING",
     "term": "tension ceiling",
-    "meaning": "a tendon would have exceeded 50 N",
+    "meaning": "the tension of a tendon would have exceeded 48 N",
     "source": "docs/reference/faults.md"
   },
   "limit:JOINT_RANGE": {
     "kind": "limit",
     "name": "JOINT_RANGE",
     "term": "joint range",
-    "meaning": "a reference would have left the joint range",
+    "meaning": "the position request of the outer loop would have exceeded 85.1° to either side",
     "source": "docs/reference/faults.md"
   },
   "limit:CONTACT": {
