@@ -175,7 +175,8 @@ def spring_unusable(*, label: str, reason: str) -> str:
 @catalogue_entry
 def spring_force_too_large(*, label: str, x_solid: float, F_solid: float, F_max: float) -> str:
     return (
-        f"{label}: at spring.x_solid = {x_solid:g} m its force is {F_solid:.1f} N, far above safety.F_max = {F_max:g} N"
+        f"{label}: at spring.x_solid = {x_solid:g} m its force is {F_solid:.1f} N, more than 1.2 times "
+        f"safety.F_max = {F_max:g} N"
     )
 
 
@@ -370,7 +371,7 @@ def load_cell_with_two_calibrations() -> str:
 
 @catalogue_entry
 def give_one_calibration() -> str:
-    return "give slope and offset, or a table: the bring-up measures them"
+    return "give slope and offset, which the bring-up measures, or a table"
 
 
 # Watchdog and card ---------------------------------------------------------------------------------
@@ -457,7 +458,7 @@ def zero_not_set() -> str:
 def drive_enable_not_switched(*, on: bool) -> str:
     return (
         f"the drive-enable line did not switch {'on' if on else 'off'}: "
-        "keep clear of the rig and check its other connections"
+        "keep clear of the rig, and check drive_enable and its wires"
     )
 
 
@@ -636,8 +637,8 @@ def recording_of_other_period(*, recording: str, period_s: float, expected_s: fl
 def samples_missing(*, recording: str, t: float, step_s: float) -> str:
     return (
         f"the recording {recording} cannot be played: "
-        f"after t = {t:.3f} s the next sample comes {1e3 * step_s:g} ms later: samples are "
-        "missing there; use only the part of the file before or after the gap"
+        f"the sample after t = {t:.3f} s follows after {1e3 * step_s:g} ms, not after one period; use only the part "
+        "of the file before or after it"
     )
 
 
@@ -692,7 +693,7 @@ def replay_has_its_zeros() -> str:
 @catalogue_entry
 def unknown_plant(*, plant: str, installed: Sequence[str]) -> str:
     others = (
-        f", or from an installed package {', '.join(installed)}"
+        f", or {', '.join(installed)} from an installed package"
         if installed
         else "; no installed package provides another plant"
     )
