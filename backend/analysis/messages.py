@@ -1,4 +1,4 @@
-"""Messages of the evaluation: why a figure was not measured, why a run has no result, and rejected comparisons."""
+"""Messages of the evaluation: why a metric was not measured, why a run has no result, and rejected comparisons."""
 
 from backend.units import format_count
 from plant import Angle, Quantity, catalogue_entry
@@ -148,7 +148,7 @@ def loads_not_completed() -> str:
 
 @catalogue_entry
 def no_motor_angle(*, side: str) -> str:
-    return f"no angle of motor {side} was measured"
+    return f"a sample of the angle of motor {side} has no valid value"
 
 
 @catalogue_entry

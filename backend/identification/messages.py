@@ -122,8 +122,8 @@ def better_structure(
     *, structure: str, dead_time: bool, fit_percent: float, fit_percent_before: float, BIC_gain: float, F: float
 ) -> str:
     return (
-        f"{'a dead time' if dead_time else 'a higher order'} would help: {structure} fits "
-        f"{format_percent(fit_percent)} % of the record, while this structure fits "
+        f"{'a dead time' if dead_time else 'a higher order'} would help: {structure} has a fit of "
+        f"{format_percent(fit_percent)} % on the record, while this structure has "
         f"{format_percent(fit_percent_before)} % (BIC lower by {BIC_gain:.3g}, F = {F:.3g})"
     )
 
@@ -290,7 +290,7 @@ def fit_on_validation_data(*, fit_percent: float) -> str:
 
 @catalogue_entry
 def gain_unlike_geometry(*, error_percent: float) -> str:
-    return f"gain {error_percent:+.1f} % from the geometric gain"
+    return f"gain deviates by {error_percent:+.1f} % from the geometric gain"
 
 
 @catalogue_entry
@@ -369,7 +369,7 @@ def friction_in_record(
     T_error_percent: float,
 ) -> str:
     return (
-        f"Coulomb friction accounts for {u_c:.3g} of the input: with friction in the model, the record gives K = "
+        f"Coulomb friction accounts for {u_c:.3g} (unit of u): with friction in the model, the record gives K = "
         f"{K:.4g} ± {K_std:.2g} and T = {T:.4g} ± {T_std:.2g} s{f' with a dead time of {t_d:.3g} s' if t_d else ''}; "
         f"K and T of this linear model deviate from these values by {K_error_percent:+.1f} % and "
         f"{T_error_percent:+.1f} %"
@@ -530,8 +530,8 @@ def motor_hardly_moves(*, counts: float, minimum: float) -> str:
 @catalogue_entry
 def too_few_voltages(*, count: int, minimum: int) -> str:
     return (
-        f"gain and Coulomb friction cannot be separated: number of different voltages is {count}, but must be at "
-        f"least {minimum}; apply steps of several voltages"
+        f"gain and Coulomb friction cannot be separated: the number of different voltage magnitudes is {count}, "
+        f"but must be at least {minimum}; apply steps of several magnitudes"
     )
 
 
@@ -575,7 +575,7 @@ def no_friction_found() -> str:
 
 @catalogue_entry
 def position_fitted(*, counts: float, misfit_percent: float) -> str:
-    return f"position fitted to within {counts:.1f} counts, {misfit_percent:.2g} % of the rotation"
+    return f"RMS position error of {counts:.1f} counts, {misfit_percent:.2g} % of the rotation"
 
 
 # Motor from a record -------------------------------------------------------------------------------
@@ -696,8 +696,8 @@ def tendon_pushes(*, force_N: float, minimum_N: float) -> str:
 def lowest_order_suffices(*, order: int, improvement_percent: float, errors_N: Mapping[int, float]) -> str:
     errors = ", ".join(f"{Quantity(error, 'N'):.3g} (order {one})" for one, error in errors_N.items())
     return (
-        f"order {order}: higher orders do not reduce the cross-validation error by {improvement_percent:.0f} % "
-        f"({errors}), and order 2 keeps the decoupler analytic"
+        f"order {order}: no monotonic fit of higher order reduces the cross-validation error by more than "
+        f"{improvement_percent:.0f} % ({errors}), and order 2 keeps the decoupler analytic"
     )
 
 
@@ -1094,7 +1094,7 @@ def matlab_scalar(*, name: str) -> str:
 
 @catalogue_entry
 def matlab_array(*, name: str, dimensions: int) -> str:
-    return f"'{name}' of the file is an array of {dimensions} dimensions"
+    return f"'{name}' of the file is {'empty' if dimensions == 1 else f'an array of {dimensions} dimensions'}"
 
 
 @catalogue_entry

@@ -526,7 +526,7 @@ def test_steps_that_saturate_or_carry_load_are_refused_one_by_one(lab: PlantPara
     assert [voltage for voltage, _ in cut.refused] == [10.0, 4.0]
     assert "saturates" in cut.refused[0][1]
     assert "tendon loads the motor" in cut.refused[1][1]
-    with pytest.raises(ValueError, match=r"motor A: .*different voltages.*saturates.*tendon loads the motor") as caught:
+    with pytest.raises(ValueError, match=r"motor A: .*voltage magnitudes.*saturates.*tendon loads the motor") as caught:
         identify_motors(columns, lab)
     unusable = tuple(reason for _, reason in cut.refused)
     assert_reason(caught.value.args[0], "motor_not_identified", side="A", unusable_steps=unusable)
