@@ -58,7 +58,10 @@ def unsupported_constant(*, value: object) -> str:
 
 @catalogue_entry
 def unsupported_operation(*, operation: str, functions: str) -> str:
-    return f"{operation[:60]!r} is not supported; supported are + - * / % **, comparisons, {functions}"
+    return (
+        f"{operation[:60]!r} is not supported; supported are + - * / % **, comparisons, and, or, not, if else, "
+        f"{functions}"
+    )
 
 
 @catalogue_entry
@@ -79,7 +82,7 @@ def at_place(*, line: int | None, place: str, reason: str) -> str:
 
 @catalogue_entry
 def setting_name_taken(*, name: str) -> str:
-    return f"{name!r} is already the name of a tuning setting, of the seed or of another setting"
+    return f"{name!r} is a reserved name or the name of another setting: choose another name"
 
 
 @catalogue_entry
@@ -220,7 +223,7 @@ def invalid_value(*, error_type: str, reason: str) -> str:
 def invalid_formula_name(*, name: str) -> str:
     return (
         f"{name!r} is not a valid name of a formula: use 1 to 20 letters, digits and _, a letter "
-        "first, and not the name of a signal or function"
+        "first, and no keyword or name of a signal, function or constant"
     )
 
 

@@ -107,12 +107,13 @@ def result_is_being_computed(*, run: int) -> str:
 
 @catalogue_entry
 def estimate_without_value(*, run: int | None, estimate: int, name: str) -> str:
-    return f"run {run}: the estimate {estimate} has no value for {name}"
+    source = "" if run is None else f"run {run}: "
+    return f"{source}estimate {estimate} has no value for {name}"
 
 
 @catalogue_entry
 def run_is_not_an_identification(*, run: int, kind: str) -> str:
-    return f"run {run} is not an identification, but of kind {kind}"
+    return f"run {run} is of kind {kind}, not an identification"
 
 
 @catalogue_entry
@@ -130,7 +131,7 @@ def unknown_experiment(*, known: Sequence[str]) -> str:
 
 @catalogue_entry
 def name_of_ready_made_experiment(*, name: str) -> str:
-    return f"{name!r} is the name of a ready-made experiment: choose another name"
+    return f"{name!r} is the name of a built-in experiment: choose another name"
 
 
 @catalogue_entry
@@ -189,7 +190,7 @@ def too_few_samples_for_spectrum(*, minimum: int) -> str:
 
 @catalogue_entry
 def too_many_derived_signals(*, maximum: int) -> str:
-    return f"a station has {maximum} derived signals at most: remove one first"
+    return f"a station may have at most {maximum} derived signals: remove one first"
 
 
 @catalogue_entry

@@ -58,7 +58,7 @@ def test_it_is_written_refused_kept_tried_and_run(browser: Browser, service: Ser
     own.get_by_role("combobox", name=TEXTS["startFrom"]).select_option("step_battery")
     expect(text).to_have_value(load_ready_text("step_battery"))
     own.get_by_role("button", name=TEXTS["check"], exact=True).click()
-    expect(said).to_contain_text("'step_battery' is the name of a ready-made experiment")
+    expect(said).to_contain_text("'step_battery' is the name of a built-in experiment")
 
     text.fill(OWN.replace("lam_q: 0.8", "lam_q: 0.1"))
     own.get_by_role("button", name=TEXTS["check"], exact=True).click()

@@ -244,7 +244,7 @@ def test_keys_outside_the_parts_are_checked_too(
         ("above: 4.0", "above: 4.0, below: 5.0", 18, "a criterion requires exactly one bound: below or above"),
         ("above: 4.0", "above: F_least", 18, "'F_least' is not known here; choose one of depth, u_max"),
         ("measures: [steps]", "measures: [songs]", 16, "it should be 'steps', 'compliance'"),
-        ("name: wobble", "name: tracking", 2, "'tracking' is the name of a ready-made experiment"),
+        ("name: wobble", "name: tracking", 2, "'tracking' is the name of a built-in experiment"),
     ],
 )
 def test_criteria_measures_and_the_names_of_others_are_checked_too(
