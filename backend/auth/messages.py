@@ -17,7 +17,7 @@ def too_many_sign_ins(*, wait_s: int) -> str:
 
 @catalogue_entry
 def script_cannot_be_renamed() -> str:
-    return "a script is named after its role: only a signed-in browser can change its name"
+    return "only a browser that is signed in with a token can change its name"
 
 
 @catalogue_entry

@@ -1,4 +1,4 @@
-"""Messages about the commissioning: steps that cannot start, and what a step that fails has found."""
+"""Messages about the commissioning: steps that cannot start, and the findings of failed steps."""
 
 from plant import Angle, catalogue_entry
 
@@ -124,8 +124,9 @@ def weights_too_close(*, minimum_N: float) -> str:
 @catalogue_entry
 def weights_not_distinguished(*, tendon: str, difference_V: float, lightest_N: float, heaviest_N: float) -> str:
     return (
-        f"load cell {tendon} reads {1e3 * difference_V:.2f} mV more under {heaviest_N:g} N than under {lightest_N:g} "
-        "N, but at least 1 mV is required to distinguish weights: check its cable, amplifier and channel"
+        f"the readings of load cell {tendon} under {lightest_N:g} to {heaviest_N:g} N differ by "
+        f"{1e3 * difference_V:.2f} mV, but at least 1 mV is required to distinguish weights: "
+        "check its cable, amplifier and channel"
     )
 
 
@@ -214,9 +215,8 @@ def voltage_too_low(*, motor: str, u: float) -> str:
 @catalogue_entry
 def drive_not_disabled(*, motor: str, u: float, duration_s: float, angle: float, maximum: float) -> str:
     return (
-        f"motor {motor} did not turn back while it received {u:.2f} V for another {duration_s:g} s (it turned back "
-        f"by {Angle(-angle):.4f}, but at least {Angle(-maximum):g} is required): check how the module disables the "
-        "drives"
+        f"motor {motor} turned back by {Angle(-angle):.4f} while it received {u:.2f} V for another {duration_s:g} s, "
+        f"but at least {Angle(-maximum):g} is required: check how the module disables the drives"
     )
 
 
@@ -225,9 +225,9 @@ def tensions_out_of_bounds(
     *, highest_N: float, difference_N: float, maximum_N: float, maximum_difference_N: float, pretension_N: float
 ) -> str:
     return (
-        f"stopped: the tension reached {highest_N:.1f} N, the difference of the tensions "
-        f"{difference_N:.1f} N; at most {maximum_N:g} N "
-        f"and {maximum_difference_N:g} N are permitted for a pretension of {pretension_N:g} N: "
+        f"the motion was stopped: the tension reached {highest_N:.1f} N and the difference of the tensions "
+        f"{difference_N:.1f} N, but at most {maximum_N:g} N "
+        f"and {maximum_difference_N:g} N are permitted for a pretension of {pretension_N:g} N; "
         "repeat the previous steps"
     )
 

@@ -10,7 +10,10 @@ def another_program_running() -> str:
 
 @catalogue_entry
 def loop_stopped() -> str:
-    return "the control loop is stopped: reset it first"
+    return (
+        "the control loop is stopping or has tripped: wait for the end of the stop, then reset the fault if there "
+        "is one"
+    )
 
 
 @catalogue_entry

@@ -312,7 +312,7 @@ def set_up_already() -> str:
 
 @catalogue_entry
 def woken_without_message() -> str:
-    return "woken without a message"
+    return "the channel became readable, but contained no message"
 
 
 @catalogue_entry
@@ -335,7 +335,7 @@ def ring_buffer_of_other_version(*, width: int, expected: int) -> str:
 
 @catalogue_entry
 def priority_not_granted(*, priority: int, reason: str | None) -> str:
-    return f"FIFO priority {priority}: {reason}; allow rtprio in limits.conf or CAP_SYS_NICE"
+    return f"FIFO priority {priority}: {reason}; raise rtprio in limits.conf or grant CAP_SYS_NICE"
 
 
 @catalogue_entry

@@ -42,7 +42,7 @@ def object_required(*, label: str) -> str:
 
 @catalogue_entry
 def character_not_allowed(*, label: str) -> str:
-    return f"{label}: it contains characters that are not allowed"
+    return f"{label}: it contains characters that are not allowed, or its format is wrong"
 
 
 @catalogue_entry
@@ -120,7 +120,7 @@ def duplicate_panel(*, layout: str, panel: str, count: int) -> str:
 
 @catalogue_entry
 def no_panel_over_time(*, layout: str) -> str:
-    return f"layout “{layout}” has no panel over time: add one, because its time axis applies to all panels"
+    return f"layout “{layout}” has no time panel: add one, because its time axis applies to all panels"
 
 
 @catalogue_entry

@@ -44,12 +44,12 @@ def zero_volts_not_confirmed() -> str:
 
 @catalogue_entry
 def change_needs_mode_off(*, change: str, mode: Mode) -> str:
-    return f"{change} takes effect only in mode off; the mode is {mode}"
+    return f"the mode is {mode}, but must be off to apply {change}"
 
 
 @catalogue_entry
 def change_takes_effect_at_next_start(*, change: str, reason: str) -> str:
-    return f"{change} takes effect at the next start of the control loop: {reason}"
+    return f"{reason}; its next start applies {change}"
 
 
 @catalogue_entry
@@ -165,7 +165,7 @@ def joint_not_at_rest(*, duration_s: float) -> str:
 
 @catalogue_entry
 def joint_is_pushed() -> str:
-    return "the joint is pushed"
+    return "a push acts on the joint"
 
 
 @catalogue_entry
@@ -210,7 +210,7 @@ def contact_reaction_is_armed() -> str:
 
 @catalogue_entry
 def stiffness_not_reached(*, S: float) -> str:
-    return f"the stiffness does not reach S_ref, it remains at {S:.2f} N·m/rad"
+    return f"the stiffness remains at {S:.2f} N·m/rad and does not reach S_ref"
 
 
 @catalogue_entry

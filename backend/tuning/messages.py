@@ -54,7 +54,7 @@ def M_s_not_attainable(*, M_s: float, lowest: float, lam_lowest: float, highest:
 
 @catalogue_entry
 def motor_too_quick(*, T_m: float, minimum_s: float) -> str:
-    return f"T_m = {T_m:g} s permits no λ_motor of at least {minimum_s:g} s: λ_motor must stay below 4 T_m"
+    return f"T_m = {T_m:g} s permits no λ_motor of at least {minimum_s:g} s: it may be at most 3.8 T_m"
 
 
 @catalogue_entry
