@@ -1,4 +1,4 @@
-"""Messages of the modules beside the packages: texts, the data folder, settings and worker processes."""
+"""Messages of the top-level modules: texts, the data folder, settings and worker processes."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -31,7 +31,7 @@ def pings_missing() -> str:
 
 @catalogue_entry
 def websockets_opened_too_fast() -> str:
-    return "this session opens websockets too fast: try again in a few seconds"
+    return "this session opens WebSockets too fast: try again in a few seconds"
 
 
 @catalogue_entry
@@ -41,7 +41,7 @@ def too_many_connections(*, name: str) -> str:
 
 @catalogue_entry
 def bank_or_runs_needed() -> str:
-    return "give either another bank or runs that identified points again"
+    return "give either another bank or new identification runs"
 
 
 @catalogue_entry

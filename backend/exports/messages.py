@@ -14,7 +14,7 @@ def nested_too_deeply() -> str:
 
 @catalogue_entry
 def not_a_number(*, text: str) -> str:
-    return f"{text} is not a number"
+    return f"{text} is not a finite number"
 
 
 @catalogue_entry
@@ -114,7 +114,7 @@ def too_many_samples_for_matlab(*, content: str, samples: int, maximum: int) -> 
 
 @catalogue_entry
 def matlab_without_metadata(*, name: str) -> str:
-    return f"its text {name} is missing: it is not an export of a run"
+    return f"its text variable {name} is missing: it is not an export of a run"
 
 
 @catalogue_entry
@@ -134,7 +134,7 @@ def file_compressed() -> str:
 
 @catalogue_entry
 def metadata_not_utf8(*, name: str) -> str:
-    return f"its text {name} is not UTF-8: another program saved the file"
+    return f"its text variable {name} is not UTF-8: another program saved the file"
 
 
 # MCAP ----------------------------------------------------------------------------------------------
@@ -297,7 +297,7 @@ def invalid_run(*, reason: str) -> str:
 
 @catalogue_entry
 def run_with_other_samples(*, run_id: int) -> str:
-    return f"the stored run {run_id} is the same run, but has other samples"
+    return f"stored run {run_id} is the same run, but its samples differ"
 
 
 @catalogue_entry

@@ -109,7 +109,7 @@ def result_of_other_definitions(*, version: int, current: int, run_id: int) -> s
 
 @catalogue_entry
 def fields_not_in_report(*, names: Sequence[str]) -> str:
-    return f"{', '.join(names)} of the run: nothing in the report depends on it"
+    return f"{', '.join(names)} of the run: nothing in the report depends on {'it' if len(names) == 1 else 'them'}"
 
 
 @catalogue_entry
@@ -214,7 +214,7 @@ def too_many_samples(*, samples: int, maximum: int) -> str:
 
 @catalogue_entry
 def sheet_too_large(*, quantity: str, number: int, maximum: int, remedy: str) -> str:
-    return f"{quantity}: this sheet of charts has {number} or more, but at most {maximum} are drawn: {remedy}"
+    return f"{quantity}: this chart sheet has {number} or more, but at most {maximum} are drawn: {remedy}"
 
 
 @catalogue_entry

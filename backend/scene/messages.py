@@ -1,4 +1,4 @@
-"""Messages about the 3D view: it is not there, or the connection of a browser was closed."""
+"""Messages about the 3D view: unavailable views and closed connections."""
 
 from plant import catalogue_entry
 

@@ -96,8 +96,8 @@ def page_of_unknown_proxy(*, origin: str, host: str, proxy: str) -> str:
 @catalogue_entry
 def upgrade_missing(*, path: str, origin: str) -> str:
     return (
-        f"a websocket was requested at {path!r} by a page of {origin!r}, but the header Upgrade is missing: the "
-        "reverse proxy does not forward websockets. For nginx: proxy_http_version 1.1; "
+        f"a WebSocket was requested at {path!r} by a page of {origin!r}, but the header Upgrade is missing: the "
+        "reverse proxy does not forward WebSockets. For nginx: proxy_http_version 1.1; "
         'proxy_set_header Upgrade $http_upgrade; proxy_set_header Connection "upgrade";'
     )
 

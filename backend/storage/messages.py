@@ -338,7 +338,7 @@ def invalid_search(*, place: int, reason: str, near: Sequence[str], known: Seque
 
 @catalogue_entry
 def search_too_long(*, maximum: int) -> str:
-    return f"a search has {maximum} characters at most: shorten it"
+    return f"a search may have at most {maximum} characters: shorten it"
 
 
 @catalogue_entry
@@ -358,7 +358,7 @@ def term_missing() -> str:
 
 @catalogue_entry
 def nested_too_deep(*, maximum: int) -> str:
-    return f"brackets and 'not' can be nested {maximum} levels deep at most: reduce the nesting"
+    return f"brackets and 'not' can be nested at most {maximum} levels deep: reduce the nesting"
 
 
 @catalogue_entry
@@ -368,7 +368,7 @@ def bracket_not_closed() -> str:
 
 @catalogue_entry
 def too_many_terms(*, maximum: int) -> str:
-    return f"a search has {maximum} terms at most: remove some"
+    return f"a search may have at most {maximum} terms: remove some"
 
 
 @catalogue_entry

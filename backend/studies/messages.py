@@ -1,4 +1,4 @@
-"""Messages about studies: documents that describe none, points without a run, and executors that cannot compute."""
+"""Messages about studies: invalid documents, points that cannot be computed, and executors that are not available."""
 
 from plant import catalogue_entry
 
