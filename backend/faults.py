@@ -113,7 +113,7 @@ EXPLANATIONS: dict[Fault, Explanation] = {
         "The service shut down and stopped the control loop.", "Start the service again; it starts without the fault."
     ),
     Fault.SENSOR_SATURATED: Explanation(
-        "The signal of a load cell exceeds the range of its input.",
+        "The signal of a load cell reached the limit of its input or of its calibration.",
         "Check for a blocked joint, then check the load cell's amplifier, supply and calibration; "
         "reset when the reading is valid again.",
     ),

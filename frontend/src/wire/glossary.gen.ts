@@ -4040,7 +4040,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "fault",
     "name": "sensor_saturated",
     "term": "sensor saturated",
-    "meaning": "The signal of a load cell exceeds the range of its input.",
+    "meaning": "The signal of a load cell reached the limit of its input or of its calibration.",
     "source": "docs/reference/faults.md",
     "more": [
       [
