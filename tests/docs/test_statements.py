@@ -1,6 +1,7 @@
 """What README, ARCHITECTURE, pages and docstrings say of the code, compared with the code."""
 
 import inspect
+import math
 import re
 import tomllib
 from collections.abc import Iterator
@@ -10,7 +11,7 @@ import pytest
 
 from backend import main
 from backend.auth import control_lease
-from backend.control import fault_detection, motion_primitives, motion_types
+from backend.control import compute_bounds, fault_detection, motion_primitives, motion_types
 from backend.control.step import STEP_FUNCTIONS, Resting
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.realtime import commands, control_loop, heartbeat, process, supervisor, timing  # noqa: F401  # with what it plays
@@ -28,6 +29,7 @@ README, ARCHITECTURE = (
     " ".join((ROOT / name).read_text(encoding="utf-8").split()) for name in ("README.md", "ARCHITECTURE.md")
 )
 PARAMETERS = load_parameters("lab")
+ENVELOPE = compute_bounds(PARAMETERS).envelope
 
 
 def decision_page(number: str) -> str:
@@ -48,11 +50,14 @@ def said(documented: object) -> str:
         f"stayed below 1 N for more than {fault_detection.SLACK_MAX_S:g} s",
         f"For {fault_detection.CONTRADICTION_S:g} s a load cell",
         f"differed by more than {fault_detection.CONTRADICTION_N:g} N",
-        f"by a count for {fault_detection.UNMOVED_S:g} s",
+        f"by even one count for {fault_detection.UNMOVED_S:g} s",
         f"longest time allowed: {Simulator.unattended_max_s:g} s on the simulator",
         f"sent no heartbeat for {control_lease.LOST_S:g} s",
         f"held for {control_lease.HOLD_S:g} s more",
         f"not written for {safety_card.WATCHDOG_S:g} s",
+        f"would have fallen below {ENVELOPE.F_floor:g} N",
+        f"would have exceeded {ENVELOPE.F_ceiling:g} N",
+        f"would have exceeded {math.degrees(ENVELOPE.q_max):.1f}° to either side",
     ],
 )
 def test_times_and_bounds_of_the_faults_are_those_of_the_code(statement: str) -> None:
