@@ -111,10 +111,10 @@ class Settings(BaseSettings):
     trusted_proxies: Annotated[
         tuple[str, ...], NoDecode, BeforeValidator(_split_list), AfterValidator(_check_networks)
     ] = ()
-    """Proxies whose X-Forwarded-For is used, as addresses or networks; with a public URL by default this machine."""
+    """Proxies whose X-Forwarded-For is used, as addresses or networks; with a public URL, this machine by default."""
 
     show_link: bool | None = None
-    """Whether the start prints the sign-in link; None: on a terminal only, as others may read a log."""
+    """Whether to print the sign-in link at the start; None: only on a terminal, because others may read a log."""
 
     flight_records: int = Field(default=300, ge=1, le=100_000)
     """Number of flight records that are stored; the oldest are deleted. Trigger captures have the same limit."""
@@ -123,13 +123,13 @@ class Settings(BaseSettings):
     """Size of the stored flight records [MB], and of the trigger captures."""
 
     recordings_GB: float = Field(default=20.0, gt=0.0, le=100_000.0)
-    """Size [GB] beyond which recordings may be deleted, which a person decides."""
+    """Size [GB] beyond which a person may delete recordings."""
 
     recordings_keep_days: int = Field(default=30, ge=0, le=36_500)
     """Age [days] from which recordings may be deleted."""
 
     log_level: Level = "warning"
-    """Least level of the log on standard error; start, stop, connections, modes and runs have level info."""
+    """Minimum level of the log on standard error; start, stop, connections, modes and runs have level info."""
 
     @model_validator(mode="after")
     def _require_token_beyond_loopback(self) -> "Settings":

@@ -25,8 +25,8 @@ from backend.workers import exclude_working_directory
 
 app = typer.Typer(
     name="sinew",
-    help="Identify, tune and run antagonistic variable stiffness actuators. Numbers and JSON are in SI units. An angle "
-    f"may be typed as 60deg. Angles are printed in degrees, or in radians if {ANGLES_VARIABLE} is rad.",
+    help="Identify, tune and run antagonistic variable stiffness actuators. Inputs and JSON are in SI units; an angle "
+    f"may be typed as 60deg. Text output shows angles in degrees, or in radians if {ANGLES_VARIABLE} is rad.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

@@ -325,7 +325,7 @@ def experiment(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run experiments on the simulator, faster than real time, and store them.
+    """Run experiments on a simulated plant, faster than real time, and store them.
 
     Several experiments run one after the other with the same settings, until one does not complete. Each run then
     writes its files to its own subfolder.
@@ -537,7 +537,10 @@ def show_queue(data: DataFolder = None, as_json: AsJson = False) -> None:
 @queue_app.command()
 def add(
     name: Annotated[str, typer.Argument(help="Built-in or stored experiment, such as tracking, mine or mine@2.")],
-    values: Annotated[list[str] | None, typer.Option("--set", help="key=value in SI, or an angle as 60deg.")] = None,
+    values: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Setting of the experiment, in SI units; repeatable."),
+    ] = None,
     data: DataFolder = None,
     as_json: AsJson = False,
 ) -> None:

@@ -75,7 +75,9 @@ def data(
     structure: Annotated[str, typer.Option(metavar="NAME", help=f"Structure: {STRUCTURES}.")],
     period_s: Annotated[
         float | None,
-        typer.Option("--period", metavar="SECONDS", help="Sample time [s]; with a time column, optional and checked."),
+        typer.Option(
+            "--period", metavar="SECONDS", help="Sample time [s]; optional and checked if the file has a time column."
+        ),
     ] = None,
     time: Annotated[
         str | None,
@@ -110,7 +112,8 @@ def data(
         int | None, typer.Option(metavar="ROWS", min=1, help="Number of rows to use after the skipped ones.")
     ] = None,
     within: Annotated[
-        str | None, typer.Option("--range", metavar="FROM:TO", help="Seconds of the file to use, as in 2:30 or 2:")
+        str | None,
+        typer.Option("--range", metavar="FROM:TO", help="Time range of the file to use [s], such as 2:30 or 2:"),
     ] = None,
     resample: Annotated[
         bool,
@@ -381,7 +384,9 @@ def _format_number(value: float | None, format_spec: str) -> str:
 
 
 app = typer.Typer(
-    help="Identify models from experiments on the simulator or from files.", no_args_is_help=True, rich_markup_mode=None
+    help="Identify models from experiments on a simulated plant or from files.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 
 app.command()(data)
@@ -480,7 +485,7 @@ def actuator(
 ) -> None:
     """Identify G_q and G_S at one or several tendon tensions (method section 4).
 
-    Runs at tensions at least 5 N apart also yield the Coulomb friction of motor A over the load, c0 + c1 r_m F.
+    Runs at tensions at least 5 N apart also yield the Coulomb friction of motor A as a function of load, c0 + c1 r_m F.
 
     Settings: tension_N [N], amplitude_rad [rad], chip_s [s], bits, periods, settle_s [s],
     estimator (default, or arx as in the paper).
@@ -515,7 +520,7 @@ def actuator(
 
 
 def _estimate_load_friction(sources: "Sequence[RunData]") -> tuple[dict[str, Any], str]:
-    """Return the friction of motor A over the load as JSON entries and as a sentence."""
+    """Return the load-dependent friction of motor A as JSON entries and as a sentence."""
     from backend.analysis import MOTOR_B, build_friction_document, estimate_run_friction
 
     found = estimate_run_friction([(source.run, source.columns) for source in sources])

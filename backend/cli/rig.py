@@ -437,7 +437,7 @@ class LoadCellChoice(StrEnum):
 def bring_up(
     step: Annotated[
         list[StepId] | None,
-        typer.Option("--step", help="Step to run; repeatable, runs in the order of the steps. [all pending steps]"),
+        typer.Option("--step", help="Step to run; repeatable. Steps run in their fixed order. [all pending steps]"),
     ] = None,
     listed: Annotated[bool, typer.Option("--list", help="Only list the state of the steps.")] = False,
     plant: PlantName = None,
@@ -452,8 +452,8 @@ def bring_up(
     """Commission a rig step by step at low voltage.
 
     Each step is stored with date and person. Exit 1 if one fails. Each step prints what to do at the rig and waits for
-    Enter. Ctrl+C ends the command at zero volts and stores nothing of an unfinished step; an unfinished direction test
-    also invalidates earlier directions. With the virtual card, the simulator performs the actions of the operator, and
+    Enter. Ctrl+C ends the command at zero volts. An unfinished step stores no result, but a direction test that has
+    started a motor is stored as failed. With the virtual card, the simulator performs the actions of the operator, and
     answers may be piped in, one per line.
     """
     settings = load_settings(
@@ -549,7 +549,7 @@ app.command()(tare)
 app.command()(calibrate)
 
 SIMULATED_VOLTAGE = 0.5
-"""Default of the largest motor voltage of the checks on a simulated plant [V]."""
+"""Default motor voltage for the checks of motion on a simulated plant [V]."""
 
 
 @app.command()
@@ -565,7 +565,7 @@ def conformance(
         typer.Option(
             min=0.0,
             max=2.0,
-            help="Largest motor voltage [V] of the checks, applied for 0.3 s. [0; 0.5 on a simulated plant]",
+            help="Motor voltage [V] for the checks of motion, applied for 0.3 s. [0; 0.5 on a simulated plant]",
         ),
     ] = None,
     as_json: AsJson = False,

@@ -117,7 +117,10 @@ _SHOWN_HASH_DIGITS = 12
 def list_runs(
     where: Where = "",
     search: Annotated[
-        str, typer.Option(help="Words in number, kind, title, plant, parameters, person, note, tags or end state.")
+        str,
+        typer.Option(
+            help="Words in number, kind, title, plant, parameters, bank, person, station, note, tags or end of a run."
+        ),
     ] = "",
     saved: Annotated[str, typer.Option("--saved", metavar="NAME", help="Name of a saved search.")] = "",
     limit: Annotated[int, typer.Option(min=1, max=10_000, help="Maximum number of runs to list.")] = 50,
@@ -126,7 +129,7 @@ def list_runs(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """List runs, newest first; all, or those that match a search.
+    """List all runs, or those that match a search, newest first.
 
     docs/reference/search.md describes searches.
     """
@@ -169,7 +172,7 @@ def compare(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare the metrics of runs, with differences to a reference run."""
+    """Compare the metrics of runs, with differences from a reference run."""
     from backend.schemas import ComparisonRequest
     from backend.services import RunLibrary
 
@@ -270,7 +273,7 @@ def tag(
     data: DataFolder = None,
     station: StationName = None,
 ) -> None:
-    """Add tags to runs and remove others, all or none."""
+    """Add tags to runs and remove others; on an error, change nothing."""
     from backend.services import RunLibrary
 
     if not add and not remove:

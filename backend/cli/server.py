@@ -574,7 +574,7 @@ _POLL_S = 0.5
 
 @touch_app.command()
 def show(data: DataFolder = None, as_json: AsJson = False) -> None:
-    """Print the calibrated bias and the force of the contact reaction."""
+    """Print the calibrated bias and the threshold of the contact reaction."""
     from backend.schemas import State
 
     _print_touch(_find_service(data).request("GET", "/state", None, State).touch, as_json=as_json)
