@@ -17,8 +17,9 @@ from backend.public_url import PublicUrl
 from backend.server import HostOriginMiddleware, RequestSchedulingMiddleware, SessionExpiryMiddleware
 
 DESCRIPTION = (
-    "Identify, tune and run an antagonistic variable stiffness actuator. All values are in SI units; signal names are "
-    "those of the notation. Send `Authorization: Bearer TOKEN`, or sign in with the link that the service prints. "
+    "Identify, tune and run an antagonistic variable stiffness actuator. Values are in SI units unless a field states "
+    "another unit; docs/reference/notation.md lists the signals. Send `Authorization: Bearer TOKEN`, or sign in with "
+    "the link that the service prints. "
     "The websocket `/api/live` streams live samples."
 )
 

@@ -224,7 +224,7 @@ def _get_port(server: Server) -> int:
 
 LOG_TOPIC = "/log"
 NOTATION = (
-    "SI units, angles in rad. t is relative to the start of the loop. _ref: a reference, _gov: after "
+    "SI units, angles in rad. t is relative to the start of the control loop. _ref: a reference, _gov: after "
     "reference governor or trajectory, "
     "_dot: a derivative, A and B: the two motors with their tendons, lam: lambda. "
     "Equations: docs/reference/notation.md."

@@ -143,7 +143,7 @@ def select_runs(query: ComparisonRequest) -> tuple[list[int], int]:
 
 
 def compare_runs(session: Session, query: ComparisonRequest) -> RunComparison:
-    """Return the metrics of runs with their differences to a reference.
+    """Return the metrics of runs with their differences from a reference.
 
     The reference is the first run by default. Raises OutOfRangeError, RequestRejectedError, UnknownRecordError.
     """

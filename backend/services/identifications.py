@@ -206,7 +206,7 @@ class StoredIdentifications:
         return ValidationView.model_validate(await self._worker.run(validate_on_run, self._database, run_id, of))
 
     async def compute_trend(self) -> Trend:
-        """Return identified gains and time constants over S with their predictions."""
+        """Return identified gains and time constants versus S, with their predictions."""
         tuning = self._tuning()
         computed = self._worker.run(compute_trend, self._database, tuning.parameters, tuning.lambdas.lam_motor)
         return Trend.model_validate(await computed)

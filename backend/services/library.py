@@ -373,7 +373,7 @@ class RunLibrary:
         return self.list_saved_searches()
 
     def change_tags(self, run_ids: Sequence[int], added: Sequence[str], removed: Sequence[str]) -> None:
-        """Add tags to runs and remove others, all or none.
+        """Add tags to runs and remove others; on an error, change nothing.
 
         Raises TagError, UnknownRecordError.
         """

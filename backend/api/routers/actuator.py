@@ -55,7 +55,7 @@ async def take_control(body: ControlRequest, service: CurrentService, person: Op
 
 @control_router.delete("", status_code=204, summary="Release Control")
 async def give_up_control(service: CurrentService, person: Operator, stamp: CommandTokenHeader = None) -> None:
-    """Release control; nothing moves."""
+    """Release control; references stay active, a push and a bias calibration end."""
     await service.control.give_up(person, parse_command_token(stamp))
 
 
@@ -85,7 +85,7 @@ faults_router = APIRouter(prefix="/api/faults", tags=["faults"], route_class=Thr
 
 @faults_router.get("")
 async def list_faults(_person: SignedInUser, service: CurrentService) -> FaultList:
-    """List all faults with message, remedy, and how to provoke them on the present plant."""
+    """List all faults with message, remedy, and how to cause them on the present plant."""
     return describe_faults(service.actuator.live_state.plant)
 
 
@@ -115,7 +115,7 @@ async def get_state(service: CurrentService, _person: SignedInUser) -> State:
 
 @operate_router.post("/stop")
 async def stop(service: CurrentService, person: StopRequester) -> StopProof:
-    """Stop hard: zero volts within two ticks, latched.
+    """Stop hard: zero volts within two control steps, latched.
 
     Accepted in every mode and from every role, even with an expired session, but not after sign-out. On a replay,
     STOP pauses the playback and latches nothing.

@@ -82,7 +82,7 @@ async def get_unseen(id: RowId, of: RowNumber, service: CurrentService, _person:
 
 @router.get("/identification-trend")
 async def get_identification_trend(service: CurrentService, _person: SignedInUser) -> Trend:
-    """Return gains and time constants over S with the predictions from geometry."""
+    """Return gains and time constants versus S, with the predictions from geometry."""
     return await service.identifications.compute_trend()
 
 

@@ -77,7 +77,11 @@ def list_runs(
         str | None, Query(max_length=200, description="only runs of these kinds, separated by commas")
     ] = None,
     search: Annotated[
-        str, Query(max_length=100, description="words in number, kind, title, plant, person, note, tags or end state")
+        str,
+        Query(
+            max_length=100,
+            description="words in number, kind, title, plant, parameters, bank, person, station, note, tags or end",
+        ),
     ] = "",
     where: Annotated[
         tuple[Where, ...], Query(max_length=10, description="searches, see docs/reference/search.md; all must match")
@@ -164,8 +168,12 @@ async def _parse_slice(
     to_s: Annotated[
         Finite | None, Query(alias="to", gt=0.0, le=LONGEST_S, description="end [s]; default: the end of the run")
     ] = None,
-    points: Annotated[int, Query(ge=10, le=20000, description="maximum; longer ranges give minima and maxima")] = 2000,
-    signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
+    points: Annotated[
+        int, Query(ge=10, le=20000, description="maximum number of points; a longer range is sent as its envelope")
+    ] = 2000,
+    signals: Annotated[
+        str, Query(max_length=2000, description="signal names, separated by commas")
+    ] = "q,q_ref,S,S_ref",
 ) -> SampleSlice:
     return SampleSlice(id, from_s, math.inf if to_s is None else to_s, points, signals.split(","))
 
@@ -216,7 +224,7 @@ async def get_data(
     service: CurrentService,
     _person: SignedInUser,
     formulas: Annotated[
-        str, Query(max_length=1100, description="derived signals as further columns, names separated by commas")
+        str, Query(max_length=1100, description="names of derived signals to add as columns, separated by commas")
     ] = "",
 ) -> Response:
     """Return all samples of a run with notation and metadata; SI units."""
@@ -257,12 +265,12 @@ def get_log(
     service: CurrentService,
     _person: SignedInUser,
     angles: RequestedAngleUnit,
-    kind: Annotated[list[EventKind] | None, Query(max_length=50, description="only these kinds")] = None,
+    kind: Annotated[list[EventKind] | None, Query(max_length=50, description="kinds of the entries")] = None,
     words: Annotated[
         str, Query(max_length=400, description="words that must all occur in the displayed text, person, note or tag")
     ] = "",
-    since: Annotated[Instant | None, Query(description="from this time")] = None,
-    before: Annotated[Instant | None, Query(description="before this time")] = None,
+    since: Annotated[Instant | None, Query(description="start of the time range")] = None,
+    before: Annotated[Instant | None, Query(description="end of the time range, exclusive")] = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> Timeline:
     """Return the entries of the event log, newest first."""
@@ -277,7 +285,7 @@ def set_remark(id: RowId, body: EventNote, service: CurrentService, person: Oper
 
 @log_router.get("/flights", tags=["faults"])
 def list_flights(service: CurrentService, _person: SignedInUser) -> FlightList:
-    """List the newest flight records: trips from 10 s before to 5 s after, captures of triggers."""
+    """List the newest flight records: samples from 10 s before to 5 s after each trip, and trigger captures."""
     return service.runs.list_flights()
 
 
@@ -460,7 +468,9 @@ async def _parse_range(
     to_s: Annotated[
         Finite | None, Query(alias="to", description="end [s], inclusive; default: the end of the run")
     ] = None,
-    signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
+    signals: Annotated[
+        str, Query(max_length=2000, description="signal names, separated by commas")
+    ] = "q,q_ref,S,S_ref",
 ) -> RangeQuery:
     return RangeQuery(id, from_s, to_s, tuple(dict.fromkeys(signals.split(","))))
 
@@ -495,7 +505,9 @@ def get_values(
     service: CurrentService,
     _person: SignedInUser,
     at: Annotated[Times, Query(description="times since the run's first sample [s]")],
-    signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
+    signals: Annotated[
+        str, Query(max_length=2000, description="signal names, separated by commas")
+    ] = "q,q_ref,S,S_ref",
 ) -> RecordedValues:
     """Return the values of signals at the last sample at or before each given time."""
     return service.figures.read_values(id, at, tuple(dict.fromkeys(signals.split(","))))

@@ -66,7 +66,7 @@ async def confirm_bring_up(service: CurrentService, _person: ActuatorOperator) -
 
 @bring_up_router.post("/cancel")
 async def cancel_bring_up(service: CurrentService, _person: ActuatorOperator) -> BringUpView:
-    """Cancel the running step; nothing of it is stored."""
+    """Cancel the running step without a result; a direction test that has started a motor is stored as failed."""
     return await service.bring_up.cancel()
 
 

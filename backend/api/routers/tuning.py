@@ -176,13 +176,13 @@ async def keep_trial(service: CurrentService, person: ActuatorOperator) -> State
 
 @tuning_router.get("/saved")
 def get_saved_tuning(service: CurrentService, _person: SignedInUser) -> SavedTuning:
-    """Return the tuning saved for the active bank, compared with the active one."""
+    """Return the tuning saved for the active bank; the defaults if none is saved."""
     return service.saved_tunings.load(service.actuator.live_state.tuning)
 
 
 @tuning_router.put("/saved")
 async def save_tuning(service: CurrentService, person: Operator) -> SavedTuning:
-    """Save the active tuning for the active bank; rejected during a trial or a run's tuning."""
+    """Save the active tuning for the active bank; rejected during a trial or a temporary tuning."""
     live_state = service.actuator.live_state
     if live_state.overridden_tuning is not None:
         raise RequestRejectedError(ErrorCode.NOT_NOW, messages.temporary_tuning_active())
@@ -199,9 +199,9 @@ async def preview_tuning(
     lam_q: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the position loop [s]")],
     lam_S: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the stiffness loop [s]")],
     S: Annotated[Finite | None, Query(description="stiffness [N·m/rad]; default: the current reference")] = None,
-    motion: Annotated[Motion | None, Query(description="how references are followed; default: active")] = None,
+    motion: Annotated[Motion | None, Query(description="how references are followed; default: the active one")] = None,
     u_plan: Annotated[
-        Finite | None, Query(description="voltage limit of time-optimal motion [V]; default: active")
+        Finite | None, Query(description="voltage limit of time-optimal motion [V]; default: the active one")
     ] = None,
     k_ext: Annotated[
         Finite | None, Query(description="gain of the disturbance rejection [1]; default: the active one")
