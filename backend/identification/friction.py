@@ -259,14 +259,14 @@ class TensionRun:
 
 @dataclass(frozen=True)
 class LoadFrictionFit:
-    """Friction of motor A over the load: c0 [N·m], c1 [1], and ``K_t`` [N·m/V].
+    """Load-dependent friction of motor A: c0 [N·m], c1 [1], and ``K_t`` [N·m/V].
 
     ``c0_c1_covariance`` [N·m] is the covariance of the two estimates, which are strongly correlated. ``runs`` are the
     used runs, ``tensions_N`` mean tensions of the used runs, ``samples`` the number of used samples.
     """
 
     c0: float = field(metadata=describe_field("Coulomb friction without load", "N·m"))
-    c1: float = field(metadata=describe_field("increase of Coulomb friction per load torque r_m F"))
+    c1: float = field(metadata=describe_field("increase of Coulomb friction per unit of load torque r_m F"))
     K_t: float = field(metadata=describe_field("stall torque per volt, from the same fit", "N·m/V"))
     c0_std: float = field(metadata=describe_field("standard error of c0", "N·m"))
     c1_std: float = field(metadata=describe_field("standard error of c1"))

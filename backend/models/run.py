@@ -160,7 +160,7 @@ class Phase:
 class MeasuredFigure:
     """A metric of a result.
 
-    ``reason`` says why it, or a part of it, was not measured; else it is empty.
+    ``reason`` states why it, or a part of it, was not measured; else it is empty.
     """
 
     __pydantic_config__ = COMPLETE_RESPONSE_CONFIG
@@ -323,7 +323,7 @@ class StoredLoopSettings:
 
 @dataclass(frozen=True)
 class StoredRealTimeStatus:
-    """Real-time rights that the operating system granted to the control loop of a run.
+    """Real-time privileges that the operating system granted to the control loop of a run.
 
     ``priority`` is that of SCHED_FIFO, 0 for normal scheduling. ``refusals`` are texts with what was not granted, why,
     and the remedy.

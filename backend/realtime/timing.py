@@ -16,7 +16,7 @@ from backend.sample import INDEX
 from plant import T_s
 
 # Pacer ---------------------------------------------------------------------------------------------
-# Absolute deadlines on the monotonic clock, and the real-time rights that the machine grants.
+# Absolute deadlines on the monotonic clock, and the real-time privileges that the machine grants.
 #
 # A deadline missed by a whole period is skipped and counted as an overrun; it is never made up for by faster ticks,
 # which on hardware would be a burst of commands.
@@ -36,16 +36,18 @@ _PRIORITY = 60
 
 @dataclass(frozen=True)
 class RealTimeStatus:
-    """Real-time rights of the loop.
+    """Real-time privileges of the control loop.
 
-    ``refusals`` lists rights that were not granted, with remedies. ``priority`` is that of SCHED_FIFO, 0 under ordinary
-    scheduling.
+    ``refusals`` lists privileges that were not granted, with remedies. ``priority`` is that of SCHED_FIFO, 0 under
+    ordinary scheduling.
     """
 
     priority: int = field(metadata=describe_field("priority of SCHED_FIFO; 0 under ordinary scheduling"))
     memory_locked: bool
     timer_slack_ns: int
-    refusals: tuple[str, ...] = field(metadata=describe_field("rights that were not granted, with reason and remedy"))
+    refusals: tuple[str, ...] = field(
+        metadata=describe_field("privileges that were not granted, with reason and remedy")
+    )
 
 
 def request_real_time() -> RealTimeStatus:
@@ -164,7 +166,7 @@ LATENESS_EDGES_S = (0.0, 20e-6, 50e-6, 100e-6, 200e-6, 500e-6, 1e-3, 2e-3, 5e-3,
 
 
 def count_lateness(ring: Ring) -> list[int]:
-    """Return the number of ticks in the ring per class of lateness."""
+    """Return the number of control steps in the ring buffer per class of lateness."""
     end = ring.count
     _, rows, _ = ring.read(max(0, end - ring.capacity), ring.capacity)
     counts, _ = np.histogram(np.maximum(rows[:, INDEX["lateness_s"]], 0.0), LATENESS_EDGES_S)

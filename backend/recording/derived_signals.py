@@ -41,7 +41,7 @@ class FormulaStep:
 
     op: Operation
     of: int = 0
-    value: float = field(default=0.0, metadata=describe_field("of a number"))
+    value: float = field(default=0.0, metadata=describe_field("value of a number"))
     name: str = field(default="", metadata=describe_field("name of a signal, or of a length of the geometry"))
 
 

@@ -53,7 +53,7 @@ class BringUpStep(Schema):
 
 
 class EarlierLockout(Schema):
-    """Drive lockout from before the start of this service: by whom and when."""
+    """Drive lockout set before this service started, with person and time."""
 
     who: str
     at: datetime
@@ -69,7 +69,9 @@ class BringUpView(Schema):
     why_not: str
     drives_on: bool | None = Field(description="whether the drive-enable line is on; null if unknown")
     drives_locked: bool = Field(description="whether the drive lockout is active, so that nothing starts")
-    drives_left: EarlierLockout | None = Field(description="lockout from before the start of this service; else null")
+    drives_left: EarlierLockout | None = Field(
+        description="lockout set before this service started; null if there is none"
+    )
     steps: list[BringUpStep]
 
 

@@ -142,7 +142,7 @@ class Differences(Schema):
     reference: int
     signal: str
     unit: str
-    raw: bool = Field(description="buckets are single samples")
+    raw: bool = Field(description="whether each bucket is a single sample")
     width_s: float = quantity("s", "width of a bucket")
     t: list[float] = quantity("s", "start of each bucket, on the time axis of the reference")
     runs: list[RunDifference]

@@ -59,8 +59,8 @@ class Criterion(Schema):
     bound: float
     relation: str = Field(description="'<' or '>'")
     unit: str
-    passed: bool | None = Field(description="null if it was not measured")
-    reason: str = Field(description="why it was not measured")
+    passed: bool | None = Field(description="null if it was not measured, or too little of it for a verdict")
+    reason: str = Field(description="why it was not measured, or only in part; else empty")
 
 
 class QueuedView(Schema):
@@ -70,16 +70,16 @@ class QueuedView(Schema):
     name: str
     settings: dict[str, SettingValue]
     who: str
-    kept: bool = Field(default=False, description="it was queued before the start of this service")
+    kept: bool = Field(default=False, description="whether it was queued before this service started")
 
 
 class QueueView(Schema):
     """The queue, in order."""
 
     items: list[QueuedView]
-    running: bool = Field(description="the next experiment starts automatically")
+    running: bool = Field(description="whether the next experiment starts automatically")
     run: int | None = Field(description="current run of the queue")
-    problem: str = Field(description="why the queue is paused")
+    problem: str = Field(description="why the queue is paused; else empty")
 
 
 class QueuePlace(Schema):
@@ -143,7 +143,7 @@ class ExperimentText(Schema):
 class ExperimentCheckRequest(ExperimentText):
     """An experiment to check."""
 
-    play: bool = Field(default=True, description="also simulate it, which takes some time")
+    play: bool = Field(default=True, description="whether to simulate it as well, which takes some time")
 
 
 class WrittenExperiment(ExperimentText):
@@ -172,7 +172,7 @@ class CheckedExperiment(Schema):
     min_tension_N: float | None = quantity("N", "smallest tension on the simulator")
     max_tension_N: float | None = quantity("N", "largest tension on the simulator")
     not_predicted: str = Field(description="why peaks are missing; else empty")
-    busy: bool = Field(description="other simulations prevented this simulation: repeat the request")
+    busy: bool = Field(description="whether other simulations prevented this one; repeat the request")
     document: dict[str, Any] = Field(description="its text as parsed data")
     parts: list[PlayedPart] = Field(description="parts in the order of their first execution")
     dry_run: DryRunView | None = Field(description="simulation; null if it was not simulated")

@@ -86,7 +86,7 @@ class TrendRow(Schema):
 
 
 class PredictedModels(Schema):
-    """Predictions over S with the active parameters and tuning."""
+    """Predictions versus S with the active parameters and tuning."""
 
     S: list[float] = quantity("N·m/rad", "stiffness")
     K_q: list[float]
@@ -96,7 +96,7 @@ class PredictedModels(Schema):
 
 
 class LoadFriction(Schema):
-    """Friction over the load, estimated from the newest run at each tension."""
+    """Load-dependent friction, estimated from the newest run at each tension."""
 
     estimate: LoadFrictionFit | None = Field(description="null if it is not measured")
     problem: str = Field(description="why it is not measured; else empty")
@@ -183,7 +183,7 @@ class OrderCurve(Schema):
 
     order: int
     errors: list[float] = quantity("N", "measured minus fitted force at the measured points")
-    force: list[float] = quantity("N", "fitted force over curve_x")
+    force: list[float] = quantity("N", "fitted force at curve_x")
 
 
 class SpringCurves(Schema):

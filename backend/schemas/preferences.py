@@ -25,7 +25,7 @@ LayoutName = Annotated[str, Field(min_length=1, max_length=40, pattern=r"^\S(.*\
 
 
 class ChartPanel(Schema):
-    """A chart of signals with one unit over time, or over another signal."""
+    """A chart of signals with one unit against time or another signal."""
 
     title: LayoutName
     signals: list[ChartSignal] = Field(max_length=8, description="signals to draw, in this order")
@@ -130,7 +130,7 @@ class Preferences(Schema):
         "visible; each browser must also permit notifications"
     )
     sound: bool = Field(description="whether the page plays a short sound for the same events")
-    angles: AngleUnit = Field(description="unit of angles on the page, in refusals and in reports")
+    angles: AngleUnit = Field(description="unit of angles on the page, in error messages and in reports")
 
 
 DEFAULT_PREFERENCES = Preferences(

@@ -22,7 +22,7 @@ class FlightView(Schema):
     id: int
     at: datetime
     kind: Literal["trip", "trigger"]
-    who: str = Field(description="who pressed STOP or armed the trigger; else empty")
+    who: str = Field(description="person who pressed STOP or armed the trigger; else empty")
     fault: str = Field(description="code of the fault; 'trigger' for a trigger")
     text: str
     run: int | None
@@ -161,7 +161,7 @@ class ReplayRequest(Schema):
 
 
 class ChecklistState(StrEnum):
-    """State of a step of the set-up."""
+    """State of a step of the setup."""
 
     MISSING = "missing"
     DONE = "done"
@@ -180,7 +180,7 @@ class ChecklistStep(Schema):
 
 
 class Checklist(Schema):
-    """Steps of the set-up in order; each builds on the earlier ones."""
+    """Steps of the setup in order; each builds on the earlier ones."""
 
     steps: list[ChecklistStep]
 
@@ -215,10 +215,10 @@ class RunView(Schema):
     duration_s: float = quantity("s", "duration of the recording")
     samples: int
     missing_samples: int | None = Field(
-        description="number of ticks missing from the recording; more than 0 is an error of the run; "
+        description="number of samples missing from the recording; more than 0 is an error of the run; "
         "null if unknown because the service died during the recording"
     )
-    samples_deleted: datetime | None = Field(description="when a person deleted the samples to free space")
+    samples_deleted: datetime | None = Field(description="time at which a person deleted the samples to free space")
     settings: list[DeclaredValue]
     note: str
     tags: list[str]
@@ -334,7 +334,7 @@ class MetricPoint(Schema):
 
 
 class MetricHistory(Schema):
-    """A metric of the runs of one kind over their dates, oldest first."""
+    """A metric of the runs of one kind by date, oldest first."""
 
     kind: str
     metric: MetricName | None = Field(description="null if no run of the kind was evaluated")
@@ -396,7 +396,7 @@ class ReadRange(Schema):
     to_s: float = quantity("s", "time of the last tick of the range since the run's first sample")
     period_s: float = quantity("s", "sampling period")
     samples: int = Field(description="number of recorded samples within the range")
-    missing: int = Field(description="number of ticks of the range that are missing from the recording")
+    missing: int = Field(description="number of samples of the range that are missing from the recording")
 
 
 class SignalStatistics(Schema):

@@ -14,7 +14,7 @@ from backend.schemas.base import ErrorDetail, Schema, quantity
 class Role(StrEnum):
     """Role of a session.
 
-    An operator may send commands, a viewer may only observe and STOP.
+    An operator may send commands, a viewer may only observe and send STOP.
     """
 
     OPERATOR = "operator"
@@ -86,6 +86,6 @@ class Health(Schema):
 
     alive: bool
     mode: Mode | None
-    rate_Hz: float = quantity("Hz", "ticks per second over the last 5 s")
-    overruns: int = Field(description="deadlines missed since the loop started")
+    rate_Hz: float = quantity("Hz", "control steps per second over the last 5 s")
+    overruns: int = Field(description="deadlines missed since the control loop started")
     version: str

@@ -121,7 +121,7 @@ class HandoverView(Schema):
     reason: str
     standing: HandoverStatus
     answer: str = Field(description="reason or comment in the reply")
-    offered: bool = Field(description="offered by the holder without a request")
+    offered: bool = Field(description="whether the holder offered the lease without a request")
     epoch: int | None = Field(description="epoch of the lease that this handover started; null before")
 
 
@@ -149,7 +149,7 @@ class FaultKind(Schema):
     message: str
     remedy: str
     injection: Injection | None = Field(description="injection that causes it; null if there is none")
-    by_hand: str = Field(description="how a person can cause it instead; empty if there is an injection")
+    by_hand: str = Field(description="how a person can cause it instead, or why not; empty if there is an injection")
 
 
 class CardFault(Schema):
@@ -171,7 +171,7 @@ class FaultList(Schema):
 
 
 class LatenessClass(Schema):
-    """Number of ticks whose lateness lies between two bounds."""
+    """Number of control steps whose lateness lies between two bounds."""
 
     from_us: float = quantity("µs", "lower bound of the lateness")
     to_us: float | None = quantity("µs", "upper bound of the lateness; null for none")
@@ -239,7 +239,7 @@ class RecordingsView(Schema):
 
 
 class RemovalRequest(Schema):
-    """The runs whose samples are to be deleted, each of them on the list as it is now."""
+    """Runs whose samples to delete; each must be in the current list of deletable runs."""
 
     runs: Annotated[list[RowNumber], FailFast()] = Field(min_length=1, max_length=10_000)
 
@@ -259,7 +259,7 @@ class TouchPoint(Schema):
 class ContactView(Schema):
     """The contact that the joint reacts to."""
 
-    F_ext_hat: float = quantity("N", "external force at the tick of its detection")
+    F_ext_hat: float = quantity("N", "estimated external force at the time of detection")
     contact_N: float = quantity("N", "threshold of the detection")
     tick: int
 
@@ -412,7 +412,7 @@ class TimingView(Schema):
     rate_Hz: float = quantity("Hz", "control steps per second over the last 5 s")
     lateness_p50_ms: float = quantity("ms", "median lateness of the control steps in the last 5 s")
     lateness_p99_ms: float = quantity("ms", "99th percentile of the lateness of the control steps in the last 5 s")
-    overruns: int = Field(description="deadlines missed since the loop started")
+    overruns: int = Field(description="deadlines missed since the control loop started")
 
 
 class References(Schema):
@@ -434,7 +434,7 @@ class PushRequest(Schema):
     """An external force on a simulated joint, held for a time."""
 
     F_push: float = quantity("N", "force, tangential at the joint pulley, positive towards +q; 0 releases", **ANY_SIZE)
-    duration_s: float = quantity("s", "time after which the loop releases the joint", default=1.0, **ANY_SIZE)
+    duration_s: float = quantity("s", "time after which the control loop ends the push", default=1.0, **ANY_SIZE)
 
 
 class WallView(Schema):
@@ -476,7 +476,7 @@ class LimitsView(Schema):
     c_wall_max: float = quantity("s/m", "largest damping of an obstacle; the smallest is 0")
     u_max: float = quantity("V", "largest motor voltage in either direction")
     q_trip: float = quantity("rad", "joint position in either direction at which the control loop trips")
-    tensions: list[TensionView] = Field(description="joint stiffness over the tension, from F_min to at most F_max")
+    tensions: list[TensionView] = Field(description="joint stiffness versus tension, from F_min to at most F_max")
 
 
 class FaultView(Schema):
@@ -504,7 +504,7 @@ class StopProof(Schema):
 
 
 class ChainLinkView(Schema):
-    """One link of the safety chain; each monitors the previous one."""
+    """One link of the safety chain; each monitors the previous one, except the independent safety module."""
 
     name: Literal["page", "service", "loop", "watchdog", "safety_module"]
     good: bool

@@ -18,7 +18,7 @@ BankName = Annotated[str, Field(min_length=1, max_length=60, description="name o
 
 
 class BankRequest(Schema):
-    """Identification runs to build a bank, or a new version of it, from."""
+    """Identification runs from which to build a bank or its next version."""
 
     name: BankName
     identifications: list[RowNumber] = Field(min_length=1, max_length=20)
@@ -221,9 +221,13 @@ class ChosenTuning(TuningParts):
 class TuningView(ChosenTuning):
     """The active tuning, with the ranges of its parts."""
 
-    lam_q_min: float = quantity("s", "smallest λ_q accepted (M_s at most 1.7 on the high-order model)")
+    lam_q_min: float = quantity(
+        "s", "smallest λ_q accepted: M_s at most 1.7 on the high-order model, no step saturates"
+    )
     lam_q_max: float = quantity("s", "largest λ_q accepted")
-    lam_S_min: float = quantity("s", "smallest λ_S accepted (M_s at most 1.7 on the high-order model)")
+    lam_S_min: float = quantity(
+        "s", "smallest λ_S accepted: M_s at most 1.7 on the high-order model, no step saturates"
+    )
     lam_S_max: float = quantity("s", "largest λ_S accepted")
     lam_motor_min: float = quantity("s", "smallest λ_motor accepted (M_s of the sampled loop at most 1.7)")
     lam_motor_max: float = quantity("s", "largest λ_motor accepted")

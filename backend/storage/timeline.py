@@ -54,8 +54,8 @@ class LogQuery:
 class LogEntry:
     """An entry of the log; ``event`` is its number, None for starts and ends of runs.
 
-    ``t`` [s] is relative to the first sample of its run; ``flight`` is whether a flight record was stored; ``note``,
-    ``tags`` and ``remark_by`` are the annotation by a person.
+    ``t`` [s] is relative to the first sample of its run; ``flight`` states whether a flight record was stored;
+    ``note``, ``tags`` and ``remark_by`` are the annotation by a person.
     """
 
     __pydantic_config__ = COMPLETE_RESPONSE_CONFIG

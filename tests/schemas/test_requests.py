@@ -146,7 +146,7 @@ REFUSED: list[tuple[str, Any, list[str | int] | None, Message]] = [
         "push",
         {"F_push": 1, "duration_s": None},
         ["duration_s"],
-        messages.number_required(label="time after which the loop releases the joint", unit="s"),
+        messages.number_required(label="time after which the control loop ends the push", unit="s"),
     ),
     ("references", {"q_ref": 1}, ["S_ref"], messages.value_missing(label="joint stiffness reference")),
     (
