@@ -515,7 +515,7 @@ IDENTIFICATIONS: dict[str, IdentificationEntry] = {
     "spring": IdentificationEntry(
         SpringIdentificationPlan,
         "Springs",
-        "Force over elongation of both springs: a slow sweep of both tensions up and down.",
+        "Force versus elongation of both springs: a slow sweep of both tensions up and down.",
     ),
 }
 

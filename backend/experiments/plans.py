@@ -140,7 +140,7 @@ class MotorIdentificationPlan:
         maximum=12.0,
         unit="rad",
         symbol="Δθ",
-        meaning="angle of a motor at which a step ends",
+        meaning="rotation of a motor after which a step ends",
     )
     step_s: float = number_setting(
         2.5, minimum=0.3, maximum=10.0, unit="s", symbol="t_u", meaning="maximum duration of a step"

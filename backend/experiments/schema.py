@@ -135,7 +135,7 @@ class Multisine:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Push:
-    """Push the joint, on plants that support it (the simulator)."""
+    """Push the joint, on plants that support it (simulated plants)."""
 
     do: Literal["push"]
     F_push: Number
@@ -156,7 +156,7 @@ class Hand:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Load:
-    """Load the motor shafts, on plants that support it (the simulator)."""
+    """Load the motor shafts, on plants that support it (simulated plants)."""
 
     do: Literal["load"]
     duration_s: Number
@@ -185,7 +185,7 @@ class Tuning:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Wall:
-    """Add an obstacle from the next motion on, on plants that support it (the simulator).
+    """Add an obstacle from the next motion on, on plants that support it (simulated plants).
 
     The obstacle is ``above`` or ``below`` q_wall; ``k_wall`` [N/m] and ``c_wall`` [s/m] apply at the joint pulley.
     """

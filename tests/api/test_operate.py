@@ -239,7 +239,7 @@ REFUSED: list[tuple[str, str, dict[str, Any], list[str | int], str]] = [
         "identifications/prediction",
         {"kind": "motor", "travel_rad": 20 * math.pi},
         ["travel_rad"],
-        "angle of a motor at which a step ends: 3600° is more than 687°",
+        "rotation of a motor after which a step ends: 3600° is more than 687°",
     ),
 ]
 
