@@ -51,13 +51,14 @@ class CombinedSignal:
 
 
 FIELDS: tuple[Field, ...] = (
-    Field("tick", "k", "1", "index of the control step since the start of the loop", derived=True),
+    Field("tick", "k", "1", "index of the control step since the control loop started", derived=True),
     Field("t", "t", "s", "tick times the sampling period", derived=True),
     Field(
         "mode",
         "mode",
         "1",
-        "mode of the loop: 0 off, 1 pretension, 2 run, 3 compliance, 4 identify, 5 experiment, 6 stopping, 7 tripped",
+        "mode of the control loop: 0 off, 1 pretension, 2 run, 3 compliance, 4 identify, 5 experiment, 6 stopping, "
+        "7 tripped",
     ),
     Field("run", "run", "1", "number of the stored run of the sample, 0 for none"),
     Field("q", "q", "rad", "measured joint position"),
@@ -83,9 +84,9 @@ FIELDS: tuple[Field, ...] = (
     Field("F_wall", "F_wall", "N", "force of a simulated obstacle on the joint at r_j, NaN on the rig"),
     Field("V_A", "V_A", "V", "voltage of load cell A as read by the card, NaN without a card"),
     Field("V_B", "V_B", "V", "voltage of load cell B as read by the card, NaN without a card"),
-    Field("n_q", "n_q", "1", "counts of the joint encoder since the start of the loop, NaN without a card"),
-    Field("n_A", "n_A", "1", "counts of the encoder of motor A since the start of the loop, NaN without a card"),
-    Field("n_B", "n_B", "1", "counts of the encoder of motor B since the start of the loop, NaN without a card"),
+    Field("n_q", "n_q", "1", "counts of the joint encoder since the control loop started, NaN without a card"),
+    Field("n_A", "n_A", "1", "counts of the encoder of motor A since the control loop started, NaN without a card"),
+    Field("n_B", "n_B", "1", "counts of the encoder of motor B since the control loop started, NaN without a card"),
     Field("lam_q", "λ_q", "s", "active tuning parameter of the position loop"),
     Field("lam_S", "λ_S", "s", "active tuning parameter of the stiffness loop"),
     Field("bank_entry", "entry", "1", "active operating point of the bank, fractional during interpolation"),
@@ -97,7 +98,7 @@ FIELDS: tuple[Field, ...] = (
     ),
     Field("fault", "fault", "1", "code of the latched fault as listed in docs/reference/faults.md, 0 for none"),
     Field("lateness_s", "late", "s", "delay of the start of the control step relative to its deadline"),
-    Field("overruns", "overruns", "1", "deadlines missed since the loop started"),
+    Field("overruns", "overruns", "1", "deadlines missed since the control loop started"),
 )
 
 NAMES: tuple[str, ...] = tuple(field.name for field in FIELDS)

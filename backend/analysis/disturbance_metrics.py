@@ -73,7 +73,7 @@ class ComplianceMetrics:
         "s", "Sensor delay", "delay of the load cells relative to the encoder that minimizes the RMSE"
     )
     stiffness_felt: float | None = declare_metric(
-        "N·m/rad", "Apparent stiffness", "slope of −r_j (F_A − F_B) over q, aligned"
+        "N·m/rad", "Apparent stiffness", "slope of −r_j (F_A − F_B) versus q, aligned"
     )
     largest_push_N: float = declare_metric("N", "Largest push", "largest |F_A − F_B|, aligned")
     deviation_S: float = declare_metric("N·m/rad", "Stiffness deviation", "max |S − S_ref| from the first push on")
@@ -83,7 +83,7 @@ class ComplianceMetrics:
     max_tension_N: float = declare_metric(
         "N", "Largest tension", "largest reading of both load cells from the start of the program"
     )
-    peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
+    peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| after limiting")
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -824,7 +824,7 @@ class RobustnessMetrics:
     max_tension_N: float = declare_metric(
         "N", "Largest tension", "largest reading of both load cells from the start of the program"
     )
-    peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
+    peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| after limiting")
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 

@@ -479,7 +479,7 @@ class SpringMetrics:
         "N", "Largest error", "largest |measured − fitted force| of both springs, recommended order"
     )
     hysteresis_N: float = declare_metric(
-        "N", "Hysteresis", "largest mean force difference between loading and unloading"
+        "N", "Hysteresis", "largest difference between the averaged forces of loading and unloading"
     )
     min_tension_N: float = declare_metric(
         "N", "Smallest tension", "smallest reading of both load cells during the sweep"

@@ -296,8 +296,10 @@ class OverallMetrics:
     overshoot_S_percent: float | None = declare_metric(
         "%", "Overshoot of S", "largest overshoot, in percent of its step"
     )
-    deviation_S: float | None = declare_metric("N·m/rad", "Stiffness deviation", "max |S − S_ref| while q alone steps")
-    deviation_q: float | None = declare_metric("rad", "Joint deviation", "max |q − q_ref| while S alone steps")
+    deviation_S: float | None = declare_metric(
+        "N·m/rad", "Stiffness deviation", "max |S − S_ref| during steps of q alone"
+    )
+    deviation_q: float | None = declare_metric("rad", "Joint deviation", "max |q − q_ref| during steps of S alone")
     rmse_q: float = declare_metric("rad", "RMSE of q", "root mean square of q − q_ref, whole run, steps included")
     rmse_S: float = declare_metric("N·m/rad", "RMSE of S", "root mean square of S − S_ref, whole run, steps included")
     min_tension_N: float = declare_metric(
@@ -306,7 +308,7 @@ class OverallMetrics:
     max_tension_N: float = declare_metric(
         "N", "Largest tension", "largest reading of both load cells from the start of the program"
     )
-    peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
+    peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| after limiting")
     u_rest_rms_V: float | None = declare_metric(
         "V",
         "Voltage at rest",
@@ -487,7 +489,7 @@ class WholeMetrics:
     max_tension_N: float = declare_metric(
         "N", "Largest tension", "largest reading of both load cells from the start of the program"
     )
-    peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
+    peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| after limiting")
 
 
 def compute_whole_metrics(columns: Columns) -> dict[str, float]:

@@ -494,7 +494,7 @@ MODES: dict[Mode, str] = {
     Mode.OFF: "Zero volts; the tendons are slack.",
     Mode.PRETENSION: "Both motors wind up the tendons to a tension of 10 N and hold it.",
     Mode.RUN: "The position and stiffness loops are closed and follow the references; all samples are recorded.",
-    Mode.COMPLIANCE: "The joint loop is open: q_ref acts through the geometry only, and a push moves the joint. "
+    Mode.COMPLIANCE: "The position loop is open: q_ref acts through the geometry only, and a push moves the joint. "
     "Stiffness stays controlled.",
     Mode.IDENTIFY: "An excitation is applied to identify motors, springs or the actuator.",
     Mode.EXPERIMENT: "The control loop executes a program of references.",
@@ -535,7 +535,7 @@ CHAIN: dict[str, tuple[str, str]] = {
     "safety_module": ("Safety module", "Independent of the control loop: it disables the motors at F_max or at the "
                       "end of the joint's range and stays tripped until a person acknowledges the trip at the rig."),
 }  # fmt: skip
-"""Term and meaning of each link of the safety chain; each monitors the previous one."""
+"""Term and meaning of each link of the safety chain."""
 
 STEPS: dict[StepState, str] = {
     StepState.NEVER: "This step of the bring-up has not been done for this wiring.",

@@ -1366,7 +1366,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "tick",
     "term": "k",
-    "meaning": "index of the control step since the start of the loop",
+    "meaning": "index of the control step since the control loop started",
     "source": "docs/reference/notation.md"
   },
   "signal:t": {
@@ -1382,7 +1382,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "mode",
     "term": "mode",
-    "meaning": "mode of the loop: 0 off, 1 pretension, 2 run, 3 compliance, 4 identify, 5 experiment, 6 stopping, 7 tripped",
+    "meaning": "mode of the control loop: 0 off, 1 pretension, 2 run, 3 compliance, 4 identify, 5 experiment, 6 stopping, 7 tripped",
     "source": "docs/reference/notation.md"
   },
   "signal:run": {
@@ -1580,7 +1580,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "n_q",
     "term": "n_q",
-    "meaning": "counts of the joint encoder since the start of the loop, NaN without a card",
+    "meaning": "counts of the joint encoder since the control loop started, NaN without a card",
     "equation": "all four edges",
     "source": "docs/reference/notation.md"
   },
@@ -1588,7 +1588,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "n_A",
     "term": "n_A",
-    "meaning": "counts of the encoder of motor A since the start of the loop, NaN without a card",
+    "meaning": "counts of the encoder of motor A since the control loop started, NaN without a card",
     "equation": "all four edges",
     "source": "docs/reference/notation.md"
   },
@@ -1596,7 +1596,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "n_B",
     "term": "n_B",
-    "meaning": "counts of the encoder of motor B since the start of the loop, NaN without a card",
+    "meaning": "counts of the encoder of motor B since the control loop started, NaN without a card",
     "equation": "all four edges",
     "source": "docs/reference/notation.md"
   },
@@ -1651,7 +1651,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "overruns",
     "term": "overruns",
-    "meaning": "deadlines missed since the loop started",
+    "meaning": "deadlines missed since the control loop started",
     "source": "docs/reference/notation.md"
   },
   "parameter:geometry.r_m": {
@@ -2244,7 +2244,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "setting",
     "name": "push.duration_s",
     "term": "push duration",
-    "meaning": "time after which the loop releases the joint",
+    "meaning": "time after which the control loop ends the push",
     "unit": "s"
   },
   "setting:wall.q_wall": {
@@ -2599,7 +2599,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "deviation_S",
     "term": "Stiffness deviation",
-    "meaning": "max |S − S_ref| while q alone steps",
+    "meaning": "max |S − S_ref| during steps of q alone",
     "unit": "N·m/rad",
     "equation": "max |S − S_ref|",
     "source": "docs/how-to/experiments.md",
@@ -2618,7 +2618,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "deviation_q",
     "term": "Joint deviation",
-    "meaning": "max |q − q_ref| while S alone steps",
+    "meaning": "max |q − q_ref| during steps of S alone",
     "unit": "rad",
     "equation": "max |q − q_ref|",
     "source": "docs/how-to/experiments.md",
@@ -2689,7 +2689,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "peak_voltage_V",
     "term": "Peak voltage",
-    "meaning": "largest |u_A|, |u_B| after limits",
+    "meaning": "largest |u_A|, |u_B| after limiting",
     "unit": "V",
     "equation": "max(|u_A|, |u_B|)",
     "source": "docs/how-to/experiments.md",
@@ -2888,7 +2888,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "stiffness_felt",
     "term": "Apparent stiffness",
-    "meaning": "slope of −r_j (F_A − F_B) over q, aligned",
+    "meaning": "slope of −r_j (F_A − F_B) versus q, aligned",
     "unit": "N·m/rad",
     "equation": "−r_j d(F_A − F_B)/dq",
     "source": "docs/how-to/experiments.md"
@@ -3247,7 +3247,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "hysteresis_N",
     "term": "Hysteresis",
-    "meaning": "largest mean force difference between loading and unloading",
+    "meaning": "largest difference between the averaged forces of loading and unloading",
     "unit": "N",
     "source": "docs/how-to/experiments.md"
   },
@@ -3415,7 +3415,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "mode",
     "name": "compliance",
     "term": "compliance",
-    "meaning": "The joint loop is open: q_ref acts through the geometry only, and a push moves the joint. Stiffness stays controlled."
+    "meaning": "The position loop is open: q_ref acts through the geometry only, and a push moves the joint. Stiffness stays controlled."
   },
   "mode:identify": {
     "kind": "mode",
@@ -4185,7 +4185,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "timing",
     "name": "overruns",
     "term": "Overruns",
-    "meaning": "deadlines missed since the loop started"
+    "meaning": "deadlines missed since the control loop started"
   },
   "timing:latency_ms": {
     "kind": "timing",

@@ -5,7 +5,7 @@ export const FIELDS = [
     "name": "mode",
     "symbol": "mode",
     "unit": "1",
-    "meaning": "mode of the loop: 0 off, 1 pretension, 2 run, 3 compliance, 4 identify, 5 experiment, 6 stopping, 7 tripped"
+    "meaning": "mode of the control loop: 0 off, 1 pretension, 2 run, 3 compliance, 4 identify, 5 experiment, 6 stopping, 7 tripped"
   },
   {
     "name": "run",
@@ -143,19 +143,19 @@ export const FIELDS = [
     "name": "n_q",
     "symbol": "n_q",
     "unit": "1",
-    "meaning": "counts of the joint encoder since the start of the loop, NaN without a card"
+    "meaning": "counts of the joint encoder since the control loop started, NaN without a card"
   },
   {
     "name": "n_A",
     "symbol": "n_A",
     "unit": "1",
-    "meaning": "counts of the encoder of motor A since the start of the loop, NaN without a card"
+    "meaning": "counts of the encoder of motor A since the control loop started, NaN without a card"
   },
   {
     "name": "n_B",
     "symbol": "n_B",
     "unit": "1",
-    "meaning": "counts of the encoder of motor B since the start of the loop, NaN without a card"
+    "meaning": "counts of the encoder of motor B since the control loop started, NaN without a card"
   },
   {
     "name": "lam_q",
@@ -197,7 +197,7 @@ export const FIELDS = [
     "name": "overruns",
     "symbol": "overruns",
     "unit": "1",
-    "meaning": "deadlines missed since the loop started"
+    "meaning": "deadlines missed since the control loop started"
   }
 ] as const;
 
