@@ -90,7 +90,7 @@ def _cache_folder() -> Path | None:
     if _IN_MEMORY not in os.environ:
         os.environ[_IN_MEMORY] = "1"
         _log.warning(
-            "No folder for compiled code is usable, so each start compiles again. Set one with NUMBA_CACHE_DIR."
+            "No folder for compiled code is usable, so each start compiles the code. Set one with NUMBA_CACHE_DIR."
         )
     return None
 

@@ -136,7 +136,7 @@ class Sessions:
             }
             self._ended = dict.fromkeys(str(session) for session in document["ended"])
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            _log.warning("The service cannot read %s (%s): all users sign in again.", self._file, error)
+            _log.warning("The service cannot read %s (%s): all users must sign in again.", self._file, error)
             self._live, self._ended, self._previous_run_s = {}, {}, 0.0
 
 

@@ -844,7 +844,7 @@ class SocketProtocol(_LimitedProtocol, WebSocketsSansIOProtocol):
     def _close_for_too_much(self) -> None:
         holder = self.slot.holder
         _log.warning(
-            "The service closed a websocket of %s (%s): for %g s it sent more than %g frames or %g bytes in a second.",
+            "The service closed a websocket of %s (%s): for %g s it sent more than %g frames or %g bytes per second.",
             "an anonymous client" if holder is None else holder.name,
             self.client[0] if self.client else "unknown address",
             READ_TIMEOUT_S,

@@ -25,7 +25,7 @@ def raise_limit() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
     if descriptor_limit() < LOW_DESCRIPTORS:
         _log.warning(
-            "The service may open only %d files (ulimit -n), enough for few pages. Allow at least %d.",
+            "The service may open only %d files (ulimit -n), enough for only a few pages. Allow at least %d.",
             descriptor_limit(),
             LOW_DESCRIPTORS,
         )
