@@ -427,7 +427,10 @@ def show_experiment(name: Name, data: DataFolder = None, as_json: AsJson = False
 
 
 @experiments_app.command()
-def text(name: Name, data: DataFolder = None) -> None:
+def text(
+    name: Annotated[str, typer.Argument(help="Name of an experiment, or name@2 for a version.")],
+    data: DataFolder = None,
+) -> None:
     """Print the text of an experiment, for a copy or as a template."""
     from backend.services import OwnExperiments
 
