@@ -18,9 +18,8 @@ from backend.server import HostOriginMiddleware, RequestSchedulingMiddleware, Se
 
 DESCRIPTION = (
     "Identify, tune and run an antagonistic variable stiffness actuator. Values are in SI units unless a field states "
-    "another unit; docs/reference/notation.md lists the signals. Send `Authorization: Bearer TOKEN`, or sign in with "
-    "the link that the service prints. "
-    "The websocket `/api/live` streams live samples."
+    "another unit; signals are named as in the notation. Send `Authorization: Bearer TOKEN`, or sign in with the link "
+    "that the service prints. The websocket `/api/live` streams live samples."
 )
 
 Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[None]]

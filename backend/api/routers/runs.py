@@ -77,11 +77,7 @@ def list_runs(
         str | None, Query(max_length=200, description="only runs of these kinds, separated by commas")
     ] = None,
     search: Annotated[
-        str,
-        Query(
-            max_length=100,
-            description="words in number, kind, title, plant, parameters, bank, person, station, note, tags or end",
-        ),
+        str, Query(max_length=100, description="words that the run contains, as in docs/reference/search.md")
     ] = "",
     where: Annotated[
         tuple[Where, ...], Query(max_length=10, description="searches, see docs/reference/search.md; all must match")
@@ -168,12 +164,8 @@ async def _parse_slice(
     to_s: Annotated[
         Finite | None, Query(alias="to", gt=0.0, le=LONGEST_S, description="end [s]; default: the end of the run")
     ] = None,
-    points: Annotated[
-        int, Query(ge=10, le=20000, description="maximum number of points; a longer range is sent as its envelope")
-    ] = 2000,
-    signals: Annotated[
-        str, Query(max_length=2000, description="signal names, separated by commas")
-    ] = "q,q_ref,S,S_ref",
+    points: Annotated[int, Query(ge=10, le=20000, description="point limit; longer ranges give an envelope")] = 2000,
+    signals: Annotated[str, Query(max_length=2000, description="comma-separated signal names")] = "q,q_ref,S,S_ref",
 ) -> SampleSlice:
     return SampleSlice(id, from_s, math.inf if to_s is None else to_s, points, signals.split(","))
 
@@ -468,9 +460,7 @@ async def _parse_range(
     to_s: Annotated[
         Finite | None, Query(alias="to", description="end [s], inclusive; default: the end of the run")
     ] = None,
-    signals: Annotated[
-        str, Query(max_length=2000, description="signal names, separated by commas")
-    ] = "q,q_ref,S,S_ref",
+    signals: Annotated[str, Query(max_length=2000, description="comma-separated signal names")] = "q,q_ref,S,S_ref",
 ) -> RangeQuery:
     return RangeQuery(id, from_s, to_s, tuple(dict.fromkeys(signals.split(","))))
 
@@ -505,9 +495,7 @@ def get_values(
     service: CurrentService,
     _person: SignedInUser,
     at: Annotated[Times, Query(description="times since the run's first sample [s]")],
-    signals: Annotated[
-        str, Query(max_length=2000, description="signal names, separated by commas")
-    ] = "q,q_ref,S,S_ref",
+    signals: Annotated[str, Query(max_length=2000, description="comma-separated signal names")] = "q,q_ref,S,S_ref",
 ) -> RecordedValues:
     """Return the values of signals at the last sample at or before each given time."""
     return service.figures.read_values(id, at, tuple(dict.fromkeys(signals.split(","))))
