@@ -269,7 +269,7 @@ async def _run_session(settings: Settings, database: "Database", requests: Seque
     dialog = OperatorDialog(current_user(), terminal.confirm, terminal.show_phase)
     print_message(
         f"{choice.name}, {choice.wiring}. Press Ctrl+C at any time for zero volts; the result "
-        "of an unfinished step is not stored."
+        "of an unfinished step is not stored, except that of a motor test that has moved the motor."
     )
     if choice.simulated:
         print_message("No hardware moves: at each Enter the program simulates the action of the operator.")
