@@ -171,8 +171,8 @@ class HasEntries(Protocol):
 def format_source(identification: Identification) -> str:
     """Return the name of an identification in messages: its run, or its kind if it has no run."""
     if identification.run_id is None:
-        return f"{identification.kind} identification without a run (estimate {identification.id})"
-    return f"identification {identification.run_id}"
+        return messages.identification_without_run(kind=identification.kind, estimate=identification.id)
+    return messages.identification_of_run(run=identification.run_id)
 
 
 def build_entry(identification: Identification) -> BankEntry:
@@ -399,17 +399,16 @@ def import_bank(
     entries = require_consistent(
         parameters, [_parse_named_entry(position, item) for position, item in enumerate(items, start=1)]
     )
-    origin = document.get("exported_from")
-    note = f"imported; exported from {json.dumps(origin, ensure_ascii=False)[:200]}" if origin else "imported"
+    note = messages.imported(origin=document.get("exported_from"))
     with database.session() as session:
         return banks.add(session, bank_name.strip(), entries, who, note)
 
 
 def _parse_named_entry(position: int, item: Any) -> NamedEntry:
-    name = f"entry {position}"
+    name = messages.entry_at_position(position=position)
     tension_N = item.get("tension_N") if isinstance(item, dict) else None
     if isinstance(tension_N, int | float) and not isinstance(tension_N, bool):
-        name = f"the {tension_N:g} N entry"
+        name = messages.entry_at_tension(tension_N=tension_N)
     if not isinstance(item, dict) or not set(item) <= set(_ENTRY_NAMES):
         raise BankError(messages.unknown_key(name=name, known=", ".join(_ENTRY_NAMES)))
     for key, value in item.items():

@@ -1,6 +1,12 @@
-"""Messages about banks: entries that form no bank, and files that contain none."""
+"""Messages about banks: refused entries and files, names of entries, and the settings of a tuning as text."""
+
+import json
+from collections.abc import Sequence
+from typing import Any
 
 from plant import catalogue_entry
+
+# Entries and files ---------------------------------------------------------------------------------
 
 
 @catalogue_entry
@@ -127,3 +133,72 @@ def not_a_number(*, name: str, key: str, value: object) -> str:
 @catalogue_entry
 def entry_without_stiffness(*, name: str) -> str:
     return f"{name} has no S_nominal"
+
+
+# Names of identifications, entries and files -------------------------------------------------------
+
+
+@catalogue_entry
+def identification_of_run(*, run: int) -> str:
+    return f"identification {run}"
+
+
+@catalogue_entry
+def identification_without_run(*, kind: str, estimate: int) -> str:
+    return f"{kind} identification without a run (estimate {estimate})"
+
+
+@catalogue_entry
+def entry_at_position(*, position: int) -> str:
+    return f"entry {position}"
+
+
+@catalogue_entry
+def entry_at_tension(*, tension_N: float) -> str:
+    return f"the {tension_N:g} N entry"
+
+
+@catalogue_entry
+def imported(*, origin: Any) -> str:
+    return f"imported; exported from {json.dumps(origin, ensure_ascii=False)[:200]}" if origin else "imported"
+
+
+@catalogue_entry
+def stored_tuning(*, who: str) -> str:
+    return f"the tuning in the data folder, stored by {who}"
+
+
+# Tuning settings -----------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def setting_value(*, symbol: str, value: str, unit: str) -> str:
+    return f"{symbol} {value}" + ("" if unit == "1" else f" {unit}")
+
+
+@catalogue_entry
+def setting_changed(*, symbol: str, before: str, after: str, unit: str) -> str:
+    return f"{symbol} {before} → {after}" + ("" if unit == "1" else f" {unit}")
+
+
+@catalogue_entry
+def motion_of_references(*, motion: str) -> str:
+    return f"{motion} motion"
+
+
+@catalogue_entry
+def source_of_gains(*, bank: int) -> str:
+    return "gains from geometry" if bank == 0 else f"bank {bank}"
+
+
+@catalogue_entry
+def gains_between_entries(*, interpolate: bool) -> str:
+    return f"{'interpolating' if interpolate else 'switching'} between entries"
+
+
+@catalogue_entry
+def default_tuning_moved(*, changes: Sequence[str]) -> str:
+    return (
+        "the method's default is outside the safe range of these models; the nearest safe tuning "
+        f"is: {', '.join(changes)}"
+    )

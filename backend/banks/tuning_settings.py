@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from math import ceil, floor
 from typing import Any, Self
 
+from backend.banks import messages
 from backend.models import (
     ACTIVE_TUNING,
     LAMBDA,
@@ -152,25 +153,30 @@ class TuningSettings:
 
     def format_parts(self) -> dict[str, str]:
         """Return each setting as text by its name: "λ_q 0.5 s". A k_ext of 0 is left out."""
-        words = {
-            setting.name: f"{setting.symbol} {format_part(setting.name, getattr(self, setting.name))}"
-            + ("" if setting.unit == "1" else f" {setting.unit}")
+        words: dict[str, str] = {
+            setting.name: messages.setting_value(
+                symbol=setting.symbol, value=format_part(setting.name, getattr(self, setting.name)), unit=setting.unit
+            )
             for setting in TUNING_SETTINGS
         }
-        words["motion"] = f"{self.motion} motion"
+        words["motion"] = messages.motion_of_references(motion=self.motion)
         if self.motion == LAMBDA:
             del words["u_plan"]  # has no effect
         if self.k_ext == 0.0:
             del words["k_ext"]  # no disturbance rejection, the usual case
-        words["bank"] = "gains from geometry" if self.bank == 0 else f"bank {self.bank}"
-        words["interpolate"] = f"{'interpolating' if self.interpolate else 'switching'} between entries"
+        words["bank"] = messages.source_of_gains(bank=self.bank)
+        words["interpolate"] = messages.gains_between_entries(interpolate=self.interpolate)
         return words
 
     def list_differences(self, before: "TuningSettings") -> list[str]:
         """Return the changes since ``before`` as texts: "λ_q 0.5 → 0.6 s"."""
         return [
-            f"{setting.symbol} {format_part(setting.name, old)} → {format_part(setting.name, new)}"
-            + ("" if setting.unit == "1" else f" {setting.unit}")
+            messages.setting_changed(
+                symbol=setting.symbol,
+                before=format_part(setting.name, old),
+                after=format_part(setting.name, new),
+                unit=setting.unit,
+            )
             for setting in TUNING_SETTINGS
             if (old := getattr(before, setting.name)) != (new := getattr(self, setting.name))
         ]
@@ -266,11 +272,7 @@ def compute_default_tuning(
         u_plan=usual_budget(parameters),
     )
     moved = replace(tuning, u_plan=method.u_plan).list_differences(method)  # a limit has no effect in ``lambda``
-    reason = (
-        "the method's default is outside the safe range of these models; the nearest safe tuning "
-        f"is: {', '.join(moved)}"
-    )
-    return DefaultTuning(tuning, reason if moved else "", known)
+    return DefaultTuning(tuning, messages.default_tuning_moved(changes=moved) if moved else "", known)
 
 
 def default_lam_motor(parameters: PlantParameters) -> float:
@@ -355,7 +357,7 @@ def load_tuning_of_plant(session: Session, parameters: PlantParameters) -> Tunin
 
 
 def _parse_stored(stored: StoredSetting) -> StoredTuning:
-    return ACTIVE_TUNING.read(stored.value, f"the tuning in the data folder, stored by {stored.who}")
+    return ACTIVE_TUNING.read(stored.value, messages.stored_tuning(who=stored.who))
 
 
 def compute_parameters_digest(parameters: PlantParameters) -> str:

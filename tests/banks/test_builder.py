@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from backend.banks import messages
 from backend.banks.builder import (
     BankError,
     NamedEntry,
@@ -27,6 +28,7 @@ from plant.parameters import PlantParameters, load_parameters
 from tests.refusals import refused
 
 LAMBDAS = TuningParameters()
+FIRST_ENTRY = messages.entry_at_position(position=1)
 
 
 def entry(S: float, tension_N: float | None = None, **model: float) -> BankEntry:
@@ -147,8 +149,8 @@ def test_a_bank_is_unchanged_after_export_and_import(ideal: PlantParameters, dat
         ({"format": "something"}, "file_of_another_format", {}),
         ({"entries": []}, "wrong_number_of_entries", {"maximum": 20}),
         ({"entries": [{"S_nominal": 10.0, "K_q": "a lot"}]}, "not_a_number", {"key": "K_q", "value": "a lot"}),
-        ({"entries": [{"S_nominal": 10.0, "gain": 1.0}]}, "unknown_key", {"name": "entry 1"}),
-        ({"entries": [{"K_q": 0.05}]}, "entry_without_stiffness", {"name": "entry 1"}),
+        ({"entries": [{"S_nominal": 10.0, "gain": 1.0}]}, "unknown_key", {"name": FIRST_ENTRY}),
+        ({"entries": [{"K_q": 0.05}]}, "entry_without_stiffness", {"name": FIRST_ENTRY}),
         ({"entries": [{"S_nominal": 10.0}]}, "not_positive", {"parameter": "K_q", "value": None}),
         ({"name": " "}, "no_name", {}),
         ({"name": "a\nb"}, "invalid_name", {}),
