@@ -42,7 +42,6 @@ from backend.response_docs import describe_field
 from plant import (
     K_LEAST,
     SUBSTEPS,
-    Angle,
     Message,
     Obstacle,
     PlantError,
@@ -182,16 +181,15 @@ class NumberReader:
         """Return the amplitudes, after checking that the references stay within their bounds in both directions."""
         margin_q = max(Q_REF_MAX - abs(self._q), 0.0)  # a previous crest may lie beyond the bound
         margin_S = max(min(S_REF_MAX - self._S, self._S - S_REF_MIN), 0.0)
-        about = f"around {Angle(self._q):.6g}" if self._q else ""
         amplitude_q = self._read_number(
             name="q_amplitude",
             expression=q,
             least=-margin_q,
             most=margin_q,
             unit="rad",
-            words=f"amplitude of q_ref {about}".strip(),
+            words=messages.amplitude_of_q_ref(centre=self._q),
         )
-        words = f"amplitude of S_ref around {self._S:.6g} N·m/rad"
+        words = messages.amplitude_of_S_ref(centre=self._S)
         return amplitude_q, self._read_number(
             name="S_amplitude", expression=S, least=-margin_S, most=margin_S, unit="N·m/rad", words=words
         )
@@ -507,7 +505,7 @@ class _Compiler(NumberReader):
         periods = self._read_integer("periods", part.periods, 1, 1000)
         self._require_references()
         q, S = self._read_amplitudes(part.q_amplitude, part.S_amplitude)
-        duration_s = self._read_time(periods * (2**bits - 1) * chip_s, "chip_s", "total duration of the chips")
+        duration_s = self._read_time(periods * (2**bits - 1) * chip_s, "chip_s", messages.duration_of_chips())
         self._add(Segment(duration_s, self._q + q, self._S + S, shape=Shape.PRBS, period_s=chip_s, count=bits))
 
     @_compile_part.register
@@ -522,12 +520,12 @@ class _Compiler(NumberReader):
                 maximum=_FREQUENCY_MAX_HZ,
                 unit="Hz",
                 remedy=messages.fewer_lines_or_longer_period(maximum_Hz=_FREQUENCY_MAX_HZ),
-                label="highest frequency",
+                label=messages.highest_frequency(),
             )
         periods = self._read_integer("periods", part.periods, 1, 1000)
         self._require_references()
         q, S = self._read_amplitudes(part.q_amplitude, part.S_amplitude)
-        duration_s = self._read_time(periods * period_s, "periods", "total duration of the periods")
+        duration_s = self._read_time(periods * period_s, "periods", messages.duration_of_periods())
         peak, shape = compute_multisine_peak(lines), Shape.MULTISINE
         self._add(
             Segment(
@@ -607,7 +605,7 @@ class _Compiler(NumberReader):
 
     @_compile_part.register
     def _compile_learn(self, part: schema.Learn) -> None:
-        words = "duration of the calibration at rest"
+        words = messages.duration_of_calibration()
         self._add_hold(
             round(self._read_number("duration_s", part.duration_s, CALIBRATION_MIN_S, PART_MAX_S, "s", words), 3)
         )
@@ -616,11 +614,13 @@ class _Compiler(NumberReader):
     @_compile_part.register
     def _compile_until_contact(self, part: schema.UntilContact) -> None:
         path = self._path
-        contact_N = self._read_number("contact_N", part.contact_N, 0.0, CONTACT_MAX_N, "N", "contact threshold")
+        words = messages.contact_threshold()
+        contact_N = self._read_number("contact_N", part.contact_N, 0.0, CONTACT_MAX_N, "N", words)
         if contact_N == 0.0:
             self._compile_parts(part.parts, (*path, "parts"))
             return
-        self._read_number("contact_N", contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "contact threshold (0 for none)")
+        words = messages.contact_threshold_or_none()
+        self._read_number("contact_N", contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", words)
         self._raise_problem(self._detections.begin_contact_end(contact_N, self._S))
         self._compile_parts(part.parts, (*path, "parts"))
         self._raise_problem(self._detections.finish_contact_end())
@@ -691,7 +691,6 @@ class _Compiler(NumberReader):
             segment = replace(segment, contact_detection=contact_detection)
         self._duration_s += segment.duration_s
         with error_context(self._path, self._lines):
-            words = "total duration up to this part"
             check_range(
                 "duration_s",
                 self._duration_s,
@@ -699,7 +698,7 @@ class _Compiler(NumberReader):
                 maximum=DURATION_MAX_S,
                 unit="s",
                 remedy=messages.remove_some_parts(),
-                label=words,
+                label=messages.duration_up_to_part(),
             )
         self._segments.append(segment)
         self._paths.append(self._path)

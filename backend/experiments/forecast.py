@@ -59,7 +59,7 @@ class ProgramInterval:
 
 def format_set_point(law: Law, set_point: float) -> str:
     """Return a setpoint as text: "20 N", "−3.5 V"."""
-    return f"{set_point:g} {'V' if law is Law.MOTOR_STEPS else 'N'}".replace("-", "−")
+    return messages.set_point(value=set_point, unit="V" if law is Law.MOTOR_STEPS else "N")
 
 
 # Reference trajectory ------------------------------------------------------------------------------
@@ -443,10 +443,9 @@ class Forecast:
     @property
     def message(self) -> str:
         """The range of the joint as text."""
-        at, low, high = (math.degrees(q) for q in (self.q_start, self.q_low, self.q_high))
-        within = f"{math.floor(low)} to {math.ceil(high)}°".replace("-", "−")
-        words = f"the joint is at {at:.0f}° and will move within {within}, then back to 0°".replace("-", "−")
-        return words + ("; it is free while the tendons are slack" if self.let_slack else "")
+        return messages.joint_will_move(
+            q_start=self.q_start, q_low=self.q_low, q_high=self.q_high, let_slack=self.let_slack
+        )
 
     def require_within_range(self, parameters: PlantParameters) -> None:
         """Raise OutOfRangeError if joint or tendons would leave their range."""
@@ -456,7 +455,7 @@ class Forecast:
         reach = max(self.q_high, -self.q_low, key=abs)
         if reach > bounds.q_trip and reach > abs(self.q_start) + MARGIN_RAD:
             raise OutOfRangeError(
-                quantity="joint position during the motion",
+                quantity=messages.joint_position_during_motion(),
                 value=reach,
                 minimum=-bounds.q_trip,
                 maximum=bounds.q_trip,
@@ -465,7 +464,7 @@ class Forecast:
             )
         if self.F_high > bounds.F_max:
             raise OutOfRangeError(
-                quantity="tension during the motion",
+                quantity=messages.tension_during_motion(),
                 value=self.F_high,
                 minimum=None,
                 maximum=bounds.F_max,
@@ -474,7 +473,7 @@ class Forecast:
             )
         if self.F_low < bounds.F_slack and not self.let_slack:
             raise OutOfRangeError(
-                quantity="tension during the motion",
+                quantity=messages.tension_during_motion(),
                 value=self.F_low,
                 minimum=bounds.F_slack,
                 maximum=None,

@@ -464,13 +464,12 @@ def _build_sequence_definition() -> ExperimentDefinition:
 
     return ExperimentDefinition(
         name=upgrades.SEQUENCE,
-        title="Own sequence",
-        description="Steps, ramps and sines of both references, one after the other, as a JSON list of segments.",
+        title=messages.own_sequence_title(),
+        description=messages.own_sequence_description(),
         settings=(_SEGMENTS,),
         make_plan=make_plan,
         run_kind=upgrades.SEQUENCE,
-        replacement="write an experiment: its parts step, ramp and sine take the same numbers "
-        "(docs/how-to/experiments.md)",
+        replacement=messages.own_sequence_replacement(),
     )
 
 
@@ -485,7 +484,7 @@ def _translate_segment_error(error: ExperimentError) -> InvalidValueError:
                 maximum=why.maximum,
                 unit=why.unit,
                 remedy=why.remedy,
-                label=f"segment {place + 1}, {why.label}",
+                label=messages.label_in_segment(segment=place + 1, label=why.label),
                 path=(_SEGMENTS.name, place, *rest),
             )
         case _:
@@ -503,20 +502,10 @@ class IdentificationEntry:
 
 IDENTIFICATIONS: dict[str, IdentificationEntry] = {
     "actuator": IdentificationEntry(
-        ActuatorIdentificationPlan,
-        "Actuator",
-        "Response of joint position and stiffness to motor A in closed loop: a binary sequence at a held tension.",
+        ActuatorIdentificationPlan, "Actuator", messages.actuator_identification_description()
     ),
-    "motor": IdentificationEntry(
-        MotorIdentificationPlan,
-        "Motors",
-        "Gain, time constant and Coulomb friction of both motors: voltage steps up and down with slack tendons.",
-    ),
-    "spring": IdentificationEntry(
-        SpringIdentificationPlan,
-        "Springs",
-        "Force versus elongation of both springs: a slow sweep of both tensions up and down.",
-    ),
+    "motor": IdentificationEntry(MotorIdentificationPlan, "Motors", messages.motor_identification_description()),
+    "spring": IdentificationEntry(SpringIdentificationPlan, "Springs", messages.spring_identification_description()),
 }
 
 

@@ -1,7 +1,9 @@
-"""Messages about experiments: invalid texts, expressions, settings and parts, and identifications that cannot run."""
+"""Messages about experiments: refused texts and parts, labels of quantities and phases, forecasts and predictions."""
+
+import math
 
 from backend.units import format_count
-from plant import Angle, catalogue_entry
+from plant import Angle, Quantity, catalogue_entry
 
 # Expressions ---------------------------------------------------------------------------------------
 
@@ -65,6 +67,11 @@ def unsupported_operation(*, operation: str, functions: str) -> str:
 
 
 @catalogue_entry
+def rounding_to_other_digits(*, maximum: int) -> str:
+    return f"round takes a whole number of digits from -{maximum} to {maximum}"
+
+
+@catalogue_entry
 def not_evaluated() -> str:
     return "the expression cannot be evaluated"
 
@@ -93,6 +100,11 @@ def invalid_default(*, name: str, default: object, reason: str) -> str:
 @catalogue_entry
 def unknown_setting(*, known: str) -> str:
     return f"unknown setting; choose one of {known}"
+
+
+@catalogue_entry
+def value_of_setting(*, name: str, value: object) -> str:
+    return f"{name} is {value}"
 
 
 @catalogue_entry
@@ -384,6 +396,59 @@ def remove_some_parts() -> str:
     return "remove some parts"
 
 
+# Labels of checked quantities ----------------------------------------------------------------------
+
+
+@catalogue_entry
+def amplitude_of_q_ref(*, centre: float) -> str:
+    return f"amplitude of q_ref around {Angle(centre):.6g}" if centre else "amplitude of q_ref"
+
+
+@catalogue_entry
+def amplitude_of_S_ref(*, centre: float) -> str:
+    return f"amplitude of S_ref around {centre:.6g} N·m/rad"
+
+
+@catalogue_entry
+def duration_of_chips() -> str:
+    return "total duration of the chips"
+
+
+@catalogue_entry
+def duration_of_periods() -> str:
+    return "total duration of the periods"
+
+
+@catalogue_entry
+def highest_frequency() -> str:
+    return "highest frequency"
+
+
+@catalogue_entry
+def duration_of_calibration() -> str:
+    return "duration of the calibration at rest"
+
+
+@catalogue_entry
+def contact_threshold() -> str:
+    return "contact threshold"
+
+
+@catalogue_entry
+def contact_threshold_or_none() -> str:
+    return "contact threshold (0 for none)"
+
+
+@catalogue_entry
+def duration_up_to_part() -> str:
+    return "total duration up to this part"
+
+
+@catalogue_entry
+def label_in_segment(*, segment: int, label: str) -> str:
+    return f"segment {segment}, {label}"
+
+
 # Library -------------------------------------------------------------------------------------------
 
 
@@ -420,6 +485,36 @@ def unknown_experiment(*, known: str) -> str:
     return f"there is no such experiment; known: {known}"
 
 
+@catalogue_entry
+def own_sequence_title() -> str:
+    return "Own sequence"
+
+
+@catalogue_entry
+def own_sequence_description() -> str:
+    return "Steps, ramps and sines of both references, one after the other, as a JSON list of segments."
+
+
+@catalogue_entry
+def own_sequence_replacement() -> str:
+    return "write an experiment: its parts step, ramp and sine take the same numbers (docs/how-to/experiments.md)"
+
+
+@catalogue_entry
+def actuator_identification_description() -> str:
+    return "Response of joint position and stiffness to motor A in closed loop: a binary sequence at a held tension."
+
+
+@catalogue_entry
+def motor_identification_description() -> str:
+    return "Gain, time constant and Coulomb friction of both motors: voltage steps up and down with slack tendons."
+
+
+@catalogue_entry
+def spring_identification_description() -> str:
+    return "Force versus elongation of both springs: a slow sweep of both tensions up and down."
+
+
 # Plans ---------------------------------------------------------------------------------------------
 
 
@@ -438,7 +533,55 @@ def shorter_excitation() -> str:
     return "choose a shorter chip, fewer bits or fewer periods"
 
 
+@catalogue_entry
+def voltage_step(*, voltage_V: float) -> str:
+    return f"Step to {voltage_V:g} V"
+
+
+@catalogue_entry
+def hold_at_lowest_tension() -> str:
+    return "Hold at the lowest tension"
+
+
+@catalogue_entry
+def tension_sweep(*, direction: str) -> str:
+    return f"Tension {direction}"
+
+
+@catalogue_entry
+def hold_without_excitation() -> str:
+    return "Hold of the tension without excitation"
+
+
+@catalogue_entry
+def excitation() -> str:
+    return "Excitation"
+
+
 # Forecasts and predictions -------------------------------------------------------------------------
+
+
+@catalogue_entry
+def set_point(*, value: float, unit: str) -> str:
+    return f"{value:g} {unit}".replace("-", "−")
+
+
+@catalogue_entry
+def joint_will_move(*, q_start: float, q_low: float, q_high: float, let_slack: bool) -> str:
+    at, low, high = (math.degrees(q) for q in (q_start, q_low, q_high))
+    within = f"{math.floor(low)} to {math.ceil(high)}°".replace("-", "−")
+    words = f"the joint is at {at:.0f}° and will move within {within}, then back to 0°".replace("-", "−")
+    return words + ("; it is free while the tendons are slack" if let_slack else "")
+
+
+@catalogue_entry
+def joint_position_during_motion() -> str:
+    return "joint position during the motion"
+
+
+@catalogue_entry
+def tension_during_motion() -> str:
+    return "tension during the motion"
 
 
 @catalogue_entry
@@ -488,3 +631,64 @@ def step_too_short(*, u_high: float, duration_s: float, lags: float, T_m: float)
 @catalogue_entry
 def sweep_close_to_trip(*, F_high: float, margin_N: float, F_max: float) -> str:
     return f"F_high = {F_high:g} N is within {margin_N:g} N of the trip at {F_max:g} N: lower it"
+
+
+@catalogue_entry
+def excitation_moves_joint(*, counts: float) -> str:
+    return f"the excitation alone moves the joint by {counts:.0f} encoder counts, peak to peak"
+
+
+@catalogue_entry
+def motors_will_turn(*, speed: float, travel_rad: float) -> str:
+    return (
+        f"both motors will reach {Quantity(speed, 'rad/s'):.4g} with slack tendons, turning by {Angle(travel_rad):g} "
+        "a step"
+    )
+
+
+@catalogue_entry
+def tensions_will_sweep(*, F_low: float, F_high: float, cycles: int) -> str:
+    return f"both tendons will go from {F_low:g} to {F_high:g} N and back, {cycles} times"
+
+
+# Labels of predicted values ------------------------------------------------------------------------
+
+
+@catalogue_entry
+def fastest_speed() -> str:
+    return "Fastest speed"
+
+
+@catalogue_entry
+def largest_rotation() -> str:
+    return "Largest rotation, slack side"
+
+
+@catalogue_entry
+def largest_step(*, u_max: float) -> str:
+    return f"Largest step, of {u_max:g} V"
+
+
+@catalogue_entry
+def shortest_step() -> str:
+    return "Shortest step"
+
+
+@catalogue_entry
+def smallest_elongation() -> str:
+    return "Smallest elongation"
+
+
+@catalogue_entry
+def largest_elongation() -> str:
+    return "Largest elongation"
+
+
+@catalogue_entry
+def largest_stiffness() -> str:
+    return "Largest stiffness"
+
+
+@catalogue_entry
+def mean_rate_of_tension() -> str:
+    return "Mean rate of tension"

@@ -48,7 +48,7 @@ MAX_DIGITS = 15
 
 def _round(number: float, digits: float = 0.0) -> float:
     if not abs(digits) <= MAX_DIGITS or digits != int(digits):
-        raise ValueError(f"round takes a whole number of digits from -{MAX_DIGITS} to {MAX_DIGITS}")
+        raise ValueError(messages.rounding_to_other_digits(maximum=MAX_DIGITS))
     return round(float(number), int(digits))
 
 
@@ -354,7 +354,10 @@ def require_rules(
             continue
         if names & set(given):
             _raise_for_setting(rule, settings, values)
-        settings_text = ", ".join(f"{name} is {value}" for name, value in values.items() if name in names)
+        involved = (
+            messages.value_of_setting(name=name, value=value) for name, value in values.items() if name in names
+        )
+        settings_text = ", ".join(involved)
         broken = messages.rule_not_satisfied(rule=rule.that, values=settings_text, remedy=rule.remedy)
         raise ExperimentError(broken, path, find_line(path, lines))
 

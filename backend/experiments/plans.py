@@ -181,7 +181,7 @@ class MotorIdentificationPlan:
         return tuple(
             Phase(
                 f"step_{position}",
-                f"Step to {step.u:g} V",
+                messages.voltage_step(voltage_V=step.u),
                 position * (around_each + self.step_s),
                 (position + 1) * (around_each + self.step_s),
             )
@@ -230,11 +230,12 @@ class SpringIdentificationPlan:
 
     def phases(self) -> tuple[Phase, ...]:
         """Return the phases: settling, then each rising and falling sweep."""
-        phases = [Phase("settle", "Hold at the lowest tension", 0.0, self.settle_s)]
+        phases = [Phase("settle", messages.hold_at_lowest_tension(), 0.0, self.settle_s)]
         for sweep in range(2 * self.cycles):
             start = self.settle_s + sweep * self.sweep_s
             name = "up" if sweep % 2 == 0 else "down"
-            phases.append(Phase(f"{name}_{sweep // 2 + 1}", f"Tension {name}", start, start + self.sweep_s))
+            title = messages.tension_sweep(direction=name)
+            phases.append(Phase(f"{name}_{sweep // 2 + 1}", title, start, start + self.sweep_s))
         return tuple(phases)
 
 
@@ -304,7 +305,7 @@ class ActuatorIdentificationPlan:
             maximum=MAX_EXCITATION_S,
             unit="s",
             remedy=messages.shorter_excitation(),
-            label="total duration of the chips",
+            label=messages.duration_of_chips(),
         )
         return excitation
 
@@ -312,8 +313,8 @@ class ActuatorIdentificationPlan:
         """Return the phases: settling and excitation."""
         end = self.program().duration_s
         return (
-            Phase("settle", "Hold of the tension without excitation", 0.0, self.settle_s),
-            Phase("excitation", "Excitation", self.settle_s, end),
+            Phase("settle", messages.hold_without_excitation(), 0.0, self.settle_s),
+            Phase("excitation", messages.excitation(), self.settle_s, end),
         )
 
 

@@ -12,9 +12,7 @@ from backend.experiments.plans import ActuatorIdentificationPlan, MotorIdentific
 from backend.identification import MIN_COUNTS, turn_from_rest
 from plant import (
     SIDES,
-    Angle,
     PlantParameters,
-    Quantity,
     T_s,
     spring_elongation,
     tendon_tension,
@@ -46,9 +44,7 @@ class PredictedMotion:
     @property
     def message(self) -> str:
         """The problem, or the expected motion."""
-        return (
-            self.problem or f"the excitation alone moves the joint by {self.q_counts:.0f} encoder counts, peak to peak"
-        )
+        return self.problem or messages.excitation_moves_joint(counts=self.q_counts)
 
 
 def predict_excitation(
@@ -146,18 +142,17 @@ def predict_motor(plan: MotorIdentificationPlan, parameters: PlantParameters) ->
     turn = max(abs(step.theta_start) for step in program.steps)
     u_max = min(parameters.select_motor(side).u_max for side in SIDES)
     figures = (
-        Expectation("omega_max", "Fastest speed", float(speed), "rad/s"),
-        Expectation("theta_max", "Largest rotation, slack side", turn, "rad"),
-        Expectation("u_peak_V", f"Largest step, of {u_max:g} V", plan.u_high, "V"),
-        Expectation("step_min_s", "Shortest step", min(lengths), "s"),
+        Expectation("omega_max", messages.fastest_speed(), float(speed), "rad/s"),
+        Expectation("theta_max", messages.largest_rotation(), turn, "rad"),
+        Expectation("u_peak_V", messages.largest_step(u_max=u_max), plan.u_high, "V"),
+        Expectation("step_min_s", messages.shortest_step(), min(lengths), "s"),
     )
     problem = ""
     if plan.u_high >= u_max:
         problem = messages.steps_saturate(u_high=plan.u_high, u_max=u_max)
     elif min(lengths) < LAGS_NEEDED * T_m:
         problem = messages.step_too_short(u_high=plan.u_high, duration_s=min(lengths), lags=LAGS_NEEDED, T_m=T_m)
-    speeds = f"both motors will reach {Quantity(speed, 'rad/s'):.4g} with slack tendons"
-    message = f"{speeds}, turning by {Angle(plan.travel_rad):g} a step"
+    message = messages.motors_will_turn(speed=speed, travel_rad=plan.travel_rad)
     return PredictedRun(figures, not problem, problem or message)
 
 
@@ -171,15 +166,15 @@ def predict_spring(plan: SpringIdentificationPlan, parameters: PlantParameters) 
     rate = (plan.F_high - plan.F_low) / plan.sweep_s
     F_max = parameters.safety.F_max
     figures = (
-        Expectation("x_min", "Smallest elongation", min(low), "m"),
-        Expectation("x_max", "Largest elongation", max(high), "m"),
-        Expectation("S_max", "Largest stiffness", S, "N·m/rad"),
-        Expectation("F_rate", "Mean rate of tension", rate, "N/s"),
+        Expectation("x_min", messages.smallest_elongation(), min(low), "m"),
+        Expectation("x_max", messages.largest_elongation(), max(high), "m"),
+        Expectation("S_max", messages.largest_stiffness(), S, "N·m/rad"),
+        Expectation("F_rate", messages.mean_rate_of_tension(), rate, "N/s"),
     )
     problem = ""
     if plan.F_high > F_max - _TRIP_MARGIN_N:
         problem = messages.sweep_close_to_trip(F_high=plan.F_high, margin_N=_TRIP_MARGIN_N, F_max=F_max)
-    message = f"both tendons will go from {plan.F_low:g} to {plan.F_high:g} N and back, {plan.cycles} times"
+    message = messages.tensions_will_sweep(F_low=plan.F_low, F_high=plan.F_high, cycles=plan.cycles)
     return PredictedRun(figures, not problem, problem or message)
 
 

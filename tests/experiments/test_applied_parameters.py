@@ -35,6 +35,8 @@ from backend.storage.identifications import Identification, NewIdentification
 from backend.tuning.gains import make_motor_loops
 from backend.tuning.robustness import linearize_one_motor
 from plant.parameters import ParameterError, load_parameters
+from tests.reasons import TextWith
+from tests.refusals import refused
 
 LAB = load_parameters("lab")
 K = (-2.7, 350.0, 9000.0)
@@ -148,14 +150,15 @@ def test_parameters_applied_to_one_file_are_not_active_on_another(database: Data
 
 
 def test_what_cannot_be_applied_is_refused_with_the_reason(database: Database) -> None:
-    with pytest.raises(NotApplicableError, match="no identified values are applied"):
+    with refused(NotApplicableError, "no_parameters_to_undo"):
         parameters.build_undo(database, LAB)
     same = stored(database, motors((2.86, 0.22), (2.86, 0.22)))
-    with pytest.raises(NotApplicableError, match="nothing would change"):
+    with refused(NotApplicableError, "values_are_active_already"):
         build_proposal(LAB, LAB, same)
     bad = stored(database, replace(motors((2.3, 0.21), (2.4, 0.23)), usable=False, verdict="hardly moved"))
-    with pytest.raises(NotApplicableError, match="not usable: hardly moved"):
+    with refused(NotApplicableError, "identification_not_usable", verdict="hardly moved"):
         build_proposal(LAB, LAB, bad)
     beyond = stored(database, motors((2.3, 0.21), (2400.0, 0.23)))
-    with pytest.raises(ParameterError, match=r"identified_B.K_m = 2400 .*outside 0.001 to 1000"):
+    out_of_range = {"label": TextWith(r"identified_B\.K_m"), "value": 2400.0, "minimum": 0.001, "maximum": 1000.0}
+    with refused(ParameterError, "parameter_out_of_range", **out_of_range):
         build_proposal(LAB, LAB, beyond)

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from backend.errors import OutOfRangeError
+from backend.experiments import messages
 from backend.experiments.forecast import (
     CORNERS_MAX,
     TIMETABLE_POINTS,
@@ -30,6 +31,7 @@ from plant.interface import T_s
 from plant.message import Message
 from plant.parameters import PlantParameters, load_parameters
 from tests.realtime.bench_top import BenchTop
+from tests.reasons import assert_reason
 
 # Forecasts of identifications, compared with the simulator: range of the joint and duration.
 
@@ -128,7 +130,7 @@ def test_several_runs_and_both_other_kinds_take_as_long_as_announced() -> None:
     told = announced(bench, plans, lab)
     compare(bench, told, play(bench, plans), room_rad=0.06)
     assert told.let_slack
-    assert "it is free while the tendons are slack" in told.message
+    assert_reason(told.message, "joint_will_move", let_slack=True)
 
 
 def test_what_would_leave_the_range_of_springs_or_joint_is_refused_with_its_figure() -> None:
@@ -142,17 +144,21 @@ def test_what_would_leave_the_range_of_springs_or_joint_is_refused_with_its_figu
 
     # 2 rad of motor A stretch each spring by 7.5 mm: from 55.5 mm at 42 N that is beyond 61.4 mm, where they are solid.
     solid = refused(replace(SHORT, tension_N=42.0, amplitude_rad=2.0, chip_s=0.5))
-    assert (solid.quantity, solid.maximum, solid.unit) == ("tension during the motion", 50.0, "N")
+    assert (solid.quantity, solid.maximum, solid.unit) == (messages.tension_during_motion(), 50.0, "N")
     narrow = replace(ideal, geometry=replace(ideal.geometry, q_max=0.5))
     joint = refused(replace(SHORT, tension_N=20.0), narrow)
-    assert (joint.quantity, joint.unit) == ("joint position during the motion", "rad")
+    assert (joint.quantity, joint.unit) == (messages.joint_position_during_motion(), "rad")
     # q = r_m θ_A / (2 r_j) for like springs, θ_A what stretches both to 20 N, 1 rad of excitation and 1 rad of trim
     assert joint.value == pytest.approx(0.05 * (2.0 * 4.72 + 2.0), abs=0.03)
     told = forecast_identifications([replace(SHORT, tension_N=20.0)], ideal, at_rest, LAM_MOTOR)
     told.require_within_range(ideal)
     with pytest.raises(OutOfRangeError) as slack:
         replace(told, F_low=0.5).require_within_range(ideal)
-    assert (slack.value.quantity, slack.value.value, slack.value.minimum) == ("tension during the motion", 0.5, 1.0)
+    assert (slack.value.quantity, slack.value.value, slack.value.minimum) == (
+        messages.tension_during_motion(),
+        0.5,
+        1.0,
+    )
     assert isinstance(slack.value.remedy, Message)
     assert slack.value.remedy.code == "higher_tension_or_smaller_amplitude"
 

@@ -7,12 +7,14 @@ from pathlib import Path
 import pytest
 
 from backend.banks.tuning_settings import TuningSettings
+from backend.experiments import messages
 from backend.experiments.parser import ExperimentError
 from backend.realtime.program import MAX_TUNINGS
 from backend.services.library import OwnExperiments
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
 from tests.experiments.composing.written import WOBBLE, with_parts
+from tests.reasons import Reason, TextWith
 from tests.refusals import check_reason, refused_because
 
 LEAD_IN = "{do: step, q_ref: 0.0, S_ref: 10.0, duration_s: 6.0}"
@@ -111,18 +113,18 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         (
             "{do: learn, duration_s: 1}",
             "out_of_range",
-            {"label": "duration of the calibration at rest", "value": 1.0, "minimum": 2.0, "maximum": 600.0},
+            {"label": messages.duration_of_calibration(), "value": 1.0, "minimum": 2.0, "maximum": 600.0},
         ),
         (FELT.format(1.5), "bias_not_calibrated", {}),
         (
             f"{{do: repeat, times: 1, parts: [{LEARN}, {FELT.format(0.5)}]}}",
             "out_of_range",
-            {"label": "contact threshold (0 for none)", "value": 0.5, "minimum": 1.0, "maximum": 30.0},
+            {"label": messages.contact_threshold_or_none(), "value": 0.5, "minimum": 1.0, "maximum": 30.0},
         ),
         (
             f"{{do: repeat, times: 1, parts: [{LEARN}, {FELT.format(31)}]}}",
             "out_of_range",
-            {"label": "contact threshold", "value": 31.0, "minimum": 0.0, "maximum": 30.0, "unit": "N"},
+            {"label": messages.contact_threshold(), "value": 31.0, "minimum": 0.0, "maximum": 30.0, "unit": "N"},
         ),
         (
             f"{{do: repeat, times: 1, parts: [{LEARN}, {STIFFER}, {FELT.format(1.5)}]}}",
@@ -148,7 +150,7 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         (
             "{do: repeat, times: 100, parts: [{do: hold, duration_s: 60}]}",
             "out_of_range",
-            {"label": "total duration up to this part", "value": 3606.0, "maximum": 3600.0},
+            {"label": messages.duration_up_to_part(), "value": 3606.0, "maximum": 3600.0},
         ),
         (
             "{do: prbs, q_amplitude: 0.1, chip_s: 0.1, bits: 13}",
@@ -158,7 +160,7 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         (
             "{do: multisine, q_amplitude: 0.1, period_s: 0.2, lines: 20}",
             "out_of_range",
-            {"label": "highest frequency", "value": pytest.approx(100.0), "maximum": 50.0, "unit": "Hz"},
+            {"label": messages.highest_frequency(), "value": pytest.approx(100.0), "maximum": 50.0, "unit": "Hz"},
         ),
         (
             "{do: sweep, q_amplitude: 0.1, from_Hz: 0, to_Hz: 1, duration_s: 5}",
@@ -238,29 +240,28 @@ def test_keys_outside_the_parts_are_checked_too(
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "line", "told"),
+    ("old", "new", "line", "code", "values"),
     [
-        ("min_tension_N", "least_tension", 18, "'least_tension' is not a metric that this experiment measures (steps)"),
-        ("above: 4.0", "above: 4.0, below: 5.0", 18, "a criterion requires exactly one bound: below or above"),
-        ("above: 4.0", "above: F_least", 18, "'F_least' is not known here; choose one of depth, u_max"),
-        ("measures: [steps]", "measures: [songs]", 16, "it should be 'steps', 'compliance'"),
-        ("name: wobble", "name: tracking", 2, "'tracking' is the name of a built-in experiment"),
+        ("min_tension_N", "least_tension", 18, "metric_not_measured", {"metric": "least_tension", "measures": "steps"}),
+        ("above: 4.0", "above: 4.0, below: 5.0", 18, "not_exactly_one_bound", {}),
+        ("above: 4.0", "above: F_least", 18, "unknown_name", {"name": "F_least", "known": TextWith("^depth, u_max,")}),
+        ("measures: [steps]", "measures: [songs]", 16, "invalid_value", {"reason": TextWith("'steps', 'compliance'")}),
+        ("name: wobble", "name: tracking", 2, "name_of_ready_made_experiment", {"name": "tracking"}),
     ],
 )
 def test_criteria_measures_and_the_names_of_others_are_checked_too(
-    own: OwnExperiments, old: str, new: str, line: int, told: str
+    own: OwnExperiments, old: str, new: str, line: int, code: str, values: dict[str, object]
 ) -> None:
     error = refusal(own, WOBBLE.replace(old, new, 1))
-    assert told in str(error)
+    check_reason(error, code, **values)
     assert error.line == line
 
 
 def test_a_lambda_that_is_not_safe_is_refused_in_its_line(own: OwnExperiments) -> None:
     text = with_parts(LEAD_IN, "{do: tuning, lam_q: 0.1}", "{do: hold, duration_s: 5}")
     error = refusal(own, text)
-    check_reason(error, "out_of_range", label="λ_q", value=0.1, unit="s")
+    check_reason(error, "out_of_range", label="λ_q", value=0.1, unit="s", remedy=Reason("remedy_for_lambda"))
     assert error.line == 9
-    assert "sensitivity peak" in str(error)
 
 
 @pytest.mark.parametrize(
@@ -300,7 +301,11 @@ def test_what_is_no_experiment_at_all_is_refused_in_a_sentence(own: OwnExperimen
 def test_a_violated_rule_is_named(own: OwnExperiments) -> None:
     rules = "rules:\n  - {that: depth>0.3, remedy: swing further}\n"
     error = refusal(own, WOBBLE.replace("phases:", f"{rules}phases:", 1))
-    broken = {"rule": "depth>0.3", "values": "depth is 0.2", "remedy": "swing further"}
+    broken = {
+        "rule": "depth>0.3",
+        "values": messages.value_of_setting(name="depth", value=0.2),
+        "remedy": "swing further",
+    }
     check_reason(error, "rule_not_satisfied", **broken)
     assert error.line == 7
 

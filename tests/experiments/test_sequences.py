@@ -18,6 +18,7 @@ from backend.analysis.evaluation import reevaluate_run
 from backend.errors import OutOfRangeError
 from backend.execution.runner import RunRequest, compile_program, run_experiment
 from backend.execution.simulation import open_headless_rig
+from backend.experiments import messages
 from backend.experiments.library import find_experiment, parse_stored_plan
 from backend.experiments.parser import ExperimentError
 from backend.experiments.plans import ExperimentPlan, LoopSettings, split_values
@@ -114,11 +115,11 @@ def test_what_is_no_list_of_segments_is_refused() -> None:
         plan_of(*[{**GOOD, "duration_s": 1}] * 1001)
     with pytest.raises(OutOfRangeError) as refused:
         plan_of(*[GOOD] * 7)
-    assert refused.value.label == "segment 7, total duration up to this part"
+    assert refused.value.label == messages.label_in_segment(segment=7, label=messages.duration_up_to_part())
     assert (refused.value.value, refused.value.maximum, refused.value.unit) == (4200.0, 3600.0, "s")
     with pytest.raises(OutOfRangeError) as refused:
         plan_of(GOOD, {**GOOD, "S_ref": 20})
-    assert refused.value.label == "segment 2, stiffness reference"
+    assert refused.value.label == messages.label_in_segment(segment=2, label="stiffness reference")
     assert (refused.value.quantity, refused.value.path) == ("S_ref", ("segments", 1, "S_ref"))
     assert (refused.value.value, refused.value.maximum, refused.value.unit) == (20.0, 15.0, "N·m/rad")
 
