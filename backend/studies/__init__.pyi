@@ -2,7 +2,8 @@ from . import maps
 from .cluster import use_cluster
 from .design import Design
 from .executor import PointExecutor, count_cores
-from .maps import SHARES, STATISTIC_LABELS, Map, Share, Spreading, format_axis_labels, list_metric_names
+from .maps import SHARES, Map, Share, Spreading, format_axis_labels, list_metric_names
+from .messages import STATISTIC_LABELS
 from .point import UNSTABLE, StudyBase, list_variable_numbers, require_version
 from .runner import Progress, TakenError, estimate_remaining_s, is_being_computed, run_study, use_local_processes
 from .stored import StudyContext, create_study, parse_design

@@ -225,7 +225,7 @@ def _select_extremes(values: tuple[Value, ...]) -> tuple[Value, ...]:
 
 def _require_counts(study: Study, design: Design, lines: Lines, seeds_are_an_axis: bool) -> None:
     with error_context((), lines):
-        check_range("points", len(design), 1, POINTS_MAX, "1", label="runs of the study")
+        check_range("points", len(design), 1, POINTS_MAX, "1", label=messages.runs_of_study())
     if study.draws > 1 and not study.spread:
         raise ExperimentError(messages.draws_without_spread(), ("draws",), _line("draws", lines))
     if study.seeds > 1 and seeds_are_an_axis:

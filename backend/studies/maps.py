@@ -57,8 +57,6 @@ STATISTICS: dict[str, Callable[[list[float]], float | None]] = {
 }
 """Statistics over the runs of a cell; their names are values of the parameter ``pick`` of the interface."""
 
-STATISTIC_LABELS = {"deviation": "standard deviation", "p5": "5 % percentile", "p95": "95 % percentile"}
-"""Labels of statistics whose name is not clear by itself."""
 
 WORST = "worst"
 """Value of ``pick`` for the worst run; the mean for metrics without a bad direction."""

@@ -1,8 +1,13 @@
-"""Messages about studies: invalid documents, points that cannot be computed, and executors that are not available."""
+"""Messages about studies: invalid documents, failed points, unavailable executors, and maps."""
 
 from plant import catalogue_entry
 
 # Design --------------------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def runs_of_study() -> str:
+    return "runs of the study"
 
 
 @catalogue_entry
@@ -73,7 +78,22 @@ def no_experiment_document(*, name: str) -> str:
     return f"{name} is not an experiment document: write it as one"
 
 
+@catalogue_entry
+def stored_input() -> str:
+    return "the stored input"
+
+
+@catalogue_entry
+def study_of_number(*, number: int) -> str:
+    return f"study {number}"
+
+
 # Points --------------------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def point_failed(*, error: str, reason: str) -> str:
+    return f"{error}: {reason}"
 
 
 @catalogue_entry
@@ -121,6 +141,11 @@ def workers_died(*, reason: str) -> str:
 
 
 @catalogue_entry
+def interrupted() -> str:
+    return "it was interrupted"
+
+
+@catalogue_entry
 def computed_elsewhere(*, study: int, runner: str) -> str:
     return f"study {study} is being computed by {runner}: stop it first, or wait until it ends"
 
@@ -141,3 +166,7 @@ def same_axis_twice() -> str:
 @catalogue_entry
 def unknown_statistic(*, known: str) -> str:
     return f"choose one of {known}"
+
+
+STATISTIC_LABELS = {"deviation": "standard deviation", "p5": "5 % percentile", "p95": "95 % percentile"}
+"""Labels of statistics whose name is not clear by itself."""

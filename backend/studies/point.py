@@ -144,7 +144,8 @@ def run_point(base: StudyBase, point: Point) -> StudyPoint:
     except _REJECTIONS as error:
         return build_failed_point(point, REFUSED, str(error), figures)
     except Exception as error:
-        return build_failed_point(point, FAILED, f"{type(error).__name__}: {error}", figures)
+        reason = messages.point_failed(error=type(error).__name__, reason=str(error))
+        return build_failed_point(point, FAILED, reason, figures)
 
 
 def build_failed_point(

@@ -74,7 +74,7 @@ def run_study(
             studies.forget(session, study_id, (FAILED, LOST))
         if not studies.claim(session, study_id, runner):
             return False
-    problem = "it was interrupted"
+    problem: str = messages.interrupted()
     try:
         design = parse_design(study)
         executor = make_executor(design.base)

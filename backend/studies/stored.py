@@ -23,7 +23,7 @@ from backend.studies.design import FORMAT, STUDY, Design, Study, build_design
 from backend.studies.point import StudyBase, plan_point
 from plant import PlantParameters
 
-BASE: DocumentCodec[StudyBase] = DocumentCodec(StudyBase, "the stored input", 0)
+BASE: DocumentCodec[StudyBase] = DocumentCodec(StudyBase, messages.stored_input(), 0)
 _BASE = TypeAdapter(StudyBase)  # serializes the dates of banks, which DocumentCodec does not
 
 
@@ -76,7 +76,9 @@ def create_study(text: str, context: StudyContext, who: str) -> NewStudy:
 
 def parse_design(stored: StoredStudy) -> Design:
     """Return the design of a stored study. Raises UnreadableDocumentError, ExperimentError."""
-    return Design(parse_study(stored.text, stored=True)[0], BASE.read(stored.base, f"study {stored.id}"))
+    return Design(
+        parse_study(stored.text, stored=True)[0], BASE.read(stored.base, messages.study_of_number(number=stored.id))
+    )
 
 
 def _find_definition(study: Study, lines: Lines, context: StudyContext) -> ExperimentDefinition:

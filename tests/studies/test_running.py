@@ -20,12 +20,14 @@ from backend.banks.tuning_settings import TuningSettings
 from backend.cli.study import _format_duration
 from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import open_headless_rig
+from backend.experiments import messages as experiment_messages
 from backend.experiments.library import find_experiment
 from backend.experiments.plans import LoopSettings
 from backend.services.studies import Studies
 from backend.storage import banks, studies
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database
+from backend.storage.messages import record_not_found
 from backend.storage.studies import StudyPoint
 from backend.studies import point
 from backend.studies.executor import CRASHES_MAX, ComputePoint, LocalExecutor
@@ -276,6 +278,9 @@ def test_the_command_prints_a_study_as_json(tmp_path: Path) -> None:
     )
     assert "--again requires --resume" in sinew("run", str(file), "--again").stderr
     assert json.loads(sinew("run", "--resume", "1", "--again").stdout)["study"]["done"] == 4
-    assert "there is no study 9" in sinew("stop", "9").stderr
+    assert record_not_found(record="study", number=9) in sinew("stop", "9").stderr
     file.write_text("format: 2")
-    assert "line 1: format: 2 is not a known format" in sinew("run", str(file)).stderr
+    unknown_format = experiment_messages.at_place(
+        line=1, place="format", reason=experiment_messages.unknown_format(value=2, known=1)
+    )
+    assert unknown_format in " ".join(sinew("run", str(file)).stderr.split())
