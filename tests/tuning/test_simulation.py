@@ -14,7 +14,7 @@ from scipy.signal import cont2discrete
 from backend.control import cascade, disturbance_observer, pid
 from backend.control.decoupler import interpolate_gains, select_entry
 from backend.control.disturbance_observer import Rejection
-from backend.errors import OutOfRangeError
+from backend.errors import QUANTITY_LABELS, OutOfRangeError
 from backend.tuning import simulation
 from backend.tuning.gains import UNSEEN_F, TuningParameters, make_cascade_tuning, require_share
 from backend.tuning.robustness import decoupling_matrix, linear_plant
@@ -311,8 +311,10 @@ def test_what_does_not_come_back_in_time_is_not_said_to() -> None:
 
 @pytest.mark.parametrize("k_ext", [-0.1, 1.1, math.nan])
 def test_a_share_that_is_not_offered_is_refused(k_ext: float) -> None:
-    with pytest.raises(OutOfRangeError, match="gain of the disturbance rejection"):
+    with pytest.raises(OutOfRangeError) as refused:
         require_share(k_ext)
+    assert (refused.value.quantity, refused.value.minimum, refused.value.maximum) == ("k_ext", 0.0, 1.0)
+    assert refused.value.label == QUANTITY_LABELS["k_ext"]
 
 
 _STATES = 25
