@@ -292,13 +292,11 @@ class Fit:
     def method(self) -> str:
         """Name of the estimator for people."""
         if self.arx_covariance is not None:
-            return "ARX with low-pass prefilter"
-        order = self.problem.whitening.size - 1
-        noise = f", AR({order}) noise" if order else ""
-        weighting = ", low frequencies weighted" if self.problem.low_pass else ""
+            return messages.arx_with_prefilter()
+        noise_order, is_low_pass = self.problem.whitening.size - 1, bool(self.problem.low_pass)
         if self.drive is not None:
-            return f"closed-loop {'RIVC' if order else 'SRIVC'}{noise}{weighting}"
-        return f"output error{noise}{weighting}"
+            return messages.refined_iv_in_closed_loop(noise_order=noise_order, is_low_pass=is_low_pass)
+        return messages.output_error(noise_order=noise_order, is_low_pass=is_low_pass)
 
     @cached_property
     def residuals(self) -> Signal:

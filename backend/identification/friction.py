@@ -292,20 +292,9 @@ class LoadFrictionResult:
     def sentence(self) -> str:
         """The result in one line."""
         if self.estimate is None:
-            return f"Coulomb friction of motor A as a function of the load: not measured, {self.problem}"
+            return messages.load_friction_not_measured(reason=self.problem)
         e = self.estimate
-        tensions = ", ".join(f"{one:.3g}" for one in e.tensions_N)
-        return (
-            f"Coulomb friction of motor A as a function of the load: c0 = {with_error(e.c0, e.c0_std)} N·m,"
-            f" c1 = {with_error(e.c1, e.c1_std)} (c0 + c1 r_m F, ± standard error; runs at {tensions} N)"
-        )
-
-
-def with_error(value: float, std: float) -> str:
-    """Return a value and its standard error as text, to the error's second digit."""
-    digits = 1 - int(np.floor(np.log10(std))) if std > 0.0 else 6
-    digits = min(max(digits, 0), 9)
-    return f"{value:.{digits}f} ± {std:.{digits}f}".replace("-", "−")
+        return messages.load_friction(c0=e.c0, c0_std=e.c0_std, c1=e.c1, c1_std=e.c1_std, tensions_N=e.tensions_N)
 
 
 def estimate_load_friction(runs: Sequence[TensionRun], r_m: float) -> LoadFrictionResult:

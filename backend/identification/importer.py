@@ -152,8 +152,7 @@ def _read_dates(name: str, texts: list[str], unit: str | None) -> TimeColumn:
             option="--time-unit",
         )
     dates = read_dates(name, texts, unit)
-    zone = "an offset from UTC" if dates.has_zone else "no zone"
-    return TimeColumn(name, dates.seconds, f"dates, {dates.form}, with {zone}", "dates")
+    return TimeColumn(name, dates.seconds, messages.dates_of_form(form=dates.form, has_zone=dates.has_zone), "dates")
 
 
 def _read_sample_numbers(name: str, columns: Columns, unit: str | None, period_s: float | None) -> TimeColumn:
@@ -196,7 +195,7 @@ def _find_time_unit(name: str, columns: Columns, since: Signal, period_s: float 
     size = float(np.min(values)) if values.size else 0.0
     for one, least in _EPOCHS.items():
         if least <= size < 4.1 * least and 0.0 < step * SECONDS[one] <= 1.0:
-            return one, "magnitude of its values, a time since 1970"
+            return one, messages.time_unit_from_magnitude()
     is_whole = bool(np.all(since == np.round(since)))
     is_day = size > 1e4 and 0.0 < step < 1e-4
     if (is_whole or is_day or step > _LONGEST_PERIOD_S) and step > 0.0:
@@ -206,7 +205,7 @@ def _find_time_unit(name: str, columns: Columns, since: Signal, period_s: float 
             column=name,
             option="--time-unit",
         )
-    return "s", "assumed, because neither header row nor option states it"
+    return "s", messages.time_unit_assumed()
 
 
 def _unit_in(name: str) -> str:
@@ -246,11 +245,11 @@ def _cause(step_s: float, unit_s: float) -> str:
     """Return the usual cause of a backward step of this size."""
     for bits, size in _COUNTERS.items():
         if abs(-step_s / unit_s / size - 1.0) < 0.05:
-            return f", as in an overflow of a counter of {bits} bits"
+            return messages.counter_overflows(bits=bits)
     if abs(step_s + 3600.0) < 60.0:
-        return ", as local time does at the end of daylight saving"
+        return messages.daylight_saving_ends()
     if abs(step_s + 86400.0) < 60.0:
-        return ", as a time of day does at midnight"
+        return messages.day_begins()
     return ""
 
 
@@ -329,7 +328,7 @@ def read_parquet(stream: BinaryIO) -> Columns:
     if table.num_rows > MAX_SAMPLES:
         raise DataFileError(messages.too_many_rows(rows=table.num_rows, maximum=MAX_SAMPLES), FileFault.TOO_LONG)
     columns = Columns()
-    columns.layout |= {"format": "Parquet file", "rows": table.num_rows}
+    columns.layout |= {"format": messages.parquet_file(), "rows": table.num_rows}
     for index, (written, values) in enumerate(zip(table.column_names, table.columns, strict=True)):
         name = written if written.isprintable() else ascii(written)[1:-1]
         if name in columns or name in columns.reasons:
@@ -493,11 +492,11 @@ def import_record(
     signals = {name: values[part] for name, values in signals.items()}
     t = None if found is None else found.seconds[part]
     steps = None if t is None or t.size < 2 else np.diff(t)
-    sample_time_from = "--period"
+    sample_time_from: str = "--period"
     if period_s is None:
         assert t is not None
         period_s = float(np.median(np.diff(t))) if selection.resample and t.size > 1 else mean_period(t)
-        sample_time_from = f"{'median' if selection.resample else 'mean'} step of the time column"
+        sample_time_from = messages.step_of_time_column(is_resampled=selection.resample)
         check_period(period_s)
     used = part.stop - part.start
     if selection.resample and t is not None:
@@ -582,18 +581,6 @@ def _require_finite(signals: dict[str, Signal]) -> None:
 
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_SAVE = {
-    "table": "u = {0}.u; y = {0}.y; save('new.mat', 'u', 'y', '-v7')",
-    "timetable": "t = seconds({0}.Properties.RowTimes - {0}.Properties.RowTimes(1)); u = {0}.u; y = {0}.y;"
-    " save('new.mat', 't', 'u', 'y', '-v7')",
-    "timeseries": "t = {0}.Time; y = {0}.Data; save('new.mat', 't', 'y', '-v7')",
-    "Simulink.SimulationOutput": "t = {0}.tout; y = {0}.yout.getElement(1).Values.Data;"
-    " save('new.mat', 't', 'y', '-v7')",
-    "Simulink.SimulationData.Dataset": "y = {0}.getElement(1).Values.Data; t = {0}.getElement(1).Values.Time;"
-    " save('new.mat', 't', 'y', '-v7')",
-    "datetime": "t = seconds({0} - {0}(1)); save('new.mat', 't', '-v7', '-append')",
-    "duration": "t = seconds({0}); save('new.mat', 't', '-v7', '-append')",
-}
 _MATRIX, _COMPRESSED, _OPAQUE = 14, 15, 17
 _MOST_NAMED = 64 * 1024
 """Bytes of an element that are searched for the class of an object."""
@@ -630,21 +617,17 @@ def read_mat(stream: BinaryIO) -> Columns:
         raise DataFileError(messages.not_matlab(), FileFault.UNREADABLE) from None
     objects = dict(_objects(content))
     columns = _collect_columns(variables, objects)
-    columns.layout |= {"format": "MATLAB file"}
+    columns.layout |= {"format": messages.matlab_file()}
     if not columns:
         if objects:
             name, kind = next(iter(objects.items()))
             raise DataFileError(
-                messages.only_matlab_objects(objects=objects, command=_save(name, kind)),
+                messages.only_matlab_objects(objects=objects, command=messages.save_command(name=name, kind=kind)),
                 FileFault.OBJECTS,
                 column=name,
             )
         raise DataFileError(messages.no_vectors_in_matlab(others=list(columns.reasons)), FileFault.NO_COLUMN)
     return columns
-
-
-def _save(name: str, kind: str) -> str:
-    return _SAVE.get(kind, "u = {0}.u; y = {0}.y; save('new.mat', 'u', 'y', '-v7')").format(name)
 
 
 def _collect_columns(variables: dict[str, Any], objects: dict[str, str]) -> Columns:
@@ -677,7 +660,9 @@ def _collect_columns(variables: dict[str, Any], objects: dict[str, str]) -> Colu
         if short not in columns and short not in columns.reasons:
             columns.leave_out(short, messages.several_fields(name=short, paths=keys), FileFault.AMBIGUOUS_COLUMN)
     for name, kind in objects.items():
-        reason = messages.matlab_object_with_columns(name=name, kind=kind, command=_save(name, kind))
+        reason = messages.matlab_object_with_columns(
+            name=name, kind=kind, command=messages.save_command(name=name, kind=kind)
+        )
         columns.leave_out(name, reason, FileFault.OBJECTS)
         columns.notes.append(reason)
     return columns

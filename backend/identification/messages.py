@@ -1,4 +1,4 @@
-"""Messages about identifications: records, files and models that are refused, and the reasons of verdicts."""
+"""Messages about identifications: refused records, files and models, methods, verdicts, and notes on a file."""
 
 from collections.abc import Mapping, Sequence
 
@@ -199,6 +199,39 @@ def no_minimum_found(*, structure: str) -> str:
     return f"{structure}: no minimum found; try a simpler structure"
 
 
+# Methods -------------------------------------------------------------------------------------------
+
+
+def _name_noise_and_weighting(noise_order: int, is_low_pass: bool) -> str:
+    noise = f", AR({noise_order}) noise" if noise_order else ""
+    return noise + (", low frequencies weighted" if is_low_pass else "")
+
+
+@catalogue_entry
+def arx_with_prefilter() -> str:
+    return "ARX with low-pass prefilter"
+
+
+@catalogue_entry
+def output_error(*, noise_order: int, is_low_pass: bool) -> str:
+    return f"output error{_name_noise_and_weighting(noise_order, is_low_pass)}"
+
+
+@catalogue_entry
+def refined_iv_in_closed_loop(*, noise_order: int, is_low_pass: bool) -> str:
+    return f"closed-loop {'RIVC' if noise_order else 'SRIVC'}{_name_noise_and_weighting(noise_order, is_low_pass)}"
+
+
+@catalogue_entry
+def least_squares_on_angle() -> str:
+    return "least squares on the angle"
+
+
+@catalogue_entry
+def methods_of_channels(*, methods: Mapping[str, str]) -> str:
+    return "; ".join(f"{channel}: {method}" for channel, method in methods.items())
+
+
 # Friction ------------------------------------------------------------------------------------------
 
 
@@ -265,6 +298,27 @@ def run_too_short(*, length: int, minimum: int) -> str:
 @catalogue_entry
 def run_reverses_too_often(*, count: int, minimum: int) -> str:
     return f"motor A turns without reversal in too few samples ({count}, at least {minimum} are required)"
+
+
+def with_error(value: float, std: float) -> str:
+    """Return a value and its standard error as text, to the error's second digit."""
+    digits = 1 - int(np.floor(np.log10(std))) if std > 0.0 else 6
+    digits = min(max(digits, 0), 9)
+    return f"{value:.{digits}f} ± {std:.{digits}f}".replace("-", "−")
+
+
+@catalogue_entry
+def load_friction(*, c0: float, c0_std: float, c1: float, c1_std: float, tensions_N: Sequence[float]) -> str:
+    tensions = ", ".join(f"{one:.3g}" for one in tensions_N)
+    return (
+        f"Coulomb friction of motor A as a function of the load: c0 = {with_error(c0, c0_std)} N·m, c1 = "
+        f"{with_error(c1, c1_std)} (c0 + c1 r_m F, ± standard error; runs at {tensions} N)"
+    )
+
+
+@catalogue_entry
+def load_friction_not_measured(*, reason: str) -> str:
+    return f"Coulomb friction of motor A as a function of the load: not measured, {reason}"
 
 
 # Verdict of a model --------------------------------------------------------------------------------
@@ -446,6 +500,19 @@ def residuals_not_white(*, misfit_percent: float) -> str:
 @catalogue_entry
 def reason_of_channel(*, channel: str, reason: str) -> str:
     return f"{channel}: {reason}"
+
+
+@catalogue_entry
+def verdict(*, grade: str, reasons: Sequence[str]) -> str:
+    return f"{grade.capitalize()} for tuning: {'; '.join(reasons)}."
+
+
+@catalogue_entry
+def largest_correlation(*, lags: int, deviations: float, critical: float, level_percent: float) -> str:
+    return (
+        f"largest of {lags} correlations {deviations:.1f} standard deviations, bound {critical:.1f} at the "
+        f"{level_percent:g} % level for all lags together"
+    )
 
 
 # Estimation ----------------------------------------------------------------------------------------
@@ -832,6 +899,46 @@ def heading_repeated(*, name: str, cell: str, line: int) -> str:
     )
 
 
+@catalogue_entry
+def table_of_text() -> str:
+    return "table of text"
+
+
+@catalogue_entry
+def column_not_selected() -> str:
+    return "not selected"
+
+
+@catalogue_entry
+def column_without_name(*, position: int) -> str:
+    return f"column {position} has no name and is not read"
+
+
+@catalogue_entry
+def thousands_separated(*, name: str, separator: str) -> str:
+    return f"thousands of '{name}' are separated by '{separator}'"
+
+
+@catalogue_entry
+def empty_lines(*, count: int) -> str:
+    return f"{count} lines between rows are empty"
+
+
+@catalogue_entry
+def comment_lines_with_numbers(*, count: int) -> str:
+    return f"{count} comment lines between rows contain numbers like a row and are not read"
+
+
+@catalogue_entry
+def rows_without_value(*, count: int) -> str:
+    return f"{count} rows without a value at the end of the file are not read"
+
+
+@catalogue_entry
+def lines_below_heading(*, count: int) -> str:
+    return f"{count} lines below the heading, above the first row of numbers, are not read"
+
+
 # Time of a file ------------------------------------------------------------------------------------
 
 
@@ -921,6 +1028,41 @@ def too_many_resampled(*, count: float, maximum: int) -> str:
     )
 
 
+@catalogue_entry
+def dates_of_form(*, form: str, has_zone: bool) -> str:
+    return f"dates, {form}, with {'an offset from UTC' if has_zone else 'no zone'}"
+
+
+@catalogue_entry
+def time_unit_from_magnitude() -> str:
+    return "magnitude of its values, a time since 1970"
+
+
+@catalogue_entry
+def time_unit_assumed() -> str:
+    return "assumed, because neither header row nor option states it"
+
+
+@catalogue_entry
+def step_of_time_column(*, is_resampled: bool) -> str:
+    return f"{'median' if is_resampled else 'mean'} step of the time column"
+
+
+@catalogue_entry
+def counter_overflows(*, bits: int) -> str:
+    return f", as in an overflow of a counter of {bits} bits"
+
+
+@catalogue_entry
+def daylight_saving_ends() -> str:
+    return ", as local time does at the end of daylight saving"
+
+
+@catalogue_entry
+def day_begins() -> str:
+    return ", as a time of day does at midnight"
+
+
 # Import --------------------------------------------------------------------------------------------
 
 
@@ -932,6 +1074,11 @@ def not_utf_8(*, file: str) -> str:
 @catalogue_entry
 def control_character(*, file: str, line: int, character: str) -> str:
     return f"{file} is not a table of text: line {line} contains the control character U+{ord(character):04X}"
+
+
+@catalogue_entry
+def parquet_file() -> str:
+    return "Parquet file"
 
 
 @catalogue_entry
@@ -1012,6 +1159,30 @@ def resampled_not_finite(*, name: str, count: int, first: int) -> str:
 
 
 # MATLAB file ---------------------------------------------------------------------------------------
+
+
+_SAVE_COMMANDS = {
+    "table": "u = {0}.u; y = {0}.y; save('new.mat', 'u', 'y', '-v7')",
+    "timetable": "t = seconds({0}.Properties.RowTimes - {0}.Properties.RowTimes(1)); u = {0}.u; y = {0}.y;"
+    " save('new.mat', 't', 'u', 'y', '-v7')",
+    "timeseries": "t = {0}.Time; y = {0}.Data; save('new.mat', 't', 'y', '-v7')",
+    "Simulink.SimulationOutput": "t = {0}.tout; y = {0}.yout.getElement(1).Values.Data;"
+    " save('new.mat', 't', 'y', '-v7')",
+    "Simulink.SimulationData.Dataset": "y = {0}.getElement(1).Values.Data; t = {0}.getElement(1).Values.Time;"
+    " save('new.mat', 't', 'y', '-v7')",
+    "datetime": "t = seconds({0} - {0}(1)); save('new.mat', 't', '-v7', '-append')",
+    "duration": "t = seconds({0}); save('new.mat', 't', '-v7', '-append')",
+}
+
+
+@catalogue_entry
+def save_command(*, name: str, kind: str) -> str:
+    return _SAVE_COMMANDS.get(kind, "u = {0}.u; y = {0}.y; save('new.mat', 'u', 'y', '-v7')").format(name)
+
+
+@catalogue_entry
+def matlab_file() -> str:
+    return "MATLAB file"
 
 
 @catalogue_entry

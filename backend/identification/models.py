@@ -506,7 +506,7 @@ def joint_method_name(methods: Mapping[str, str]) -> str:
     """Return the names of the estimators by channel; once if they are equal."""
     if len(set(methods.values())) == 1:
         return next(iter(methods.values()))
-    return "; ".join(f"{channel}: {method}" for channel, method in methods.items())
+    return messages.methods_of_channels(methods=methods)
 
 
 @dataclass(frozen=True)
@@ -563,8 +563,7 @@ class Verdict:
     @property
     def sentence(self) -> str:
         """The verdict as text for the operator."""
-        reasons = "; ".join(self.reasons)
-        return f"{self.grade.value.capitalize()} for tuning: {reasons}."
+        return messages.verdict(grade=self.grade.value, reasons=self.reasons)
 
 
 @dataclass(frozen=True)

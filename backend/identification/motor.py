@@ -352,7 +352,7 @@ class MotorRecord:
     whiteness: CorrelationTest
     input_correlation: CorrelationTest
     verdict: Verdict
-    method: str = "least squares on the angle"
+    method: str = messages.least_squares_on_angle()
 
     @property
     def parameters(self) -> dict[str, float]:

@@ -364,7 +364,6 @@ def _make_ambiguity_error(
 
 
 MAX_SAMPLES = 5_000_000
-NOT_ASKED_FOR = "not selected"
 LARGEST_EXACT = 2.0**53
 """Integers beyond it are rounded as 64-bit floating-point numbers."""
 _HEADING = re.compile(r"^\s*(?P<name>[^\[\(]*?)\s*(?:[\[\(](?P<unit>[^\]\)]*)[\]\)])?\s*$")
@@ -422,7 +421,8 @@ class Columns(dict[str, Signal]):
 
     def not_read(self) -> dict[str, str]:
         """Return all columns of the file, each with the reason for not reading it."""
-        return dict.fromkeys(self, NOT_ASKED_FOR) | self.reasons
+        not_selected: str = messages.column_not_selected()
+        return dict.fromkeys(self, not_selected) | self.reasons
 
     def leave_out(self, name: str, reason: str, fault: FileFault = FileFault.NOT_A_NUMBER) -> None:
         """Remove a column of the file, with a reason."""
@@ -645,7 +645,7 @@ class _Table:
         columns = _make_columns(heading, values, lines, misfits)
         for at in found.grouped:
             name = _split_cell(heading.names[at])[0]
-            columns.notes.append(f"thousands of '{name}' are separated by '{found.mark.other.character}'")
+            columns.notes.append(messages.thousands_separated(name=name, separator=found.mark.other.character))
         for at, column in enumerate(values):
             name = _split_cell(heading.names[at])[0]
             if not isinstance(column, list) and name in columns and float(np.max(np.abs(column))) > LARGEST_EXACT:
@@ -684,19 +684,19 @@ class _Table:
         # Some programs end each line twice.
         columns.holes = 0 if blank == rows - 1 else blank
         if columns.holes:
-            columns.notes.append(f"{blank} lines between rows are empty")
+            columns.notes.append(messages.empty_lines(count=blank))
         between = [words for line, words in self.comments if first < line < last]
         commented = sum(self._has_numbers(words.lstrip().lstrip("".join(_COMMENTS))) for words in between)
         columns.holes += commented
         if commented:
-            columns.notes.append(f"{commented} comment lines between rows contain numbers like a row and are not read")
+            columns.notes.append(messages.comment_lines_with_numbers(count=commented))
 
     def _note_format(self, columns: Columns, heading: _Heading, mark: DecimalMark, *, rows: int, empty: int) -> None:
         above = sum(line < heading.line for line, _ in self.lines) + (self.directive is not None)
         below = len(self.lines) - rows - empty - sum(line <= heading.line for line, _ in self.lines)
         comments = len(self.comments) - sum(line == heading.line for line, _ in self.comments)
         columns.layout |= {
-            "format": "table of text",
+            "format": messages.table_of_text(),
             "heading_line": heading.line,
             "separator": _NAMES.get(self.separator, self.separator),
             "decimal_mark": mark.value,
@@ -707,10 +707,10 @@ class _Table:
         }
         self._note_gaps(columns, rows=rows, empty=empty)
         if empty:
-            columns.notes.append(f"{empty} rows without a value at the end of the file are not read")
+            columns.notes.append(messages.rows_without_value(count=empty))
         if below > (1 if heading.units else 0):
             unread = below - (1 if heading.units else 0)
-            columns.notes.append(f"{unread} lines below the heading, above the first row of numbers, are not read")
+            columns.notes.append(messages.lines_below_heading(count=unread))
         # LabVIEW's preamble defines X_Value.
         dimensions = [line for number_of, line in self.lines if number_of < heading.line and "X_Dimension" in line]
         if "X_Value" in columns and any("Time" in line for line in dimensions):
@@ -763,7 +763,7 @@ def _make_columns(
         name, unit = _split_cell(cell)
         if not name:
             if isinstance(column, list) or not np.all(np.isnan(column)):
-                columns.notes.append(f"column {index + 1} has no name and is not read")
+                columns.notes.append(messages.column_without_name(position=index + 1))
             continue
         if name in columns or name in columns.reasons:
             columns.leave_out(name, messages.two_columns_of_table(name=name), FileFault.AMBIGUOUS_COLUMN)

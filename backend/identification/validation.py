@@ -81,9 +81,11 @@ class Judged:
     @property
     def sentence(self) -> str:
         """Name of the test, its statistic, its level."""
-        return (
-            f"largest of {self.lags} correlations {self.statistic:.1f} standard deviations,"
-            f" bound {self.critical:.1f} at the {100.0 * RESIDUAL_LEVEL:g} % level for all lags together"
+        return messages.largest_correlation(
+            lags=self.lags,
+            deviations=self.statistic,
+            critical=self.critical,
+            level_percent=100.0 * RESIDUAL_LEVEL,
         )
 
 

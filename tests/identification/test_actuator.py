@@ -8,6 +8,7 @@ from scipy.signal import lsim, max_len_seq
 
 from backend.control.decoupler import build_decoupler, stiffness_slope
 from backend.experiments.plans import ActuatorIdentificationPlan
+from backend.identification import messages
 from backend.identification.actuator import STRUCTURES, ActuatorGeometry, ActuatorIdentification, identify_actuator
 from backend.identification.estimation import estimate_model
 from backend.identification.fitting import Method
@@ -78,7 +79,7 @@ def test_the_papers_arx_is_there_beside_it_and_is_what_a_file_gives(found: Actua
         alone = estimate_model(
             Record(PERIOD_S, samples["theta_A_ref"][START:], samples[column][START:]), "first", Method.ARX
         )
-        assert by_arx.method == alone.method == "ARX with low-pass prefilter"
+        assert by_arx.method == alone.method == messages.arx_with_prefilter()
         assert by_arx.first_order == alone.first_order
 
 

@@ -35,6 +35,7 @@ from tests.identification.closed_loop_records import (
 )
 from tests.identification.own_motor import Array, motor, noisy
 from tests.identification.verdicts import find_reason, list_codes
+from tests.reasons import assert_reason
 from tests.refusals import refused
 
 # Estimates of records whose truth is known: consistent in closed loop, honest about their errors.
@@ -123,7 +124,7 @@ def test_a_pair_of_poles_is_a_pair_however_near_to_the_real_axis() -> None:
 def test_coloured_noise_is_modelled_and_does_not_bias(name: str, truth: dict[str, float]) -> None:
     found = estimate_model(record(truth, 20.0, 2, pole=ONE_HERTZ), name)
     assert found.noise[0] == pytest.approx(-ONE_HERTZ, abs=0.01)
-    assert "AR(" in found.method
+    assert_reason(found.method, "refined_iv_in_closed_loop", noise_order=len(found.noise))
     assert np.max(np.abs(errors_in_std(found, truth))) < 4.0
 
 
@@ -137,7 +138,7 @@ def test_offset_drift_and_a_cut_start_do_not_bias(name: str, truth: dict[str, fl
 def test_instruments_from_a_known_set_point_serve_where_the_controller_is_unknown() -> None:
     u, y, excitation = closed_loop_record(FIRST, 10.0, 4, pole=ONE_HERTZ)
     found = estimate_model(Record(PERIOD_S, u, y, r=excitation), "first")
-    assert found.method.startswith("closed-loop")
+    assert_reason(found.method, "refined_iv_in_closed_loop")
     assert np.max(np.abs(errors_in_std(found, FIRST))) < 4.0
 
 

@@ -16,7 +16,6 @@ from backend.identification.importer import (
     Imported,
     Selection,
     TimeChoice,
-    _save,
     decode_text,
     find_time_column,
     import_record,
@@ -42,7 +41,6 @@ from tests.identification.foreign_files import (
     stamp,
     structure_with_time,
 )
-from tests.reasons import TextWith
 from tests.refusals import refused
 
 LVM = (
@@ -255,7 +253,7 @@ def test_what_was_read_is_said() -> None:
     assert (reading.rows_in_file, reading.first_row, reading.last_row, reading.rows_used) == (COUNT, 11, 310, 300)
     assert set(reading.not_read) == {"mode", "z"}
     assert reading.layout == {
-        "format": "table of text",
+        "format": messages.table_of_text(),
         "heading_line": 3,
         "separator": "comma",
         "decimal_mark": "point",
@@ -272,7 +270,7 @@ def test_rows_that_are_commented_out_are_said() -> None:
     reading = imported(text, {"selection": Selection(resample=True)}).reading
     assert reading.rows_in_file == 360
     assert reading.layout["comment_lines"] == 40
-    assert "39 comment lines between rows" in reading.notes[0]  # the first of them is above the first row
+    assert messages.comment_lines_with_numbers(count=39) in reading.notes[0]  # the first of them is above the first row
 
 
 def test_rows_in_reverse_order_are_named() -> None:
@@ -297,18 +295,18 @@ BACK = {
     "overflow of 32 bits": (
         lines("t_us,u,y", lambda k: f"{(2**32 - 250_000 + 1000 * k) % 2**32},{U[k]},{Y[k]}"),
         -(2.0**32) * 1e-6 + 1e-3,
-        TextWith("32 bits"),
+        messages.counter_overflows(bits=32),
     ),
     "overflow of 16 bits": (
         lines("t_ms,u,y", lambda k: f"{(2**16 - 250 + k) % 2**16},{U[k]},{Y[k]}"),
         -(2.0**16) * 1e-3 + 1e-3,
-        TextWith("16 bits"),
+        messages.counter_overflows(bits=16),
     ),
-    "end of daylight saving": (back(3_600_000), -3600.0 + 1e-3, TextWith("daylight saving")),
+    "end of daylight saving": (back(3_600_000), -3600.0 + 1e-3, messages.daylight_saving_ends()),
     "midnight": (
         lines("time,u,y", lambda k: f"{'23:59:59' if k < 250 else '00:00:00'}.{(k + 750) % 1000:03d},{U[k]},{Y[k]}"),
         -86400.0 + 1e-3,
-        TextWith("midnight"),
+        messages.day_begins(),
     ),
     "a clock that is set by 5 ms": (back(5), -5e-3 + 1e-3, ""),
 }
@@ -513,14 +511,17 @@ def test_what_is_not_clear_is_refused_with_the_option_that_resolves_it(kind: str
 
 @pytest.mark.parametrize(("kind", "command"), [("table", "y = T.y"), ("timetable", "T.Properties.RowTimes")])
 def test_objects_of_matlab_are_named_with_the_command_that_saves_them(kind: str, command: str) -> None:
-    assert command in _save("T", kind)
+    assert command in messages.save_command(name="T", kind=kind)
     with pytest.raises(DataFileError) as refusal:
         imported(objects(T=kind, s="string"), {})
     assert refusal.value.column == "T"
     assert refusal.value.message.code == "only_matlab_objects"
-    assert refusal.value.message.values == {"objects": {"T": kind, "s": "string"}, "command": _save("T", kind)}
+    assert refusal.value.message.values == {
+        "objects": {"T": kind, "s": "string"},
+        "command": messages.save_command(name="T", kind=kind),
+    }
     beside = mat({"t": T, "u": U})
-    note = messages.matlab_object_with_columns(name="T", kind=kind, command=_save("T", kind))
+    note = messages.matlab_object_with_columns(name="T", kind=kind, command=messages.save_command(name="T", kind=kind))
     with refused(DataFileError, "column_missing", name="y", notes=[note]):
         imported(beside + objects(T=kind)[128:], {})
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from backend.identification.friction import COLUMNS, LoadFrictionFit, TensionRun, estimate_load_friction, with_error
+from backend.identification.friction import COLUMNS, LoadFrictionFit, TensionRun, estimate_load_friction
+from backend.identification.messages import with_error
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 from tests.docs.figures.identification_page import default_plan

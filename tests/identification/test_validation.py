@@ -41,6 +41,7 @@ from tests.identification.own_motor import K_M, PERIOD_S, T_M, Array, motor, noi
 from tests.identification.record_generator import FAULTY, GOOD, Provoked, each, provoked, without_lag
 from tests.identification.verdicts import find_reason, list_codes
 from tests.models.earlier_identifications import QUALITY
+from tests.reasons import assert_reason
 from tests.refusals import refused
 
 # The residual tests and their plots agree: a point is outside what is drawn where the test fails, and only there.
@@ -75,8 +76,8 @@ def test_statistic_and_bound_are_in_standard_deviations_at_the_level_for_all_lag
     assert outcome.statistic == pytest.approx(np.max(np.abs(np.array(found.correlation, dtype=float))) * np.sqrt(N))
     assert outcome.critical == pytest.approx(norm.isf(0.005 / 25))
     np.testing.assert_allclose(outcome.bound, outcome.critical / np.sqrt(N))
-    assert "largest of 25 correlations" in outcome.sentence
-    assert f"bound {outcome.critical:.1f} at the 1 % level for all lags together" in outcome.sentence
+    shown = {"lags": 25, "deviations": outcome.statistic, "critical": outcome.critical}
+    assert_reason(outcome.sentence, "largest_correlation", level_percent=pytest.approx(1.0), **shown)
 
 
 @pytest.mark.parametrize("which", [0, 1])
