@@ -489,7 +489,8 @@ def evaluate_pending_runs(database: Database, run_ids: Sequence[int]) -> None:
         except Exception as error:
             _LOG.info("Run %d has no result: %s", run_id, error)
             with database.session() as session:
-                runs.set_evaluation_problem(session, run_id, f"{type(error).__name__}: {error}")
+                problem = messages.evaluation_failed(error=type(error).__name__, reason=str(error))
+                runs.set_evaluation_problem(session, run_id, problem)
 
 
 def _is_pending(run: Run) -> bool:

@@ -281,15 +281,6 @@ def compute_required_voltage(tuning: cascade.CascadeTuning, S: float, references
 VARIATION_MAX = 0.1
 """Largest variation of a line between periods, relative to its magnitude."""
 
-_LIMIT_REASONS = {
-    Limit.VOLTAGE_A: "the voltage of motor A was clipped",
-    Limit.VOLTAGE_B: "the voltage of motor B was clipped",
-    Limit.GOVERNOR: "the reference governor limited the reference",
-    Limit.TENSION_FLOOR: "the lower tension limit was active",
-    Limit.TENSION_CEILING: "the upper tension limit was active",
-    Limit.JOINT_RANGE: "the limit of the joint range was active",
-}
-
 
 @dataclass(frozen=True)
 class Lines:
@@ -548,10 +539,10 @@ def _compute_spectra(columns: Columns, signal: str, window: slice) -> tuple[Arra
 def _find_active_limit(columns: Columns, window: slice, planned: bool) -> str:
     """Return name and duration of an active limit, empty without one: a limited response is not linear."""
     flags = np.asarray(columns["limits"][window]).astype(int)
-    for limit, words in _LIMIT_REASONS.items():
+    for limit in messages.LIMITS:
         if limit is Limit.GOVERNOR and planned:  # the flag only means that the trajectory moves
             continue
         ticks = int(np.count_nonzero(flags & int(limit)))
         if ticks:
-            return messages.limit_was_active(limit=words, duration_s=ticks * T_s)
+            return messages.limit_was_active(limit=limit, duration_s=ticks * T_s)
     return ""

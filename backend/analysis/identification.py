@@ -84,6 +84,7 @@ from backend.recording import Columns, count_missing_ticks, read_recorded_column
 from backend.storage import Database, EndState, NewIdentification, Run, RunKind
 from plant import (
     SIDES,
+    Message,
     PlantParameters,
     Side,
     T_s,
@@ -377,14 +378,16 @@ def build_motor_record(
         kind="motor",
         run_id=run.id,
         data={"input": "u", "outputs": ["theta_A", "theta_B"], "period_s": T_s},
-        method="least squares on position",
+        method=messages.least_squares_on_position(),
         options=asdict(plan),
         model=MOTOR_MODELS.write(
             MotorModels(A=_motor_model(found["A"][1], parameters, "A"), B=_motor_model(found["B"][1], parameters, "B"))
         ),
         quality=MOTOR_QUALITIES.write(MotorQualities(A=_motor_quality(*found["A"]), B=_motor_quality(*found["B"]))),
         usable=all(verdict.grade is not Grade.UNUSABLE for verdict in verdicts.values()),
-        verdict=" ".join(f"Motor {side}: {verdict.sentence}" for side, verdict in verdicts.items()),
+        verdict=" ".join(
+            messages.verdict_of_motor(side=side, verdict=verdict.sentence) for side, verdict in verdicts.items()
+        ),
         who=run.who,
         software=software,
     )
@@ -547,7 +550,7 @@ def build_spring_record(
     """Return the record to store: polynomials, quality, and the samples that they were estimated from."""
     before = {str(side): tuple(parameters.select_identified(side).k) for side in SIDES}
     return _build_spring_record(
-        {f"Spring {side}": pair for side, pair in found.items()},
+        {messages.spring_of_side(side=side): pair for side, pair in found.items()},
         {str(side): pair for side, pair in found.items()},
         before,
         run_id=run.id,
@@ -571,7 +574,10 @@ def fit_spring_table(
     ``header`` is the line with the names of the columns, ``decimal`` is "point" or "comma"; both are detected if not
     given. Raises IdentificationError.
     """
-    for part, words, require in (("name of the table", name, check_single_line), ("the table", text, check_plain_text)):
+    for part, words, require in (
+        (messages.name_of_table(), name, check_single_line),
+        (messages.content_of_table(), text, check_plain_text),
+    ):
         try:
             require(words.removeprefix("\ufeff"))
         except PlainTextError as error:
@@ -591,7 +597,7 @@ def fit_spring_table(
     pair = LoadSweep(x, F, rising), identify_spring(x, F)
     digest = hashlib.sha256(text.encode()).hexdigest()
     return _build_spring_record(
-        {"The table": pair},
+        {messages.spring_of_table(): pair},
         {"table": pair},
         {},
         run_id=None,
@@ -619,12 +625,14 @@ def _build_spring_record(
         kind="spring",
         run_id=run_id,
         data=data,
-        method="least-squares polynomials",
+        method=messages.least_squares_polynomials(),
         options=options,
         model=SPRING_MODELS.write(SpringModels(models.get("A"), models.get("B"), models.get("table"))),
         quality=SPRING_QUALITIES.write(SpringQualities(qualities.get("A"), qualities.get("B"), qualities.get("table"))),
         usable=all(_is_usable(result) for _, result in found.values()),
-        verdict=" ".join(f"{name}: {_verdict(*pair)}" for name, pair in named.items()),
+        verdict=" ".join(
+            messages.verdict_of_spring(name=name, verdict=_build_verdict(*pair)) for name, pair in named.items()
+        ),
         who=who,
         software=software,
     )
@@ -666,18 +674,15 @@ def _is_usable(result: SpringIdentification) -> bool:
     return result.best.rising and result.best.max_N <= MAX_ERROR_N
 
 
-def _verdict(sweep: LoadSweep, result: SpringIdentification) -> str:
+def _build_verdict(sweep: LoadSweep, result: SpringIdentification) -> Message:
     best = result.best
     if not best.rising:
-        return f"not usable: the polynomial of order {best.order} decreases between the measured elongations."
+        return messages.polynomial_decreases(order=best.order)
     if best.max_N > MAX_ERROR_N:
-        return (
-            f"not usable: the polynomial of order {best.order} deviates from a measured pair by "
-            f"{best.max_N:.2f} N, more than {MAX_ERROR_N:g} N."
-        )
+        return messages.polynomial_deviates(order=best.order, error_N=best.max_N, maximum_N=MAX_ERROR_N)
     hysteresis = sweep.hysteresis()
-    hysteresis_text = f", loading and unloading differ by {_max_magnitude(hysteresis):.2f} N" if hysteresis.size else ""
-    return f"usable with a polynomial of order {best.order}, largest error {best.max_N:.2f} N{hysteresis_text}."
+    hysteresis_N = _max_magnitude(hysteresis) if hysteresis.size else None
+    return messages.polynomial_usable(order=best.order, error_N=best.max_N, hysteresis_N=hysteresis_N)
 
 
 def _find_sweep(columns: SpringColumns, plan: SpringIdentificationPlan) -> slice:
@@ -713,7 +718,7 @@ def _round_values_7(values: Array) -> tuple[float, ...]:
 # estimate is not stored.
 
 
-MOTOR_B = "motor B is held at rest in this experiment, so its friction is not measured"
+MOTOR_B = messages.friction_of_motor_B_not_measured()
 
 
 def estimate_run_friction(played: Sequence[tuple[Run, Columns]]) -> LoadFrictionResult:
@@ -729,12 +734,12 @@ def estimate_run_friction(played: Sequence[tuple[Run, Columns]]) -> LoadFriction
     left_out: list[str] = []
     for run, columns in identification_runs:
         if _get_rig_identity(run) != _get_rig_identity(newest):
-            left_out.append(f"run {run.id}: its plant, station or parameters differ from those of run {newest.id}")
+            left_out.append(messages.run_with_other_plant(run=run.id, newest=newest.id))
             continue
         try:
             usable.append(_build_tension_run(run, columns))
         except (NoSamplesError, UnreadableDocumentError) as error:
-            left_out.append(f"run {run.id}: {error}")
+            left_out.append(messages.run_left_out(run=run.id, reason=str(error)))
     found = estimate_load_friction(usable, newest.number("geometry", "r_m"))
     return LoadFrictionResult(found.estimate, found.problem, (*left_out, *found.left_out))
 

@@ -78,7 +78,7 @@ def build_curves(found: Identification) -> Document:
         case "spring":
             curves["springs"] = [_build_spring_curves(name, spring.quality) for name, spring in found.springs.items()]
         case _:
-            raise ValueError(f"identification {found.id} has the unknown kind {found.kind!r}: it has no curves")
+            raise ValueError(messages.kind_without_curves(identification=found.id, kind=found.kind))
     return curves
 
 
@@ -247,7 +247,8 @@ def _compare_step(
             raise IdentificationError(messages.motor_not_estimated(side=side))
         known = fitted.K_m, fitted.T_m, fitted.u_c
     comparison = validate_motor_step(step, *known)
-    return _ComparedInterval(f"{step.voltage:.3g} V", np.asarray(np.arange(comparison.measured.size) * T_s), comparison)
+    label = messages.voltage_of_step(voltage_V=step.voltage)
+    return _ComparedInterval(label, np.asarray(np.arange(comparison.measured.size) * T_s), comparison)
 
 
 def _build_output(name: str, signal: str, unit: str, intervals: list[_ComparedInterval]) -> Document:

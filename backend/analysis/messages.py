@@ -1,5 +1,6 @@
-"""Messages of the evaluation: why a metric was not measured, why a run has no result, and rejected comparisons."""
+"""Messages of the evaluation: unmeasured metrics, runs without a result, rejected comparisons, verdicts, methods."""
 
+from backend.faults import Limit
 from backend.units import format_count
 from plant import Angle, Quantity, catalogue_entry
 
@@ -223,6 +224,11 @@ def run_not_ended(*, run: int) -> str:
     return f"run {run} has not ended: the service evaluates it at its end"
 
 
+@catalogue_entry
+def evaluation_failed(*, error: str, reason: str) -> str:
+    return f"{error}: {reason}"
+
+
 # Frequency responses -------------------------------------------------------------------------------
 
 
@@ -284,9 +290,19 @@ def line_not_periodic(*, variation_percent: float) -> str:
     return f"the line differs by {variation_percent:.0f} % from one period to the next"
 
 
+LIMITS = {
+    Limit.VOLTAGE_A: "the voltage of motor A was clipped",
+    Limit.VOLTAGE_B: "the voltage of motor B was clipped",
+    Limit.GOVERNOR: "the reference governor limited the reference",
+    Limit.TENSION_FLOOR: "the lower tension limit was active",
+    Limit.TENSION_CEILING: "the upper tension limit was active",
+    Limit.JOINT_RANGE: "the limit of the joint range was active",
+}
+
+
 @catalogue_entry
-def limit_was_active(*, limit: str, duration_s: float) -> str:
-    return f"{limit} for {Quantity(duration_s, 's'):.3g}: choose a smaller amplitude"
+def limit_was_active(*, limit: Limit, duration_s: float) -> str:
+    return f"{LIMITS[limit]} for {Quantity(duration_s, 's'):.3g}: choose a smaller amplitude"
 
 
 # Identification ------------------------------------------------------------------------------------
@@ -305,6 +321,16 @@ def no_voltage_step() -> str:
 @catalogue_entry
 def motor_not_identified(*, side: str, reason: str, unusable_steps: tuple[str, ...]) -> str:
     return "; ".join([f"motor {side}: {reason}", *unusable_steps])
+
+
+@catalogue_entry
+def name_of_table() -> str:
+    return "name of the table"
+
+
+@catalogue_entry
+def content_of_table() -> str:
+    return "the table"
 
 
 @catalogue_entry
@@ -330,6 +356,81 @@ def run_not_completed(*, end_state: str) -> str:
 @catalogue_entry
 def excitation_samples_missing() -> str:
     return "samples of the excitation are missing"
+
+
+# Stored identifications ----------------------------------------------------------------------------
+
+
+@catalogue_entry
+def least_squares_on_position() -> str:
+    return "least squares on position"
+
+
+@catalogue_entry
+def least_squares_polynomials() -> str:
+    return "least-squares polynomials"
+
+
+@catalogue_entry
+def verdict_of_motor(*, side: str, verdict: str) -> str:
+    return f"Motor {side}: {verdict}"
+
+
+@catalogue_entry
+def spring_of_side(*, side: str) -> str:
+    return f"Spring {side}"
+
+
+@catalogue_entry
+def spring_of_table() -> str:
+    return "The table"
+
+
+@catalogue_entry
+def verdict_of_spring(*, name: str, verdict: str) -> str:
+    return f"{name}: {verdict}"
+
+
+@catalogue_entry
+def polynomial_decreases(*, order: int) -> str:
+    return f"not usable: the polynomial of order {order} decreases between the measured elongations."
+
+
+@catalogue_entry
+def polynomial_deviates(*, order: int, error_N: float, maximum_N: float) -> str:
+    return (
+        f"not usable: the polynomial of order {order} deviates from a measured pair by {error_N:.2f} N, more than "
+        f"{maximum_N:g} N."
+    )
+
+
+@catalogue_entry
+def polynomial_usable(*, order: int, error_N: float, hysteresis_N: float | None) -> str:
+    hysteresis = "" if hysteresis_N is None else f", loading and unloading differ by {hysteresis_N:.2f} N"
+    return f"usable with a polynomial of order {order}, largest error {error_N:.2f} N{hysteresis}."
+
+
+@catalogue_entry
+def friction_of_motor_B_not_measured() -> str:
+    return "motor B is held at rest in this experiment, so its friction is not measured"
+
+
+@catalogue_entry
+def run_with_other_plant(*, run: int, newest: int) -> str:
+    return f"run {run}: its plant, station or parameters differ from those of run {newest}"
+
+
+# Curves of identifications -------------------------------------------------------------------------
+
+
+@catalogue_entry
+def kind_without_curves(*, identification: int, kind: str) -> str:
+    return f"identification {identification} has the unknown kind {kind!r}: it has no curves"
+
+
+@catalogue_entry
+def voltage_of_step(*, voltage_V: float) -> str:
+    return f"{voltage_V:.3g} V"
 
 
 # Comparison with records ---------------------------------------------------------------------------

@@ -24,6 +24,7 @@ from backend.analysis.identification import (
 from backend.banks.builder import BankError, build_bank
 from backend.cli import app, main
 from backend.experiments.plans import ActuatorIdentificationPlan, MotorIdentificationPlan
+from backend.identification import messages as identification_messages
 from backend.identification.actuator import ActuatorIdentification
 from backend.identification.fitting import Method
 from backend.identification.models import Grade
@@ -191,8 +192,11 @@ def words_of(report: Report) -> str:
 
 def test_the_report_names_the_estimator_of_each_channel(found: Identification, record: dict[str, np.ndarray]) -> None:
     methods = {key: found.model[key]["method"] for key in CHANNELS}
-    assert methods == {"G_q": "output error, AR(8) noise", "G_S": "output error, low frequencies weighted"}
-    named = f"G_q: {methods['G_q']}; G_S: {methods['G_S']}"
+    assert methods == {
+        "G_q": identification_messages.output_error(noise_order=8, is_low_pass=False),
+        "G_S": identification_messages.output_error(noise_order=0, is_low_pass=True),
+    }
+    named = identification_messages.methods_of_channels(methods=methods)
     assert found.method == named
     assert f"Method: {named}." in words_of(report_of(found, record))
 
@@ -208,7 +212,7 @@ def test_the_papers_arx_names_itself_in_model_estimate_report_and_bank(
     by_arx: Identification, record: dict[str, np.ndarray]
 ) -> None:
     """A bank says of each entry what its identification was estimated by."""
-    named = "ARX with low-pass prefilter"
+    named = identification_messages.arx_with_prefilter()
     assert by_arx.method == named
     for key in CHANNELS:
         assert by_arx.model[key]["method"] == named
@@ -304,7 +308,8 @@ def test_store_and_report_say_the_grade_that_the_errors_give(wander_rad: float, 
             found.model[side]["std_errors"][name] / found.model[side]["parameters"][name] for name in ("K_m", "T_m")
         ]
         assert found.quality[side]["grade"] == grade
-        assert f"have standard errors within ±{100.0 * max(np.abs(errors)):.2g} %" in found.quality[side]["verdict"]
+        spread = identification_messages.steps_give_std_errors(spread_percent=100.0 * max(np.abs(errors)))
+        assert spread in found.quality[side]["verdict"]
     assert found.usable is (grade is not Grade.UNUSABLE)
     assert outcome(found) == (passed, found.verdict)
 
@@ -448,5 +453,5 @@ def test_a_bank_is_built_from_the_newest_estimate_of_a_run_and_refusals_name_the
         assert [entry.identification_id for entry in banks.get(session, bank.id).entries] == [2, again.id]
     with refused(BankError, "not_usable", source="identification 6"):
         build_bank(database, PARAMETERS, "bench", [4, 6], "Ana")
-    with pytest.raises(UnknownRecordError, match="there is no identification 2 with a model"):
+    with refused(UnknownRecordError, "identification_without_model", run_id=2):
         build_bank(database, PARAMETERS, "bench", [2], "Ana")
