@@ -8,6 +8,7 @@ from typing import Any
 from backend.analysis import evaluate_pending_runs
 from backend.exports import DataFormat, export_run_if_recorded, stream_export, write_files_whole
 from backend.models import CRITERIA
+from backend.reports import messages
 from backend.reports.evidence import ReportManifest, build_manifest, to_element
 from backend.reports.experiment_report import (
     compliance_report,
@@ -74,13 +75,8 @@ def hashes_section(manifest: ReportManifest) -> ReportSection:
     """Return the section with the hashes of all inputs and the command to verify them."""
     rows = tuple((name, digest) for name, digest in manifest.hashes.items())
     titles = (Column("Content", number=False), Column("SHA-256", number=False, wide=True))
-    words = (
-        "Every number in this report can be recomputed from the samples of the run. To verify it, with "
-        "data.csv in the same folder or with the run in the data folder:"
-    )
-    return ReportSection(
-        "Verification", (Table("Content hashes.", titles, rows), Code(words, "sinew report verify report.html"))
-    )
+    command = Code(messages.every_number_is_recomputable(), "sinew report verify report.html")
+    return ReportSection("Verification", (Table(messages.content_hashes(), titles, rows), command))
 
 
 def format_report_angles(report: Report, angles: AngleUnit) -> Report:
@@ -115,7 +111,7 @@ def _format_block_angles(block: Block, angles: AngleUnit) -> Block:
                 for row in rows
             )
             if any(NO_FIGURE in row for row in rows):
-                caption += f" {NO_FIGURE} means that the run has no such value."
+                caption += f" {messages.dash_means_no_value()}"
             return Table(format_text(caption, angles), columns, formatted)
         case Figure(name, svg, caption):
             return Figure(name, svg, format_text(caption, angles))

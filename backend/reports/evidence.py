@@ -380,16 +380,18 @@ def iterate_configuration(run: Run, bank: Bank | None) -> Iterator[Configuration
     That is plant, software, experiment, ``bank``, machine, settings and parameters.
     """
     yield ConfigurationValue("plant", run.plant)
-    yield ConfigurationValue("name of the parameter set", run.parameters_name)
+    yield ConfigurationValue(messages.name_of_parameter_set(), run.parameters_name)
     yield ConfigurationValue("Sinew", run.software)
     yield from (ConfigurationValue(name, version) for name, version in (run.set_to.versions or {}).items())
     if text := run.set_to.experiment:
-        yield ConfigurationValue("text of the experiment, sha256", document_digest(text)[:_DIGITS])
+        yield ConfigurationValue(messages.hash_of_experiment(), document_digest(text)[:_DIGITS])
         yield from _iterate_experiment_values(text)
     known = to_stored_bank(bank)
-    yield ConfigurationValue("bank", "none" if known is None else f"“{known.name}” version {known.version}")
+    yield ConfigurationValue(
+        "bank", "none" if known is None else messages.bank_and_version(name=known.name, version=known.version)
+    )
     if known is not None:
-        yield ConfigurationValue("bank, sha256", known.digest[:_DIGITS])
+        yield ConfigurationValue(messages.hash_of_bank(), known.digest[:_DIGITS])
     granted: dict[str, list[str]] = {}
     for name, value, unit, meaning in granted_rows(run.set_to.granted):
         granted.setdefault(name, []).append(f"{value} {unit}".strip() or meaning)

@@ -26,15 +26,12 @@ from backend.experiments import KIND, ExperimentPlan, Measure, parse_stored_plan
 from backend.models import Metrics, StepFigures
 from backend.realtime import Law
 from backend.recording import Columns
-from backend.reports import sections
+from backend.reports import messages, sections
 from backend.reports.model import Column, Figure, Paragraph, Report, ReportSection, Table, format_measured
 from backend.reports.plotting import (
     COLOURS,
-    CUT_OFF,
     INK,
     LIMIT_GREY,
-    TENSIONS,
-    WHAT_IS_DRAWN,
     axis_label,
     cached_figure,
     decimate,
@@ -49,8 +46,6 @@ from backend.reports.plotting import (
     upper_legend,
 )
 from backend.reports.provenance import (
-    NOT_MEASURED,
-    S_NOTE,
     experiment_report,
     facts,
     format_figure,
@@ -63,7 +58,7 @@ from backend.reports.provenance import (
     tuning_facts,
 )
 from backend.reports.run_data import RunData
-from backend.reports.sections import CAPTION, impact_panels, impact_tables
+from backend.reports.sections import impact_panels, impact_tables
 from backend.tuning import TuningError, make_cascade_tuning, simulate_cascade
 from backend.units import AngleUnit, append_unit, convert_to_display, get_display_unit
 from plant import SIDES, ParameterError, T_s, parse_parameters
@@ -78,13 +73,10 @@ visible."""
 _REST_S = 1.0
 
 _COMPLIANCE_NOTES = (
-    S_NOTE,
-    "The force of the push is measured as the reaction F_ext = F_A − F_B; commanded stiffness and "
-    "measured position predict F_exp = −S_ref q/r_j (equations 22 and 25 of the paper, a linear approximation).",
-    "Raw differences contain the delay and offset of the load cells, as does the paper's value of 2.239 "
-    "N. For the aligned difference, the measured force is shifted back by the best-fitting delay, and "
-    "each force is relative to its mean over the second before the first push.",
-    "The position loop is open: the decoupler's geometry alone holds q = 0. The stiffness loop is closed.",
+    messages.S_is_an_estimate(),
+    messages.push_is_measured_as_reaction(),
+    messages.differences_contain_load_cell_delay(),
+    messages.position_loop_is_open(),
 )
 
 
@@ -108,15 +100,12 @@ def _compliance_figures(source: RunData, metrics: Metrics) -> ReportSection:
             Figure(
                 "forces",
                 panels,
-                "Pushes on the joint: (A) joint position, (B) measured force F_ext, the force F_exp "
-                "predicted from stiffness and position, and the force estimated from encoders and "
-                "springs without a load cell, (C) the "
-                "difference of the first two as measured (grey) and aligned. Compare figure 8 of the paper.",
+                messages.compliance_figure(),
             ),
             Figure(
                 "tension",
                 tension_panel(source.columns, F_max, "tension"),
-                TENSIONS,
+                messages.tension_figure(),
             ),
         ),
     )
@@ -162,15 +151,6 @@ def force_panels(columns: Columns, r_j: float, pushed_s: float, delay_s: float, 
 Array = NDArray[np.float64]
 UNITS = {"q": "rad", "S": "N·m/rad"}
 
-GOVERNOR = (
-    "For comparison: the same references with the reference governor of the paper (lambda motion) "
-    "instead of the trajectory and all else equal, simulated with the run's own parameters, gains, push "
-    "and seed, from rest at its first references. "
-    "It is not a measurement. With the trajectory, the time constants of the loops do not delay a reference; λ sets "
-    "how deviations "
-    "of the actuator from its model are corrected (docs/decisions/0046)."
-)
-
 
 @dataclass(frozen=True)
 class PaperLawResponse:
@@ -194,9 +174,9 @@ def simulate_paper_law(source: RunData) -> PaperLawResponse | None:
     columns = source.columns
     t, known = columns["t"], settings.loop.get_known_values()
     if np.any(np.abs(np.diff(t) - T_s) > 0.5 * T_s):
-        return PaperLawResponse(reason="samples are missing")
+        return PaperLawResponse(reason=messages.samples_have_gaps())
     if any(np.ptp(columns[f"lam_{name}"]) > 1e-6 for name in ("q", "S")):
-        return PaperLawResponse(reason="λ was changed during the run")
+        return PaperLawResponse(reason=messages.lambda_was_changed())
     try:
         parameters = parse_parameters(source.run.parameters_name, source.run.parameters)
         choice = TuningSettings.from_values(known)
@@ -215,9 +195,7 @@ def simulate_paper_law(source: RunData) -> PaperLawResponse | None:
         seed=int(settings.loop.seed or 0),
     )
     if found.tripped_at >= 0:
-        return PaperLawResponse(
-            reason=f"under this law the safety module would have tripped after {found.tripped_at * T_s:g} s"
-        )
+        return PaperLawResponse(reason=messages.paper_law_would_trip(t_s=found.tripped_at * T_s))
     return PaperLawResponse({"t": t, "q": found.q, "S": found.S})
 
 
@@ -247,7 +225,7 @@ def make_law_comparison(steps: Sequence[StepFigures], law: PaperLawResponse, ang
         Column("To 90 %, paper's law", "s"),
         Column("paper's law / measured"),
     )
-    caption = "Time from a step to 90 % of its height, measured and simulated with the paper's law."
+    caption = messages.times_to_90_percent()
     return (Table(caption, columns, tuple(rows)),)
 
 
@@ -271,18 +249,18 @@ def recording_report(source: RunData) -> Report:
     """Build the report of a session."""
     sections = [
         *results_section(source),
-        ReportSection("Settings and origin", (*_make_settings_tables(source), *lineage(source))),
+        ReportSection(messages.settings_and_origin(), (*_make_settings_tables(source), *lineage(source))),
     ]
     if source.columns["t"].size:
-        sections += [_recording_figures(source), ReportSection("Notes", (Paragraph(S_NOTE),))]
+        sections += [_recording_figures(source), ReportSection("Notes", (Paragraph(messages.S_is_an_estimate()),))]
     return Report(
         title="Session",
         subtitle=subtitle(source),
         outcome="neutral",
-        verdict="Manual session: no program was run, so the report contains no verdict.",
+        verdict=messages.session_has_no_verdict(),
         facts=(*facts(source), *tuning_facts(source)),
         sections=(*sections, parameter_section(source)),
-        footer=f"Sinew {source.run.software} · session · run {source.run.id}",
+        footer=messages.footer(software=source.run.software, report="session", run_id=source.run.id),
         date=source.run.started_at,
     )
 
@@ -303,11 +281,12 @@ def _recording_figures(source: RunData) -> ReportSection:
         u_max=u_max,
         angles=source.angles,
     )
-    caption = f"{WHAT_IS_DRAWN}. References dashed. {CUT_OFF}"
-    tensions = TENSIONS
     return ReportSection(
         "Figures",
-        (Figure("panels", panels, caption), Figure("tension", tension_panel(columns, F_max, "tension"), tensions)),
+        (
+            Figure("panels", panels, messages.session_figure()),
+            Figure("tension", tension_panel(columns, F_max, "tension"), messages.tension_figure()),
+        ),
     )
 
 
@@ -316,12 +295,9 @@ def _recording_figures(source: RunData) -> ReportSection:
 
 
 _ROBUSTNESS_NOTES = (
-    "The paper loads the motor loop with an additional spring tension of 50 N, 0.375 N·m at the gearbox "
-    "shaft, to choose λ_motor; it gives the load and the chosen M_s = 1.4, but no response.",
-    "The load pulls in the direction of the tendon. It is applied at the shaft, in one step, in addition "
-    "to the tendon's own force; joint and stiffness loops stay closed, so both motor references respond as well.",
-    "The integral of the error corresponds to the contribution of the integral action of the motor loop: "
-    "τ_load/(K_t k_i), apart from friction and the small motion of the references.",
+    messages.paper_gives_load_and_M_s(),
+    messages.load_pulls_the_tendon(),
+    messages.integral_of_error(),
 )
 
 
@@ -339,12 +315,12 @@ def _robustness_figures(source: RunData) -> ReportSection:
             Figure(
                 "errors",
                 error_panels(source.columns, "errors", source.angles),
-                "Loads on and off: (A, B) errors of the motor loops, (C) joint position, (D, E) voltages.",
+                messages.robustness_figure(),
             ),
             Figure(
                 "tension",
                 tension_panel(source.columns, F_max, "tension"),
-                TENSIONS,
+                messages.tension_figure(),
             ),
         ),
     )
@@ -379,16 +355,11 @@ def error_panels(columns: Columns, name: str, angles: AngleUnit) -> str:
 
 
 _TRACKING_NOTES = (
-    S_NOTE,
-    "Outer gains follow k_p = (2T − λ)/(K λ). The paper's table 2, in the version available to us, gives "
-    "k_p = 2/(K λ), which is "
-    "dimensionally wrong and does not place the poles at −1/λ (erratum E1).",
-    "Both motors move together through the decoupler, which doubles the gains identified with one motor excited; the "
-    "gains are scaled for that (erratum E3).",
-    "The bound for the largest q step is the time in which one unloaded motor at full voltage turns by "
-    "90 % of the angle that the step needs: speed K_m u_max, time constant T_m. No law can be faster on these motors.",
-    "Tension is evaluated from the start of the program, after pretension; load-cell noise and delay are part of it. "
-    "Root mean squares include the steps themselves and therefore mostly reflect the speed of the loop that λ sets.",
+    messages.S_is_an_estimate(),
+    messages.outer_gains(),
+    messages.both_motors_double_the_gains(),
+    messages.bound_of_largest_step(),
+    messages.tension_after_pretension(),
 )
 
 _NAMES = {
@@ -421,8 +392,8 @@ def _law_notes(law: PaperLawResponse | None) -> tuple[str, ...]:
     if law is None:
         return ()
     if law.reason:
-        return (f"The response of the paper's law to these references was not computed: {law.reason}.",)
-    return (GOVERNOR,)
+        return (messages.paper_law_not_computed(reason=law.reason),)
+    return (messages.compared_with_paper_law(),)
 
 
 def _tracking_figures(
@@ -435,7 +406,7 @@ def _tracking_figures(
     both = next((phase for phase in (metrics.phases if metrics else ()) if phase.name == "both"), None)
     split_s = min(both.start_s, played_s) if both else played_s
     theirs = law.columns if law and law.columns else None
-    law_note = " Grey: simulated response of the paper's law to the same references." if theirs else ""
+    is_planned = law is not None
     blocks = [
         Figure(
             "separate",
@@ -449,8 +420,7 @@ def _tracking_figures(
                 angles=source.angles,
                 paper_response=theirs,
             ),
-            f"Position and stiffness moved one after the other: {WHAT_IS_DRAWN}. References dashed.{law_note} "
-            f"{CUT_OFF} Compare q, S and u with figure 7A–C of the paper{_of_governor(law)}.",
+            messages.separate_steps_figure(is_simulated=theirs is not None, is_planned=is_planned),
         )
     ]
     if both and split_s < played_s:
@@ -467,40 +437,20 @@ def _tracking_figures(
                     angles=source.angles,
                     paper_response=theirs,
                 ),
-                "Position and stiffness moved simultaneously: the same signals in (G) to (L). "
-                f"References dashed.{law_note} Compare q, S and u with figure 7D–F of the paper{_of_governor(law)}.",
+                messages.simultaneous_steps_figure(is_simulated=theirs is not None, is_planned=is_planned),
             )
         )
-    blocks.append(Figure("tension", tension_panel(columns, F_max, "tension"), TENSIONS))
+    blocks.append(Figure("tension", tension_panel(columns, F_max, "tension"), messages.tension_figure()))
     if steps:
         lam = {name: _constant(columns[f"lam_{name}"]) for name in ("q", "S")}
         blocks.append(
             Figure(
                 "steps",
                 tracking_step_panels(columns, steps, lam, "steps"),
-                "All steps on one scale: (A) joint position and (B) stiffness, with the response "
-                "that λ defines for a first-order process (dashed), (C, D) the remaining error in "
-                f"percent of the step, with the settling band of ±2 %. {_what_shapes_a_step(law)}",
+                messages.all_steps_figure(is_planned=is_planned),
             )
         )
     return ReportSection("Figures", tuple(blocks))
-
-
-def _of_governor(law: PaperLawResponse | None) -> str:
-    return "" if law is None else ", which uses the reference governor and no trajectory feed-forward"
-
-
-def _what_shapes_a_step(law: PaperLawResponse | None) -> str:
-    if law is None:
-        return (
-            "The time constants of the motor loops delay the real response; the reference governor slows "
-            "large steps, so that the motors stay within their voltage limit."
-        )
-    return (
-        "The trajectory feed-forward moves a model of motors and joint and applies its voltages to the "
-        "motors: a step takes the time that "
-        "the motors need within the voltage limit, and λ sets how deviations from the model are corrected."
-    )
 
 
 def _constant(column: Any) -> float | None:
@@ -539,16 +489,16 @@ def steps_table(steps: Sequence[StepFigures], angles: AngleUnit) -> tuple[Table,
                 _deviation(step, units[other], angles),
             )
         )
-    every = Table("All completed steps.", columns, tuple(rows))
+    every = Table(messages.all_completed_steps(), columns, tuple(rows))
     return (every, *_reasons(steps))
 
 
 def _deviation(step: StepFigures, unit: str, angles: AngleUnit) -> str:
     if not step.alone:
-        return "both step"
+        return messages.both_step()
     value = step.cross_coupling
     return (
-        NOT_MEASURED
+        messages.not_measured()
         if value is None
         else append_unit(
             format_measured(convert_to_display(value, unit, angles), 2), get_display_unit(unit, angles).unit
@@ -576,7 +526,7 @@ def _reasons(steps: Sequence[StepFigures]) -> tuple[Table, ...]:
     return (
         (
             Table(
-                "Metrics that could not be measured completely; any value in the table above is a lower bound.",
+                messages.metrics_not_measured_completely(),
                 columns,
                 tuple(rows),
             ),
@@ -591,29 +541,15 @@ def _reasons(steps: Sequence[StepFigures]) -> tuple[Table, ...]:
 
 
 _COMPOSED_NOTES = (
-    S_NOTE,
-    "Tension is evaluated from the start of the program, after pretension; load-cell noise and delay are part of it. "
-    "Root mean squares include the steps themselves and therefore mostly reflect the speed of the loop that λ sets.",
-)
-_ON_RESPONSES = (
-    "For a periodic excitation, the last period is evaluated, line by line; for a sweep, the whole "
-    "record, smoothed. Gain and phase are those of the closed loop from the reference to the measured "
-    "output, dead time and governor included."
-)
-_ON_IMPACTS = (
-    "F_wall is the force of the simulated obstacle on the joint, tangential at r_j: k_wall δ (1 + c_wall δ') "
-    "at penetration depth δ, never a pull. In the first milliseconds the obstacle stops the inertia "
-    "of the joint, independently of its stiffness; then the motors press through the springs. A low stiffness "
-    "reduces this second part only. The contact reaction stops the motors, opens the position loop and "
-    "commands the lowest stiffness, for the duration of the corresponding hit without the reaction. The contact "
-    "force is estimated from encoders and springs, less the bias that the experiment has calibrated at rest."
+    messages.S_is_an_estimate(),
+    messages.tension_after_pretension(),
 )
 _ON = {
-    Measure.RESPONSE: (_ON_RESPONSES,),
+    Measure.RESPONSE: (messages.how_responses_are_evaluated(),),
     Measure.BODE: sections.BODE_NOTES,
     Measure.PUSHES: sections.PUSH_NOTES,
     Measure.HOLDS: sections.HOLD_NOTES,
-    Measure.IMPACT: (_ON_IMPACTS,),
+    Measure.IMPACT: (messages.how_impacts_are_simulated(),),
 }
 
 
@@ -646,7 +582,7 @@ def _make_signal_sections(source: RunData, plan: ExperimentPlan) -> Iterator[Rep
                 u_max=u_max,
                 angles=source.angles,
             ),
-            f"The whole experiment: {WHAT_IS_DRAWN}. References dashed. {CUT_OFF}",
+            messages.whole_experiment_figure(),
         ),
     ]
     # A bank or a voltage limit alone shows nothing here.
@@ -655,11 +591,11 @@ def _make_signal_sections(source: RunData, plan: ExperimentPlan) -> Iterator[Rep
             Figure(
                 "tuning",
                 _lambda_panel(columns, "tuning"),
-                "λ of both loops at each sample; the experiment changes the tuning.",
+                messages.lambda_figure(),
             )
         )
     drawn += _of_measures(source, plan)
-    drawn.append(Figure("tension", tension_panel(columns, F_max, "tension"), TENSIONS))
+    drawn.append(Figure("tension", tension_panel(columns, F_max, "tension"), messages.tension_figure()))
     yield ReportSection("Figures", tuple(drawn))
     yield from _sections(source, plan)
     if Measure.IMPACT in plan.experiment.measures and (hits := find_hits(columns, plan.program())):
@@ -681,28 +617,27 @@ def _of_measures(source: RunData, plan: ExperimentPlan) -> Iterator[Figure]:
             force_panels(
                 columns=columns, r_j=r_j, pushed_s=first_s, delay_s=delay_s, name="forces", angles=source.angles
             ),
-            "Pushes on the joint: (A) joint position, (B) measured force F_ext and the force F_exp "
-            "predicted from stiffness and position, (C) their difference as measured (grey) and aligned.",
+            messages.push_forces_figure(),
         )
     if Measure.LOADS in measures or Measure.DISTURBANCE in measures:
         yield Figure(
             "errors",
             error_panels(columns, "errors", source.angles),
-            "Disturbances: (A, B) errors of the motor loops, (C) joint position, (D, E) voltages.",
+            messages.disturbances_figure(),
         )
     hits = find_hits(columns, program) if Measure.IMPACT in measures else ()
     if hits:
         yield Figure(
             "hits",
             impact_panels(columns, hits, "hits", source.angles),
-            CAPTION,
+            messages.hits_figure(),
         )
     found = compute_responses(columns, program) if Measure.RESPONSE in measures else ()
     if found:
         yield Figure(
             "responses",
             response_panels(found, "responses"),
-            "Frequency responses of the closed loops: (A) gain, (B) phase, at each excited frequency line or band.",
+            messages.responses_figure(),
         )
 
 

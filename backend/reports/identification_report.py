@@ -56,7 +56,6 @@ from backend.reports.plotting import (
 )
 from backend.reports.provenance import (
     OUTCOMES,
-    S_NOTE,
     facts,
     measured_figures,
     parameter_section,
@@ -66,10 +65,9 @@ from backend.reports.provenance import (
 )
 from backend.reports.run_data import RunData
 from backend.storage import Identification, read_method_name
-from backend.units import AngleUnit, format_quantity
+from backend.units import AngleUnit
 from plant import (
     SIDES,
-    Angle,
 )
 
 # Actuator identification ---------------------------------------------------------------------------
@@ -79,15 +77,10 @@ from plant import (
 _STRUCTURES = {"first": "K/(Ts+1)", "third": "third order", "lags4": "K/(τs+1)⁴"}
 
 _ACTUATOR_NOTES = (
-    S_NOTE,
-    "Gains are for one motor: through the decoupler both motors move, which doubles them, and the controllers are "
-    "scaled for that (erratum E3). T is the sum of the model's time constants and dead time (sum of "
-    "lags), K its static gain; the λ formulas use K and T.",
-    "The fit in percent is that of a simulation on the last third of the record by a model fitted to the first two "
-    "thirds. Standard errors allow for coloured residuals; they do not cover effects that the structure omits.",
-    "The paper's table 1 was fitted as first order to a 1 ms sequence on the real rig, where friction grows with "
-    "tension. Agreement with its T and its gains of G_S is therefore not expected; agreement with its "
-    "gains of G_q and with the geometry is.",
+    messages.S_is_an_estimate(),
+    messages.gains_are_for_one_motor(),
+    messages.fit_is_of_simulation(),
+    messages.table_1_has_other_conditions(),
 )
 
 
@@ -110,7 +103,9 @@ def actuator_identification_report(source: RunData) -> Report:
             ReportSection("Coefficients", actuator_blocks(found.actuator.model)),
         ]
     sections.append(
-        ReportSection("Settings and origin", (settings_table(source), *reproduction(source), *_actuator_data(found)))
+        ReportSection(
+            messages.settings_and_origin(), (settings_table(source), *reproduction(source), *_actuator_data(found))
+        )
     )
     if found is not None:
         sections.append(ReportSection("Figures", _actuator_figures(source, found)))
@@ -119,13 +114,13 @@ def actuator_identification_report(source: RunData) -> Report:
         parameter_section(source),
     ]
     return Report(
-        title=f"Actuator identification at {exact(tension_N)} N",
+        title=messages.actuator_identification_at(tension_N=tension_N),
         subtitle=subtitle(source),
         outcome=_actuator_outcome(found),
-        verdict=found.verdict if found else problem or "No model: the run contains no samples.",
+        verdict=found.verdict if found else problem or messages.no_model(),
         facts=(*facts(source), *_point(found)),
         sections=tuple(sections),
-        footer=f"Sinew {source.run.software} · actuator identification · run {source.run.id}",
+        footer=messages.footer(software=source.run.software, report="actuator identification", run_id=source.run.id),
         date=source.run.started_at,
     )
 
@@ -151,8 +146,7 @@ def _point(found: Identification | None) -> tuple[Fact, ...]:
     if found is None:
         return ()
     q, S = found.actuator.model.q_nominal, found.actuator.model.S_nominal
-    at = "" if q is None else f"q = {Angle(q):.6g}, "
-    return (Fact("Point", f"{at}S = {format_measured(S, 4)} N·m/rad at rest before the excitation"),)
+    return (Fact("Point", messages.operating_point(q=q, S=S)),)
 
 
 def _models(found: Identification) -> Table:
@@ -170,10 +164,7 @@ def _models(found: Identification) -> Table:
     )
     rows = tuple(_model_row(key, found.actuator.channel(key)) for key in CHANNELS)
     return Table(
-        "Transfer functions from θ_A,ref to q [rad/rad] and to S [N·m/rad per rad]: static gain K and sum of lags T "
-        "with standard errors, gain against geometry, fit on validation data. Residual tests: the "
-        "largest correlation in "
-        "standard deviations, and its bound at the 1 % level for all lags together.",
+        messages.transfer_functions(),
         columns,
         rows,
     )
@@ -198,9 +189,13 @@ def _model_row(key: str, channel: IdentifiedChannel) -> tuple[str, ...]:
 
 def _residuals(tests: Residuals) -> str:
     white, free = read_whiteness_test(tests.whiteness), read_whiteness_test(tests.input_correlation)
-    return (
-        f"{'white' if white.passed else 'coloured'} ({white.statistic:.1f} of {white.critical:.1f}), "
-        f"{'independent of' if free.passed else 'correlated with'} input ({free.statistic:.1f} of {free.critical:.1f})"
+    return messages.residual_tests(
+        is_white=white.passed,
+        white=white.statistic,
+        white_max=white.critical,
+        is_independent=free.passed,
+        cross=free.statistic,
+        cross_max=free.critical,
     )
 
 
@@ -214,27 +209,22 @@ def _actuator_figures(source: RunData, found: Identification) -> tuple[Block, ..
         Figure(
             "record",
             record_panels(columns=columns, start=start, models=models, period_s=period_s, name="record", angles=angles),
-            "The record: (A) excitation on the held tension, (B) joint position and (D) joint stiffness, each with the "
-            "identified model simulated from rest on the recorded input (dashed), (C, E) measured less simulated, "
-            "(F, G) tendon tensions.",
+            messages.record_figure(),
         ),
         Figure(
             "bode",
             bode_panels(columns, start, channels, period_s, "bode"),
-            "Frequency responses of (A, C) G_q and (B, D) G_S: identified model, its first-order reduction (dashed), "
-            "and a non-parametric estimate from the data where the coherence exceeds 0.9 (dots).",
+            messages.model_bode_figure(),
         ),
         Figure(
             "step",
             identification_step_panels(channels, "step", angles),
-            "Response of (A) G_q and (B) G_S to a step of θ_A,ref by "
-            f"{format_quantity(STEP_RAD[angles], 'rad', angles)}, and of their first-order reductions (dashed).",
+            messages.step_response_figure(step_rad=STEP_RAD[angles], angles=angles),
         ),
         Figure(
             "residuals",
             residual_panels(residuals, "residuals"),
-            "Residual autocorrelation (A, B) and input–residual cross-correlation (C, D). Grey: the "
-            "bounds of the tests; for a complete model, all correlations stay within them in 99 of 100 records.",
+            messages.residuals_figure(),
         ),
     )
 
@@ -254,7 +244,7 @@ def _candidates(found: Identification) -> Table:
         for item in found.actuator.channel(key).quality.candidates:
             rows.append((key, _structure(item.structure), *_make_candidate_row(item)))
     return Table(
-        "Candidate structures for the same record, best first (usable before unusable, then by BIC).",
+        messages.candidate_structures(),
         columns,
         tuple(rows),
     )
@@ -293,12 +283,12 @@ def _comparison(found: Identification, tension_N: float) -> Table:
     paper = {"G_q": (row.K_q, row.T_q), "G_S": (row.K_S, row.T_S)}
     channels = {key: found.actuator.channel(key) for key in CHANNELS}
     rows = tuple(_make_comparison_row(key, channel, *paper[key]) for key, channel in channels.items())
-    title = (
-        f"First-order models compared with the paper's table 1 at {exact(nearest)} N. ARX: the "
-        "paper's method, first order with a low-pass filter, on the same record, for comparison only. "
-        f"{_missing_arx(channels)}"
-    )
-    return Table(title.strip(), columns, rows)
+    missing: dict[str, str | None] = {
+        key: arx.problem if arx else None
+        for key, arx in ((key, channel.quality.arx) for key, channel in channels.items())
+        if not isinstance(arx, ArxEstimate)
+    }
+    return Table(messages.compared_with_table_1(tension_N=nearest, missing=missing), columns, rows)
 
 
 def _make_comparison_row(key: str, channel: IdentifiedChannel, K: float, T: float) -> tuple[str, ...]:
@@ -316,23 +306,19 @@ def _make_comparison_row(key: str, channel: IdentifiedChannel, K: float, T: floa
     )
 
 
-def _missing_arx(channels: Mapping[ChannelName, IdentifiedChannel]) -> str:
-    found = {key: channel.quality.arx for key, channel in channels.items()}
-    missing = {key: arx for key, arx in found.items() if not isinstance(arx, ArxEstimate)}
-    return " ".join(f"{key}: {arx.problem if arx else 'not computed'}." for key, arx in missing.items())
-
-
 def _actuator_data(found: Identification | None) -> tuple[Block, ...]:
     if found is None:
         return ()
     data = found.actuator_record
-    text = (
-        f"Identification {found.run_id} used {data.samples} samples at {exact(1e3 * data.period_s)} ms, "
-        f"from sample {data.first_sample} of that run on: input θ_A,ref, outputs q and S. "
-        f"Method: {read_method_name(found)}."
+    text = messages.actuator_samples_used(
+        run_id=found.run_id,
+        samples=data.samples,
+        period_s=data.period_s,
+        first_sample=data.first_sample,
+        method=read_method_name(found),
     )
     again = "\n".join(build_estimate_command(found, key) for key in CHANNELS)
-    return (Paragraph(text), Code("To estimate G_q and G_S again from data.csv, the samples of the run:", again))
+    return (Paragraph(text), Code(messages.commands_repeat_estimate(), again))
 
 
 def build_estimate_command(found: Identification, key: ChannelName) -> str:
@@ -361,13 +347,9 @@ PAPER = MotorConstants(K_m=2.86, T_m=0.22)
 """The motor of the paper: K_m [rad/(V·s)], T_m [s]."""
 
 _MOTOR_NOTES = (
-    "A least-squares fit to the positions of all steps estimates K_m, T_m and the Coulomb voltage u_c together: "
-    "T_m ω' + ω = K_m (u − u_c sign ω). u_c is omitted where it does not differ from zero at the 1 % level. Standard "
-    "errors allow for coloured residuals.",
-    "The 63.21 % rule is the paper's: K_m from the steady speed, T_m where the speed reaches 63.21 % of "
-    "it. The rule neglects Coulomb friction, which lowers its gain most at the smallest voltage, and "
-    "steps that end before the speed is steady, which lower it at the largest.",
-    "Both tendons were slack during the steps. A step with saturation or with a tendon load is rejected and listed.",
+    messages.how_motors_are_fitted(),
+    messages.how_rule_estimates_motors(),
+    messages.tendons_were_slack(),
 )
 
 
@@ -384,7 +366,9 @@ def motor_identification_report(source: RunData) -> Report:
         ]
         sections.append(ReportSection("Motors", (*tables, *measured_figures(source))))
     sections.append(
-        ReportSection("Settings and origin", (settings_table(source), *reproduction(source), *_in_force(source)))
+        ReportSection(
+            messages.settings_and_origin(), (settings_table(source), *reproduction(source), *_in_force(source))
+        )
     )
     if found is not None:
         sections.append(ReportSection("Figures", _motor_figures(found.motors, source.angles)))
@@ -393,10 +377,10 @@ def motor_identification_report(source: RunData) -> Report:
         title="Motor identification",
         subtitle=subtitle(source),
         outcome=_motor_outcome(found),
-        verdict=found.verdict if found else problem or "No model: the run contains no samples.",
+        verdict=found.verdict if found else problem or messages.no_model(),
         facts=facts(source),
         sections=tuple(sections),
-        footer=f"Sinew {source.run.software} · motor identification · run {source.run.id}",
+        footer=messages.footer(software=source.run.software, report="motor identification", run_id=source.run.id),
         date=source.run.started_at,
     )
 
@@ -427,17 +411,17 @@ def _estimates(motors: MotorsResult) -> Table:
             for value, error in ((fitted.K_m, std.K_m), (fitted.T_m, std.T_m), (fitted.u_c, std.u_c))
             for text in (format_measured(value, 4), format_measured(error, 2))
         ]
-        rows.append((side, "least squares, standard errors", *values))
+        rows.append((side, messages.least_squares_estimate(), *values))
         ruled = [
             text
             for value, error in ((mean.K_m, spread.K_m), (mean.T_m, spread.T_m))
             for text in (format_measured(value, 4), format_measured(error, 2))
         ]
-        rows.append((side, "63.21 % rule, mean and spread", *ruled, NO_FIGURE, NO_FIGURE))
+        rows.append((side, messages.rule_estimate(), *ruled, NO_FIGURE, NO_FIGURE))
         rows.append(
             (
                 side,
-                "previously active",
+                messages.previously_active(),
                 format_measured(item.before.K_m, 4),
                 NO_FIGURE,
                 format_measured(item.before.T_m),
@@ -458,7 +442,7 @@ def _estimates(motors: MotorsResult) -> Table:
             NO_FIGURE,
         )
     )
-    return Table("Both motors, K_m/(s (T_m s + 1)) with Coulomb voltage u_c.", columns, tuple(rows))
+    return Table(messages.models_of_motors(), columns, tuple(rows))
 
 
 def _rule(motors: MotorsResult) -> Table:
@@ -480,14 +464,14 @@ def _rule(motors: MotorsResult) -> Table:
         )
         for voltage in voltages
     )
-    return Table("The 63.21 % rule for each step.", columns, rows)
+    return Table(messages.rule_for_each_step(), columns, rows)
 
 
 def _make_rejected_table(motors: MotorsResult) -> tuple[Table, ...]:
     refused = [(side, item) for side in SIDES for item in motors.side(side).quality.refused]
     rows = tuple((side, exact(item.voltage), item.reason) for side, item in refused)
     columns = (Column("Motor", number=False), Column("Step", "V"), Column("Reason", number=False, wide=True))
-    return (Table("Rejected steps.", columns, rows),) if rows else ()
+    return (Table(messages.rejected_steps(), columns, rows),) if rows else ()
 
 
 def _in_force(source: RunData) -> tuple[Paragraph, ...]:
@@ -495,15 +479,8 @@ def _in_force(source: RunData) -> tuple[Paragraph, ...]:
     if found is None:
         return ()
     fitted = {side: found.motors.side(side).model.parameters for side in SIDES}
-    entries = "; ".join(
-        f"[identified_{side}] K_m = {format_measured(item.K_m, 4)}, T_m = {format_measured(item.T_m, 4)}"
-        for side, item in fitted.items()
-    )
-    text = (
-        f"Identification {found.run_id} used the voltages and motor angles of that run. The motor loops take "
-        f"their model from the parameter file; to use this model, enter in that file: {entries}."
-    )
-    return (Paragraph(text),)
+    models = {side: (item.K_m, item.T_m) for side, item in fitted.items()}
+    return (Paragraph(messages.motors_of_parameter_file(run_id=found.run_id, models=models)),)
 
 
 def _motor_figures(motors: MotorsResult, angles: AngleUnit) -> tuple[Block, ...]:
@@ -511,8 +488,7 @@ def _motor_figures(motors: MotorsResult, angles: AngleUnit) -> tuple[Block, ...]
         Figure(
             "steps",
             step_panels(motors, "steps", angles),
-            "Angle of each motor after the steps, measured (coloured) and by the least-squares model "
-            "(dashed), and (C, D) their difference.",
+            messages.motor_steps_figure(),
         ),
     )
 
@@ -546,13 +522,9 @@ def step_panels(motors: MotorsResult, name: str, angles: AngleUnit) -> str:
 _ORDER_COLOURS = {2: INK, 3: COLOURS["u_B"], 5: COLOURS["u_A"]}
 
 _SPRING_NOTES = (
-    "Elongations are x_A = r_m θ_A − r_j q and x_B = r_m θ_B + r_j q (equations 1 and 2). They are "
-    "relative to the encoder zeros that pretension set, based on the springs active before.",
-    "Each pair is a mean over 0.1 s. Cross-validation error: the error at each pair of a polynomial "
-    "fitted to all other pairs. A higher order is recommended only if it reduces this error by at least 20 % "
-    "and increases monotonically; the analytic decoupler needs order 2. The paper's order 2 stayed below 0.85 N.",
-    "The curves for rising and falling force differ (hysteresis) because of the load cells' delay and of "
-    "friction between spring and load cell; the polynomial is fitted to both curves and lies between them.",
+    messages.elongations_are_relative(),
+    messages.how_springs_are_fitted(),
+    messages.springs_show_hysteresis(),
 )
 
 
@@ -565,7 +537,9 @@ def spring_identification_report(source: RunData) -> Report:
         code = spring_blocks({side: found.springs[side].model for side in SIDES})
         sections.append(ReportSection("Springs", (*tables, *_reasons(found.springs), *code, *measured_figures(source))))
     sections.append(
-        ReportSection("Settings and origin", (settings_table(source), *reproduction(source), *_spring_data(source)))
+        ReportSection(
+            messages.settings_and_origin(), (settings_table(source), *reproduction(source), *_spring_data(source))
+        )
     )
     if found is not None:
         sections.append(ReportSection("Figures", _spring_figures(found.springs)))
@@ -574,10 +548,10 @@ def spring_identification_report(source: RunData) -> Report:
         title="Spring identification",
         subtitle=subtitle(source),
         outcome="incomplete" if found is None else "passed" if found.usable else "failed",
-        verdict=found.verdict if found else problem or "No model: the run contains no samples.",
+        verdict=found.verdict if found else problem or messages.no_model(),
         facts=facts(source),
         sections=tuple(sections),
-        footer=f"Sinew {source.run.software} · spring identification · run {source.run.id}",
+        footer=messages.footer(software=source.run.software, report="spring identification", run_id=source.run.id),
         date=source.run.started_at,
     )
 
@@ -605,13 +579,11 @@ def _fits(side: str, model: SpringModel) -> Table:
         )
         for fit in model.fits
     )
-    before = ", ".join(format_measured(k, 5) for k in model.before or ())
-    caption = f"Spring {side}: F(x) = k_0 + k_1 x + k_2 x² + … Previously active: {before or 'a table'}."
-    return Table(caption, columns, rows)
+    return Table(messages.polynomials_of_spring(side=side, before=model.before or ()), columns, rows)
 
 
 def _reasons(springs: Mapping[str, SpringResult]) -> tuple[Paragraph, ...]:
-    return tuple(Paragraph(f"Spring {side}: {springs[side].model.reason}.") for side in SIDES)
+    return tuple(Paragraph(messages.order_of_spring(side=side, reason=springs[side].model.reason)) for side in SIDES)
 
 
 def _spring_data(source: RunData) -> tuple[Paragraph, ...]:
@@ -619,8 +591,7 @@ def _spring_data(source: RunData) -> tuple[Paragraph, ...]:
     if found is None:
         return ()
     pairs = found.springs["A"].quality.pairs
-    text = f"Identification {found.run_id} used {pairs} pairs of each spring, from the sweep of that run."
-    return (Paragraph(text),)
+    return (Paragraph(messages.spring_pairs_used(run_id=found.run_id, pairs=pairs)),)
 
 
 def _spring_figures(springs: Mapping[str, SpringResult]) -> tuple[Block, ...]:
@@ -628,10 +599,7 @@ def _spring_figures(springs: Mapping[str, SpringResult]) -> tuple[Block, ...]:
         Figure(
             "springs",
             spring_panels(springs, "springs"),
-            "Characteristic of (A) spring A and (B) spring B: measured pairs (dots) and the recommended polynomial; "
-            "(C, D) measured minus fitted force by order, dots with increasing force, crosses with "
-            "decreasing force. Compare figure "
-            "3 of the paper.",
+            messages.springs_figure(),
         ),
     )
 

@@ -1,9 +1,18 @@
-"""Messages about reports: refusals, and reasons why a verification finds differences or omits parts."""
+"""Texts of reports, of their verification, and refusals."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
+from typing import Literal
 
-from plant import catalogue_entry
+from backend.reports.model import NO_FIGURE, exact, format_measured
+from backend.units import AngleUnit, format_quantity
+from plant import Angle, Side, catalogue_entry
+
+
+def _join(run_ids: Iterable[int]) -> str:
+    return ", ".join(map(str, run_ids))
+
 
 # Report manifest -----------------------------------------------------------------------------------
 
@@ -26,6 +35,1357 @@ def manifest_unreadable(*, reason: str) -> str:
 @catalogue_entry
 def plan_without_tension(*, run_id: int) -> str:
     return f"run {run_id}: its plan has no tension_N"
+
+
+# Origin of a run -----------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def S_is_an_estimate() -> str:
+    return (
+        "S is always the estimate 2 r_j² (k_1 + k_2 r_m (θ_A + θ_B)) from measured angles and the identified spring, "
+        "not a direct measurement of stiffness. Its relative error is that of the identified springs: if they are 20 % "
+        "stiffer than identified, S is 14.4 N·m/rad while 12 is commanded and displayed, and no law based on angles "
+        "can detect this."
+    )
+
+
+@catalogue_entry
+def subtitle_of_run(*, run_id: int, started_at: datetime, plant: str, parameters: str) -> str:
+    return f"Run {run_id} · {started_at:%Y-%m-%d %H:%M} UTC · {plant}, parameters “{parameters}”"
+
+
+@catalogue_entry
+def subtitle_of_series(*, run_ids: Sequence[int]) -> str:
+    return f"Runs {_join(run_ids)}"
+
+
+@catalogue_entry
+def footer(*, software: str, report: str, run_id: int) -> str:
+    return f"Sinew {software} · {report} · run {run_id}"
+
+
+@catalogue_entry
+def footer_of_series(*, software: str, run_ids: Sequence[int]) -> str:
+    return f"Sinew {software} · series of runs {_join(run_ids)}"
+
+
+@catalogue_entry
+def still_running() -> str:
+    return "still running"
+
+
+@catalogue_entry
+def stopped_before_its_end() -> str:
+    return "stopped before its end"
+
+
+@catalogue_entry
+def connection_lost() -> str:
+    return "connection to the page in control or to the control loop lost"
+
+
+@catalogue_entry
+def service_died() -> str:
+    return "service died"
+
+
+@catalogue_entry
+def run_and_its_end(*, run_id: int, end: str, detail: str) -> str:
+    return f"{run_id}, {end}" + (f": {detail}" if detail else "")
+
+
+@catalogue_entry
+def start_of_run(*, started_at: datetime, who: str) -> str:
+    return f"{started_at:%Y-%m-%d %H:%M:%S} UTC by {who}"
+
+
+@catalogue_entry
+def plant_and_parameters(*, plant: str, parameters: str) -> str:
+    return f"{plant}, parameters “{parameters}”"
+
+
+@catalogue_entry
+def software_versions(*, software: str, versions: Mapping[str, str]) -> str:
+    return ", ".join([f"Sinew {software}", *(f"{name} {version}" for name, version in versions.items())])
+
+
+@catalogue_entry
+def identification_of_run(*, run_id: int) -> str:
+    return f"identification {run_id}"
+
+
+@catalogue_entry
+def not_known() -> str:
+    return "not known"
+
+
+@catalogue_entry
+def settings_of_run() -> str:
+    return "Settings of the run."
+
+
+@catalogue_entry
+def settings_and_origin() -> str:
+    return "Settings and origin"
+
+
+@catalogue_entry
+def gains_of_geometry() -> str:
+    return "Gains were computed from the plant's geometry and its nominal time constants; no identification was used."
+
+
+@catalogue_entry
+def entries_of_bank(*, name: str, version: int) -> str:
+    return f"Entries of bank “{name}” version {version}."
+
+
+@catalogue_entry
+def parameter_set_at_start(*, name: str) -> str:
+    return f"Parameter set “{name}” at the start of the run."
+
+
+@catalogue_entry
+def result_of_earlier_definitions(*, versions: Mapping[int, int], current: int, is_series: bool) -> str:
+    """``versions`` has the version of the definitions for each run that was evaluated with others."""
+    runs = f"of run {_join(versions)}: " if is_series else ""
+    earlier = " and ".join(map(str, sorted(set(versions.values()))))
+    commands = ", ".join(f"sinew runs evaluate {run_id}" for run_id in versions)
+    return (
+        f"{runs}computed by version {earlier} of the definitions of metrics and criteria; this version of Sinew "
+        f"uses version {current}. To recompute before a new report: {commands}"
+    )
+
+
+# Control law of a run ------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def single_loop_for_comparison() -> str:
+    return "single loop on position and stiffness, for comparison: without motor loops, without bank and outer gains"
+
+
+@catalogue_entry
+def single_loop_model() -> str:
+    return "the identified geometry, spring and motors (K_m, T_m); its gains are for the operating point at 20 N"
+
+
+@catalogue_entry
+def linearization_for_comparison() -> str:
+    return "feedback linearization (the static law), for comparison: without motor loops, without bank and outer gains"
+
+
+@catalogue_entry
+def linearization_model() -> str:
+    return (
+        "the true plant: all equations and parameters of the simulator, including friction and the differences between "
+        "the sides. No such model exists for a rig"
+    )
+
+
+@catalogue_entry
+def motor_A_holds_tension() -> str:
+    return "only the motor loops: motor A holds the tension, the excitation is added to its reference"
+
+
+@catalogue_entry
+def voltage_steps() -> str:
+    return "voltage steps; between them only the motor loops"
+
+
+@catalogue_entry
+def motor_loops_follow_sweep() -> str:
+    return "only the motor loops: they follow a tension sweep"
+
+
+@catalogue_entry
+def cascade_model() -> str:
+    return "the identified geometry, springs and motors (K_m, T_m), not their friction"
+
+
+@catalogue_entry
+def cascade_controller(
+    *,
+    is_position_loop_closed: bool,
+    bank: str | None,
+    bank_version: int,
+    entries: int,
+    interpolate: bool,
+    U_plan: float,
+    k_ext: float,
+) -> str:
+    """``bank`` is None for the gains of the geometry, ``U_plan`` 0 for lambda motion."""
+    gains = (
+        "geometric gains, 20 N operating point" if bank is None else f"gains of bank “{bank}” version {bank_version}"
+    )
+    text = ("cascade, " if is_position_loop_closed else "cascade with the position loop open, ") + gains
+    if entries > 1:
+        text += ", interpolating between entries" if interpolate else ", switching between entries"
+    if U_plan:
+        text += f"; motion time-optimal within U_plan = {exact(U_plan)} V"
+    elif is_position_loop_closed:
+        text += "; motion lambda: the paper's law with the reference governor"
+    if k_ext and is_position_loop_closed:
+        text += f"; disturbance rejection by feed-forward, k_ext = {exact(k_ext)}"
+    return text
+
+
+@catalogue_entry
+def lambda_in_use(*, loop: str, range_s: tuple[float, float] | None) -> str:
+    """``range_s`` has the smallest and the largest value of the run; None if it has no samples."""
+    if range_s is None:
+        return f"λ_{loop} = unknown: no sample was recorded"
+    low, high = (exact(round(lam, 5)) for lam in range_s)
+    return f"λ_{loop} = {low} s" if low == high else f"λ_{loop} = {low} to {high} s (changed during the run)"
+
+
+@catalogue_entry
+def lambda_motor_in_use(*, lam_s: float) -> str:
+    return f"λ_motor = {exact(lam_s)} s"
+
+
+@catalogue_entry
+def setpoint_weight(*, b: float | None) -> str:
+    return "b not recorded" if b is None else f"b = {exact(b)}"
+
+
+@catalogue_entry
+def model_of_controller() -> str:
+    return "Model used by the controller"
+
+
+# Configuration of a run ----------------------------------------------------------------------------
+
+
+@catalogue_entry
+def name_of_parameter_set() -> str:
+    return "name of the parameter set"
+
+
+@catalogue_entry
+def hash_of_experiment() -> str:
+    return "text of the experiment, sha256"
+
+
+@catalogue_entry
+def hash_of_bank() -> str:
+    return "bank, sha256"
+
+
+@catalogue_entry
+def bank_and_version(*, name: str, version: int) -> str:
+    return f"“{name}” version {version}"
+
+
+# Verdict on a run ----------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def no_result(*, problem: str) -> str:
+    return f"No result: {problem or 'the run has not been evaluated'}."
+
+
+@catalogue_entry
+def run_incomplete(*, played_s: float, planned_s: float, failed: Sequence[str]) -> str:
+    already = f" Already failed: {', '.join(failed)}." if failed else ""
+    return (
+        f"Incomplete: {played_s:.6g} s of {planned_s:.6g} s were executed. The metrics cover only this part.{already}"
+    )
+
+
+@catalogue_entry
+def no_criteria() -> str:
+    return "Completed. No criteria are set for this kind of run."
+
+
+@catalogue_entry
+def verdict_on_criteria(*, criteria: int, failed: Sequence[str], unmeasured: Sequence[str]) -> str:
+    parts = []
+    if failed:
+        parts.append(f"{len(failed)} of {criteria} criteria failed: {', '.join(failed)}.")
+    if unmeasured:
+        verb = "was" if len(unmeasured) == 1 else "were"
+        parts.append(f"{len(unmeasured)} of {criteria} criteria {verb} not measured: {', '.join(unmeasured)}.")
+    all_passed = "The criterion passed." if criteria == 1 else f"All {criteria} criteria passed."
+    return " ".join(parts) or all_passed
+
+
+@catalogue_entry
+def session_has_no_verdict() -> str:
+    return "Manual session: no program was run, so the report contains no verdict."
+
+
+# Metrics -------------------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def not_measured() -> str:
+    return "not measured"
+
+
+@catalogue_entry
+def metrics_of_signals(*, complete: bool) -> str:
+    part = "" if complete else " The run is incomplete: only completed steps are evaluated."
+    return f"Metrics of measured signals.{part}"
+
+
+@catalogue_entry
+def dash_means_no_value() -> str:
+    return f"{NO_FIGURE} means that the run has no such value."
+
+
+# Repeating a run -----------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def no_command_repeats_run(*, reason: str) -> str:
+    return f"No command repeats this run: {reason}."
+
+
+@catalogue_entry
+def not_on_simulator(*, plant: str) -> str:
+    return f"only runs on the simulator can be repeated, and the plant of this run is {plant}"
+
+
+@catalogue_entry
+def operated_manually() -> str:
+    return "it was operated manually"
+
+
+@catalogue_entry
+def program_not_completed() -> str:
+    return "its program was not completed"
+
+
+@catalogue_entry
+def repeat_this_run(*, folder: str, bank: str | None, bank_version: int, has_files: bool, is_real_time: bool) -> str:
+    """``bank`` is None for a run without a bank, which is repeated in the data folder ``folder``."""
+    text = "Repeat this run"
+    if bank is None:
+        text += f", in a separate data folder, {folder}"
+    else:
+        text += f", in the data folder that contains bank “{bank}” version {bank_version}"
+    if has_files:
+        text += ", with the files below in the current directory"
+    if is_real_time:
+        text += (
+            ". The run was executed in real time from the joint position at that time; the command "
+            "starts with slack tendons"
+        )
+    else:
+        text += (
+            ". The same versions give the same samples; if the run was not the first one of its command, "
+            "its noise and its initial state differ"
+        )
+    return f"{text}:"
+
+
+@catalogue_entry
+def experiment_as_executed(*, file: str) -> str:
+    return f"{file}, the experiment as it was executed:"
+
+
+@catalogue_entry
+def parameters_of_plant(*, file: str) -> str:
+    return f"{file}, the parameters of the plant in this run:"
+
+
+@catalogue_entry
+def every_number_is_recomputable() -> str:
+    return (
+        "Every number in this report can be recomputed from the samples of the run. To verify it, with data.csv in the "
+        "same folder or with the run in the data folder:"
+    )
+
+
+@catalogue_entry
+def content_hashes() -> str:
+    return "Content hashes."
+
+
+# Compliance ----------------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def push_is_measured_as_reaction() -> str:
+    return (
+        "The force of the push is measured as the reaction F_ext = F_A − F_B; commanded stiffness and measured "
+        "position predict F_exp = −S_ref q/r_j (equations 22 and 25 of the paper, a linear approximation)."
+    )
+
+
+@catalogue_entry
+def differences_contain_load_cell_delay() -> str:
+    return (
+        "Raw differences contain the delay and offset of the load cells, as does the paper's value of 2.239 N. For the "
+        "aligned difference, the measured force is shifted back by the best-fitting delay, and each force is relative "
+        "to its mean over the second before the first push."
+    )
+
+
+@catalogue_entry
+def position_loop_is_open() -> str:
+    return "The position loop is open: the decoupler's geometry alone holds q = 0. The stiffness loop is closed."
+
+
+@catalogue_entry
+def compliance_figure() -> str:
+    return (
+        "Pushes on the joint: (A) joint position, (B) measured force F_ext, the force F_exp predicted from stiffness "
+        "and position, and the force estimated from encoders and springs without a load cell, (C) the difference of "
+        "the first two as measured (grey) and aligned. Compare figure 8 of the paper."
+    )
+
+
+# Robustness ----------------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def paper_gives_load_and_M_s() -> str:
+    return (
+        "The paper loads the motor loop with an additional spring tension of 50 N, 0.375 N·m at the gearbox shaft, to "
+        "choose λ_motor; it gives the load and the chosen M_s = 1.4, but no response."
+    )
+
+
+@catalogue_entry
+def load_pulls_the_tendon() -> str:
+    return (
+        "The load pulls in the direction of the tendon. It is applied at the shaft, in one step, in addition to the "
+        "tendon's own force; joint and stiffness loops stay closed, so both motor references respond as well."
+    )
+
+
+@catalogue_entry
+def integral_of_error() -> str:
+    return (
+        "The integral of the error corresponds to the contribution of the integral action of the motor loop: "
+        "τ_load/(K_t k_i), apart from friction and the small motion of the references."
+    )
+
+
+@catalogue_entry
+def robustness_figure() -> str:
+    return "Loads on and off: (A, B) errors of the motor loops, (C) joint position, (D, E) voltages."
+
+
+# Tracking ------------------------------------------------------------------------------------------
+
+_SIGNALS = "(A) joint position and (B) its error q − q_ref, (C) stiffness and (D) its error S − S_ref, (E, F) voltages"
+_ERROR_AXES = (
+    "The error axes are scaled to the errors after a step is within 2 % of its final value; during the "
+    "transient, the error may leave the panel."
+)
+_PAPER_IN_GREY = " Grey: simulated response of the paper's law to the same references."
+_PAPER_USES_GOVERNOR = ", which uses the reference governor and no trajectory feed-forward"
+
+
+@catalogue_entry
+def outer_gains() -> str:
+    return (
+        "Outer gains follow k_p = (2T − λ)/(K λ). The paper's table 2, in the version available to us, gives k_p = "
+        "2/(K λ), which is dimensionally wrong and does not place the poles at −1/λ (erratum E1)."
+    )
+
+
+@catalogue_entry
+def both_motors_double_the_gains() -> str:
+    return (
+        "Both motors move together through the decoupler, which doubles the gains identified with one motor excited; "
+        "the gains are scaled for that (erratum E3)."
+    )
+
+
+@catalogue_entry
+def bound_of_largest_step() -> str:
+    return (
+        "The bound for the largest q step is the time in which one unloaded motor at full voltage turns by 90 % of the "
+        "angle that the step needs: speed K_m u_max, time constant T_m. No law can be faster on these motors."
+    )
+
+
+@catalogue_entry
+def tension_after_pretension() -> str:
+    return (
+        "Tension is evaluated from the start of the program, after pretension; load-cell noise and delay are part of "
+        "it. Root mean squares include the steps themselves and therefore mostly reflect the speed of the loop that λ "
+        "sets."
+    )
+
+
+@catalogue_entry
+def tension_figure() -> str:
+    return "Tendon tensions as the load cells measure them: (A) of tendon A, (B) of tendon B."
+
+
+@catalogue_entry
+def session_figure() -> str:
+    return f"{_SIGNALS}. References dashed. {_ERROR_AXES}"
+
+
+@catalogue_entry
+def whole_experiment_figure() -> str:
+    return f"The whole experiment: {_SIGNALS}. References dashed. {_ERROR_AXES}"
+
+
+@catalogue_entry
+def separate_steps_figure(*, is_simulated: bool, is_planned: bool) -> str:
+    """``is_simulated``: the response of the paper's law is drawn too. ``is_planned``: the run used the trajectory."""
+    return (
+        f"Position and stiffness moved one after the other: {_SIGNALS}. References dashed."
+        f"{_PAPER_IN_GREY if is_simulated else ''} {_ERROR_AXES} Compare q, S and u with figure 7A–C of the paper"
+        f"{_PAPER_USES_GOVERNOR if is_planned else ''}."
+    )
+
+
+@catalogue_entry
+def simultaneous_steps_figure(*, is_simulated: bool, is_planned: bool) -> str:
+    return (
+        "Position and stiffness moved simultaneously: the same signals in (G) to (L). References dashed."
+        f"{_PAPER_IN_GREY if is_simulated else ''} Compare q, S and u with figure 7D–F of the paper"
+        f"{_PAPER_USES_GOVERNOR if is_planned else ''}."
+    )
+
+
+@catalogue_entry
+def all_steps_figure(*, is_planned: bool) -> str:
+    if is_planned:
+        shape = (
+            "The trajectory feed-forward moves a model of motors and joint and applies its voltages to the "
+            "motors: a step takes the time that "
+            "the motors need within the voltage limit, and λ sets how deviations from the model are corrected."
+        )
+    else:
+        shape = (
+            "The time constants of the motor loops delay the real response; the reference governor slows "
+            "large steps, so that the motors stay within their voltage limit."
+        )
+    return (
+        "All steps on one scale: (A) joint position and (B) stiffness, with the response "
+        "that λ defines for a first-order process (dashed), (C, D) the remaining error in "
+        f"percent of the step, with the settling band of ±2 %. {shape}"
+    )
+
+
+@catalogue_entry
+def all_completed_steps() -> str:
+    return "All completed steps."
+
+
+@catalogue_entry
+def both_step() -> str:
+    return "both step"
+
+
+@catalogue_entry
+def metrics_not_measured_completely() -> str:
+    return "Metrics that could not be measured completely; any value in the table above is a lower bound."
+
+
+# Comparison with the law of the paper --------------------------------------------------------------
+
+
+@catalogue_entry
+def compared_with_paper_law() -> str:
+    return (
+        "For comparison: the same references with the reference governor of the paper (lambda motion) instead of the "
+        "trajectory and all else equal, simulated with the run's own parameters, gains, push and seed, from rest at "
+        "its first references. It is not a measurement. With the trajectory, the time constants of the loops do not "
+        "delay a reference; λ sets how deviations of the actuator from its model are corrected (docs/decisions/0046)."
+    )
+
+
+@catalogue_entry
+def samples_have_gaps() -> str:
+    return "samples are missing"
+
+
+@catalogue_entry
+def lambda_was_changed() -> str:
+    return "λ was changed during the run"
+
+
+@catalogue_entry
+def paper_law_would_trip(*, t_s: float) -> str:
+    return f"under this law the safety module would have tripped after {t_s:g} s"
+
+
+@catalogue_entry
+def paper_law_not_computed(*, reason: str) -> str:
+    return f"The response of the paper's law to these references was not computed: {reason}."
+
+
+@catalogue_entry
+def times_to_90_percent() -> str:
+    return "Time from a step to 90 % of its height, measured and simulated with the paper's law."
+
+
+# Experiments from data -----------------------------------------------------------------------------
+
+
+@catalogue_entry
+def how_responses_are_evaluated() -> str:
+    return (
+        "For a periodic excitation, the last period is evaluated, line by line; for a sweep, the whole record, "
+        "smoothed. Gain and phase are those of the closed loop from the reference to the measured output, dead time "
+        "and governor included."
+    )
+
+
+@catalogue_entry
+def how_impacts_are_simulated() -> str:
+    return (
+        "F_wall is the force of the simulated obstacle on the joint, tangential at r_j: k_wall δ (1 + c_wall δ') at "
+        "penetration depth δ, never a pull. In the first milliseconds the obstacle stops the inertia of the joint, "
+        "independently of its stiffness; then the motors press through the springs. A low stiffness reduces this "
+        "second part only. The contact reaction stops the motors, opens the position loop and commands the lowest "
+        "stiffness, for the duration of the corresponding hit without the reaction. The contact force is estimated "
+        "from encoders and springs, less the bias that the experiment has calibrated at rest."
+    )
+
+
+@catalogue_entry
+def lambda_figure() -> str:
+    return "λ of both loops at each sample; the experiment changes the tuning."
+
+
+@catalogue_entry
+def push_forces_figure() -> str:
+    return (
+        "Pushes on the joint: (A) joint position, (B) measured force F_ext and the force F_exp predicted from "
+        "stiffness and position, (C) their difference as measured (grey) and aligned."
+    )
+
+
+@catalogue_entry
+def disturbances_figure() -> str:
+    return "Disturbances: (A, B) errors of the motor loops, (C) joint position, (D, E) voltages."
+
+
+@catalogue_entry
+def responses_figure() -> str:
+    return "Frequency responses of the closed loops: (A) gain, (B) phase, at each excited frequency line or band."
+
+
+# Frequency responses -------------------------------------------------------------------------------
+
+_LOOPS = {"q": "position loop", "S": "stiffness loop"}
+
+
+@catalogue_entry
+def how_lines_are_measured(*, variation_max: float) -> str:
+    return (
+        "Each frequency line of a multisine or a sequence is measured over the last period as Y/U of the "
+        "discrete Fourier transform over whole periods, which equals the least-squares fit of a sine; a "
+        "sweep is evaluated as a whole, in bands of 12 %. A line is not measured where it differs by more "
+        f"than {100.0 * variation_max:g} % from one period to the next, or where a limit "
+        "acted."
+    )
+
+
+@catalogue_entry
+def how_bandwidth_is_measured() -> str:
+    return (
+        "Bandwidth and resonance are relative to the gain 1 at zero frequency, which integral action ensures. Between "
+        "two lines, and between zero frequency and the lowest line, 1/|H|² is interpolated over f² by a monotone cubic."
+    )
+
+
+@catalogue_entry
+def how_responses_are_predicted() -> str:
+    return (
+        "The prediction combines the plant, linearized about the references with its identified parameters and "
+        "zero-order hold of the voltages, with the active loops and gains. In time-optimal motion it includes the "
+        "trajectory, provided that the voltage for the references is within its limit. It does not include friction."
+    )
+
+
+@catalogue_entry
+def bode_figure() -> str:
+    return (
+        "Bode diagram of the closed loops, from the reference to the measured output: (A) gain, (B) phase. Points are "
+        "measured, crosses mark frequencies that were not measured (the table gives the reason), lines are predicted."
+    )
+
+
+@catalogue_entry
+def no_prediction_of_loop(*, signal: str, reason: str) -> str:
+    return f"The {_LOOPS[signal]} has no prediction: {reason}."
+
+
+@catalogue_entry
+def line_not_measured(*, reason: str) -> str:
+    return f"not measured: {reason}"
+
+
+@catalogue_entry
+def lines_of_loop(*, signal: str) -> str:
+    return (
+        f"Lines of the {_LOOPS[signal]}: gain and phase of {signal} over "
+        f"{signal}_ref, and the variation of the line from the previous period, or for a sweep √(1 "
+        "− γ²) of its band."
+    )
+
+
+# Rest ----------------------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def how_holds_are_evaluated() -> str:
+    return (
+        "A hold is an interval with constant references, no push and no load. The angles are encoder readings: a joint "
+        "at rest between two counts may yield either, so half a count is subtracted from the deviation if the encoder "
+        "counts. A motor is moving in a tick in which its count changes."
+    )
+
+
+@catalogue_entry
+def friction_causes_limit_cycle() -> str:
+    return (
+        "With static friction, an integrator causes a permanent limit cycle of about one count. Once the joint has "
+        "reached its reference, the outer integrators ignore errors below half a count of the joint and 0.01 N·m/rad, "
+        "in both motions. The law as printed in the paper does not."
+    )
+
+
+@catalogue_entry
+def holds_figure() -> str:
+    return (
+        "Holds, each from its start: (A) deviation of the joint from its reference in encoder counts, (B) deviation of "
+        "the stiffness from its reference, (C, D) deviations of the voltages from their means."
+    )
+
+
+@catalogue_entry
+def holds_table() -> str:
+    return (
+        "Holds: peak-to-peak values (p-p) of q, S and the voltage that varies more; largest |q − q_ref|, less half a "
+        "count, and mean q − q_ref; share of ticks in which a motor's count changed."
+    )
+
+
+# Impacts -------------------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def hits_figure() -> str:
+    return (
+        "Hits on the obstacle: (A) its force on the joint since the contact, (B) peak force and (C) impulse over the "
+        "approach speed, for each stiffness. Dashed, with open markers: with contact reaction, which begins at the dot "
+        "in A."
+    )
+
+
+@catalogue_entry
+def all_hits() -> str:
+    return (
+        "All hits. The approach speed is measured over the 50 ms before the contact. Detection: time from the contact "
+        "until the estimated force exceeds the threshold. Reaction and peak: times from the detection until the "
+        "contact reaction begins (0: in the same sample) and until the force of the obstacle peaks."
+    )
+
+
+@catalogue_entry
+def not_detected() -> str:
+    return "not detected"
+
+
+@catalogue_entry
+def comparable_hits() -> str:
+    return "Comparable hits without and with contact reaction."
+
+
+# Pushes --------------------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def how_pushes_are_predicted() -> str:
+    return (
+        "Deviations are relative to the mean over the 0.1 s before each push. The predicted response is that of the "
+        "plant, linearized with its identified parameters, and of the active loops and gains under the same force; it "
+        "does not include friction. It is the same in both motions, because the loops that respond to a push are the "
+        "same."
+    )
+
+
+@catalogue_entry
+def static_deflection() -> str:
+    return (
+        "Static is r_j F/S, the deflection under a constant force with the position loop open. With the loop closed, "
+        "the deflection under a force step exceeds this value by the overshoot of the joint, then the integral action "
+        "removes the deflection; an impulse ends earlier."
+    )
+
+
+@catalogue_entry
+def pushes_figure() -> str:
+    return (
+        "Pushes at the joint: (A) force, (B) deviation of the joint from its position before the push, measured and "
+        "predicted (dashed), (C) measured minus predicted, (D)  stiffness minus its reference; outside the panel the "
+        "stiffness moves to another reference."
+    )
+
+
+@catalogue_entry
+def not_all_pushes_predicted(*, reason: str) -> str:
+    return f"Not all pushes have a prediction: {reason}."
+
+
+@catalogue_entry
+def pushes_table(*, tolerance_rad: float) -> str:
+    return (
+        "Pushes: largest deviation of q and S, the predicted peak, the error of the measured peak "
+        "relative to it in percent, the static deflection r_j F/S, "
+        f"and the time from the end of the push until q stays within {Angle(tolerance_rad)} of its reference."
+    )
+
+
+# Identifications of a series -----------------------------------------------------------------------
+
+
+@catalogue_entry
+def verdict_of_run(*, run_id: int | None, verdict: str) -> str:
+    return f"Run {run_id}: {verdict}"
+
+
+@catalogue_entry
+def motors_of_series(*, side: str) -> str:
+    return f"Motor {side}: least squares over all steps, ± standard error."
+
+
+@catalogue_entry
+def springs_of_series(*, side: str) -> str:
+    return f"Spring {side}: the recommended polynomial, ± standard error."
+
+
+@catalogue_entry
+def models_of_series(*, name: str) -> str:
+    return f"{name}: gain and sum of lags, ± standard error; fit on validation data."
+
+
+# Actuator identification ---------------------------------------------------------------------------
+
+
+@catalogue_entry
+def actuator_identification_at(*, tension_N: float) -> str:
+    return f"Actuator identification at {exact(tension_N)} N"
+
+
+@catalogue_entry
+def no_model() -> str:
+    return "No model: the run contains no samples."
+
+
+@catalogue_entry
+def gains_are_for_one_motor() -> str:
+    return (
+        "Gains are for one motor: through the decoupler both motors move, which doubles them, and the controllers are "
+        "scaled for that (erratum E3). T is the sum of the model's time constants and dead time (sum of lags), K its "
+        "static gain; the λ formulas use K and T."
+    )
+
+
+@catalogue_entry
+def fit_is_of_simulation() -> str:
+    return (
+        "The fit in percent is that of a simulation on the last third of the record by a model fitted to the first two "
+        "thirds. Standard errors allow for coloured residuals; they do not cover effects that the structure omits."
+    )
+
+
+@catalogue_entry
+def table_1_has_other_conditions() -> str:
+    return (
+        "The paper's table 1 was fitted as first order to a 1 ms sequence on the real rig, where friction grows with "
+        "tension. Agreement with its T and its gains of G_S is therefore not expected; agreement with its gains of G_q "
+        "and with the geometry is."
+    )
+
+
+@catalogue_entry
+def operating_point(*, q: float | None, S: float) -> str:
+    joint = "" if q is None else f"q = {Angle(q):.6g}, "
+    return f"{joint}S = {format_measured(S, 4)} N·m/rad at rest before the excitation"
+
+
+@catalogue_entry
+def transfer_functions() -> str:
+    return (
+        "Transfer functions from θ_A,ref to q [rad/rad] and to S [N·m/rad per rad]: static gain K and sum of lags T "
+        "with standard errors, gain against geometry, fit on validation data. Residual tests: the largest correlation "
+        "in standard deviations, and its bound at the 1 % level for all lags together."
+    )
+
+
+@catalogue_entry
+def residual_tests(
+    *, is_white: bool, white: float, white_max: float, is_independent: bool, cross: float, cross_max: float
+) -> str:
+    return (
+        f"{'white' if is_white else 'coloured'} ({white:.1f} of {white_max:.1f}), "
+        f"{'independent of' if is_independent else 'correlated with'} input ({cross:.1f} of {cross_max:.1f})"
+    )
+
+
+@catalogue_entry
+def candidate_structures() -> str:
+    return "Candidate structures for the same record, best first (usable before unusable, then by BIC)."
+
+
+@catalogue_entry
+def compared_with_table_1(*, tension_N: float, missing: Mapping[str, str | None]) -> str:
+    """``missing`` has the reason for each transfer function without an ARX estimate; None if none was computed."""
+    texts = {name: "not computed" if reason is None else reason for name, reason in missing.items()}
+    reasons = " ".join(f"{name}: {text}." for name, text in texts.items())
+    caption = (
+        f"First-order models compared with the paper's table 1 at {exact(tension_N)} N. ARX: the "
+        "paper's method, first order with a low-pass filter, on the same record, for comparison only."
+    )
+    return f"{caption} {reasons}".strip()
+
+
+@catalogue_entry
+def actuator_samples_used(*, run_id: int | None, samples: int, period_s: float, first_sample: int, method: str) -> str:
+    return (
+        f"Identification {run_id} used {samples} samples at {exact(1e3 * period_s)} ms, "
+        f"from sample {first_sample} of that run on: input θ_A,ref, outputs q and S. "
+        f"Method: {method}."
+    )
+
+
+@catalogue_entry
+def commands_repeat_estimate() -> str:
+    return "To estimate G_q and G_S again from data.csv, the samples of the run:"
+
+
+@catalogue_entry
+def record_figure() -> str:
+    return (
+        "The record: (A) excitation on the held tension, (B) joint position and (D) joint stiffness, each with the "
+        "identified model simulated from rest on the recorded input (dashed), (C, E) measured less simulated, (F, G) "
+        "tendon tensions."
+    )
+
+
+@catalogue_entry
+def model_bode_figure() -> str:
+    return (
+        "Frequency responses of (A, C) G_q and (B, D) G_S: identified model, its first-order reduction (dashed), and a "
+        "non-parametric estimate from the data where the coherence exceeds 0.9 (dots)."
+    )
+
+
+@catalogue_entry
+def step_response_figure(*, step_rad: float, angles: AngleUnit) -> str:
+    return (
+        "Response of (A) G_q and (B) G_S to a step of θ_A,ref by "
+        f"{format_quantity(step_rad, 'rad', angles)}, and of their first-order reductions (dashed)."
+    )
+
+
+@catalogue_entry
+def residuals_figure() -> str:
+    return (
+        "Residual autocorrelation (A, B) and input–residual cross-correlation (C, D). Grey: the bounds of the tests; "
+        "for a complete model, all correlations stay within them in 99 of 100 records."
+    )
+
+
+# Motor identification ------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def how_motors_are_fitted() -> str:
+    return (
+        "A least-squares fit to the positions of all steps estimates K_m, T_m and the Coulomb voltage u_c together: "
+        "T_m ω' + ω = K_m (u − u_c sign ω). u_c is omitted where it does not differ from zero at the 1 % level. "
+        "Standard errors allow for coloured residuals."
+    )
+
+
+@catalogue_entry
+def how_rule_estimates_motors() -> str:
+    return (
+        "The 63.21 % rule is the paper's: K_m from the steady speed, T_m where the speed reaches 63.21 % of it. The "
+        "rule neglects Coulomb friction, which lowers its gain most at the smallest voltage, and steps that end before "
+        "the speed is steady, which lower it at the largest."
+    )
+
+
+@catalogue_entry
+def tendons_were_slack() -> str:
+    return (
+        "Both tendons were slack during the steps. A step with saturation or with a tendon load is rejected and listed."
+    )
+
+
+@catalogue_entry
+def models_of_motors() -> str:
+    return "Both motors, K_m/(s (T_m s + 1)) with Coulomb voltage u_c."
+
+
+@catalogue_entry
+def least_squares_estimate() -> str:
+    return "least squares, standard errors"
+
+
+@catalogue_entry
+def rule_estimate() -> str:
+    return "63.21 % rule, mean and spread"
+
+
+@catalogue_entry
+def previously_active() -> str:
+    return "previously active"
+
+
+@catalogue_entry
+def rule_for_each_step() -> str:
+    return "The 63.21 % rule for each step."
+
+
+@catalogue_entry
+def rejected_steps() -> str:
+    return "Rejected steps."
+
+
+@catalogue_entry
+def motors_of_parameter_file(*, run_id: int | None, models: Mapping[Side, tuple[float | None, float | None]]) -> str:
+    """``models`` has K_m and T_m of each motor."""
+    entries = "; ".join(
+        f"[identified_{side}] K_m = {format_measured(K_m, 4)}, T_m = {format_measured(T_m, 4)}"
+        for side, (K_m, T_m) in models.items()
+    )
+    return (
+        f"Identification {run_id} used the voltages and motor angles of that run. The motor loops take "
+        f"their model from the parameter file; to use this model, enter in that file: {entries}."
+    )
+
+
+@catalogue_entry
+def motor_steps_figure() -> str:
+    return (
+        "Angle of each motor after the steps, measured (coloured) and by the least-squares model (dashed), and (C, D) "
+        "their difference."
+    )
+
+
+# Spring identification -----------------------------------------------------------------------------
+
+
+@catalogue_entry
+def elongations_are_relative() -> str:
+    return (
+        "Elongations are x_A = r_m θ_A − r_j q and x_B = r_m θ_B + r_j q (equations 1 and 2). They are relative to the "
+        "encoder zeros that pretension set, based on the springs active before."
+    )
+
+
+@catalogue_entry
+def how_springs_are_fitted() -> str:
+    return (
+        "Each pair is a mean over 0.1 s. Cross-validation error: the error at each pair of a polynomial fitted to all "
+        "other pairs. A higher order is recommended only if it reduces this error by at least 20 % and increases "
+        "monotonically; the analytic decoupler needs order 2. The paper's order 2 stayed below 0.85 N."
+    )
+
+
+@catalogue_entry
+def springs_show_hysteresis() -> str:
+    return (
+        "The curves for rising and falling force differ (hysteresis) because of the load cells' delay and of friction "
+        "between spring and load cell; the polynomial is fitted to both curves and lies between them."
+    )
+
+
+@catalogue_entry
+def polynomials_of_spring(*, side: str, before: Sequence[float]) -> str:
+    active = ", ".join(format_measured(k, 5) for k in before)
+    return f"Spring {side}: F(x) = k_0 + k_1 x + k_2 x² + … Previously active: {active or 'a table'}."
+
+
+@catalogue_entry
+def order_of_spring(*, side: str, reason: str) -> str:
+    return f"Spring {side}: {reason}."
+
+
+@catalogue_entry
+def spring_pairs_used(*, run_id: int | None, pairs: int) -> str:
+    return f"Identification {run_id} used {pairs} pairs of each spring, from the sweep of that run."
+
+
+@catalogue_entry
+def springs_figure() -> str:
+    return (
+        "Characteristic of (A) spring A and (B) spring B: measured pairs (dots) and the recommended polynomial; (C, D) "
+        "measured minus fitted force by order, dots with increasing force, crosses with decreasing force. Compare "
+        "figure 3 of the paper."
+    )
+
+
+# Coefficients --------------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def coefficients_of_models() -> str:
+    return (
+        "All coefficients of the identified models with standard errors: the estimated parameters and, where these are "
+        "not the coefficients of the denominator themselves, the coefficients derived from them. The gain and the sum "
+        "of lags of the first table follow from these coefficients; the λ formulas and the bank use these two values."
+    )
+
+
+@catalogue_entry
+def actuator_models_as_text() -> str:
+    return "The same with all digits, as text:"
+
+
+@catalogue_entry
+def actuator_models_as_code() -> str:
+    return "The same for python-control:"
+
+
+@catalogue_entry
+def motor_models_as_text() -> str:
+    return "The least-squares models with all digits, as text:"
+
+
+@catalogue_entry
+def motor_models_as_code() -> str:
+    return "The same for python-control, without Coulomb friction:"
+
+
+@catalogue_entry
+def spring_models_as_text() -> str:
+    return "The recommended polynomials with all digits, as text:"
+
+
+@catalogue_entry
+def spring_models_as_code() -> str:
+    return "The same for NumPy:"
+
+
+@catalogue_entry
+def static_gain() -> str:
+    return "static gain"
+
+
+@catalogue_entry
+def first_order_time_constant() -> str:
+    return "time constant of the first-order factor"
+
+
+@catalogue_entry
+def time_constant_of_each_factor() -> str:
+    return "time constant of each factor"
+
+
+@catalogue_entry
+def dead_time() -> str:
+    return "dead time"
+
+
+@catalogue_entry
+def second_order_coefficient() -> str:
+    return "coefficient of the factor a2 s² + a1 s + 1"
+
+
+@catalogue_entry
+def denominator_coefficient(*, power: str) -> str:
+    return f"of {power} in the denominator"
+
+
+@catalogue_entry
+def expanded_denominator_coefficient(*, power: str) -> str:
+    return f"of {power} in the expanded denominator"
+
+
+# Timing --------------------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def timing_of_run() -> str:
+    return "Timing of the run."
+
+
+@catalogue_entry
+def samples_are_one_per_tick() -> str:
+    return "recorded samples, one per tick"
+
+
+@catalogue_entry
+def ticks_without_sample() -> str:
+    return "ticks without a recorded sample"
+
+
+@catalogue_entry
+def ranges_with_missing_samples() -> str:
+    return "ranges in which samples are missing"
+
+
+@catalogue_entry
+def between_first_and_last_sample() -> str:
+    return "between the first and the last sample"
+
+
+@catalogue_entry
+def delay_of_control_step() -> str:
+    return "delay of a control step relative to its deadline"
+
+
+@catalogue_entry
+def computed_in_batches() -> str:
+    return "the run was computed in batches, faster than real time, without deadlines"
+
+
+@catalogue_entry
+def granted_by_operating_system() -> str:
+    return "granted to the control loop by the operating system"
+
+
+@catalogue_entry
+def largest_timer_delay() -> str:
+    return "largest delay by which the operating system may defer a wake-up"
+
+
+@catalogue_entry
+def service_died_while_recording() -> str:
+    return "unknown: the service died during the recording"
+
+
+@catalogue_entry
+def not_stored() -> str:
+    return "not stored"
+
+
+# Report of a series --------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def title_of_series(*, titles: Collection[str]) -> str:
+    """``titles`` has the different titles of the runs."""
+    return f"Series: {next(iter(titles))}" if len(titles) == 1 else "Series of different experiments"
+
+
+@catalogue_entry
+def verdicts_of_series(*, runs: int, passed: int, failed: int, incomplete: int, neutral: int) -> str:
+    counts = {
+        "passed all criteria": passed,
+        "failed a criterion": failed,
+        "ended early or could not be measured completely": incomplete,
+        "had no criteria": neutral,
+    }
+    return f"Of {runs} runs, {', '.join(f'{count} {verdict}' for verdict, count in counts.items() if count)}."
+
+
+@catalogue_entry
+def period_of_series(*, runs: int, first: datetime, last: datetime) -> str:
+    return f"{runs}, from {first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC"
+
+
+@catalogue_entry
+def relative_to_run(*, run_id: int) -> str:
+    return f"relative to run {run_id}"
+
+
+@catalogue_entry
+def runs_of_series() -> str:
+    return "The runs of the series."
+
+
+@catalogue_entry
+def not_set() -> str:
+    return "not set"
+
+
+@catalogue_entry
+def runs_do_not_differ() -> str:
+    return "None: the runs have the same settings, tuning, parameters and software."
+
+
+@catalogue_entry
+def settings_that_differ() -> str:
+    return "Settings that differ between the runs"
+
+
+@catalogue_entry
+def metrics_with_differences() -> str:
+    return "Metrics, with differences from the first run in brackets"
+
+
+@catalogue_entry
+def table_of_runs(*, contents: str, columns: Sequence[int]) -> str:
+    """``columns`` has the runs of a table that shows only part of the series; it is empty for the whole series."""
+    part = f", runs {columns[0]} to {columns[-1]} of the list" if columns else ""
+    return f"{contents}{part}."
+
+
+@catalogue_entry
+def spread_of_metrics() -> str:
+    return (
+        "Spread over the runs with a complete measurement, with the sample standard deviation (N − 1). Partial: number "
+        "of runs with an incomplete measurement, which are excluded."
+    )
+
+
+@catalogue_entry
+def partially_measured(*, mark: str, runs: Mapping[str, Sequence[int]]) -> str:
+    """Name the runs of each metric with its reason."""
+    reasons = "; ".join(f"{reason} (run {_join(run_ids)})" for reason, run_ids in runs.items())
+    return f"{mark} Partially measured, so no difference is given. {reasons}."
+
+
+@catalogue_entry
+def metric_and_reason(*, label: str, reason: str) -> str:
+    return f"{label}: {reason}"
+
+
+@catalogue_entry
+def metrics_figure() -> str:
+    return (
+        "Metrics of the runs, in the order of the list; hollow where the measurement of a run is incomplete, a gap "
+        "where the metric is not measured."
+    )
+
+
+@catalogue_entry
+def curves_figure() -> str:
+    return "Joint position and stiffness of all runs, each from its first sample; references dashed."
+
+
+@catalogue_entry
+def responses_of_runs_figure() -> str:
+    return "Frequency responses of the runs that measured them: points are measured lines, curves are predicted."
+
+
+@catalogue_entry
+def series_is_recomputable() -> str:
+    return (
+        "Every number of this report can be recomputed from the stored samples of its runs; the verification finds "
+        "each run by the hash of its samples, regardless of its number in that data folder:"
+    )
+
+
+# PDF -----------------------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def characters_replaced(*, box: str, characters: Collection[str], named: int, elsewhere: str) -> str:
+    """Name at most ``named`` of the characters."""
+    codes = [f"U+{ord(character):04X}" for character in sorted(characters)]
+    more = f" and {len(codes) - named} more" if len(codes) > named else ""
+    listed = f"{', '.join(codes[:named])}{more}"
+    return f"{box} replaces a character that the fonts of this PDF do not have: {listed}. {elsewhere}"
+
+
+@catalogue_entry
+def html_report_shows_text() -> str:
+    return "The HTML report shows the original text."
+
+
+@catalogue_entry
+def sheet_as_svg_shows_text() -> str:
+    return "The same sheet as SVG shows it."
 
 
 # Verification --------------------------------------------------------------------------------------
@@ -123,8 +1483,186 @@ def samples_of_run_missing(*, run_id: int) -> str:
 
 
 @catalogue_entry
-def part_of_run_omitted(*, run_id: int, reason: str) -> str:
-    return f"run {run_id}, {reason}"
+def part_of_run(*, run_id: int, part: str) -> str:
+    return f"run {run_id}, {part}"
+
+
+# Differences between a report and its recomputation ------------------------------------------------
+
+
+@catalogue_entry
+def every_number_compared() -> str:
+    return "every number, criterion, parameter and hash"
+
+
+@catalogue_entry
+def all_but_visible_page() -> str:
+    return "metrics, criteria, models, parameters and hashes of its manifest, but not the visible page"
+
+
+@catalogue_entry
+def page_beside_pdf_compared(*, compared: str) -> str:
+    return f"of the page in the same folder: {compared}"
+
+
+@catalogue_entry
+def nothing() -> str:
+    return "nothing"
+
+
+@catalogue_entry
+def the_page() -> str:
+    return "the page"
+
+
+@catalogue_entry
+def the_pdf() -> str:
+    return "the PDF"
+
+
+@catalogue_entry
+def the_source_data() -> str:
+    return "the source data"
+
+
+@catalogue_entry
+def one_that_can_be_reproduced() -> str:
+    return "one that can be reproduced"
+
+
+@catalogue_entry
+def run_that_can_be_recomputed() -> str:
+    return "a run that can be recomputed"
+
+
+@catalogue_entry
+def other_pages() -> str:
+    return "other pages"
+
+
+@catalogue_entry
+def pages_of_html_report() -> str:
+    return "the pages made from the numbers of its HTML page"
+
+
+@catalogue_entry
+def drawing_of_figure(*, number: int) -> str:
+    return f"drawing of figure {number}"
+
+
+@catalogue_entry
+def another_drawing() -> str:
+    return "another drawing"
+
+
+@catalogue_entry
+def drawing_from_samples() -> str:
+    return "the drawing from its samples"
+
+
+@catalogue_entry
+def only_lines_letters_and_areas() -> str:
+    return "only lines, letters and areas"
+
+
+@catalogue_entry
+def manifest_as_written() -> str:
+    return "the report manifest as written"
+
+
+@catalogue_entry
+def number_of_drawings() -> str:
+    return "number of drawings"
+
+
+@catalogue_entry
+def length_of_page() -> str:
+    return "length of the page"
+
+
+@catalogue_entry
+def lines_of_page(*, lines: int) -> str:
+    return f"{lines} lines"
+
+
+@catalogue_entry
+def row_of_table(*, title: str) -> str:
+    return f"row “{title}”"
+
+
+@catalogue_entry
+def line_of_heading(*, label: str) -> str:
+    return f"“{label}” in the heading"
+
+
+@catalogue_entry
+def line_of_page(*, number: int) -> str:
+    return f"line {number} of the page"
+
+
+@catalogue_entry
+def file_of_samples() -> str:
+    return "the file of the samples"
+
+
+@catalogue_entry
+def samples_as_exported() -> str:
+    return "samples as they were exported"
+
+
+@catalogue_entry
+def unit_in_file(*, column: str, file: str) -> str:
+    return f"unit of {column} in {file}"
+
+
+@catalogue_entry
+def units_and_meanings_in_file(*, file: str) -> str:
+    return f"units and meanings in {file}"
+
+
+@catalogue_entry
+def lines_of_export() -> str:
+    return "the lines of its export"
+
+
+@catalogue_entry
+def columns_of_export() -> str:
+    return "the columns of its export"
+
+
+@catalogue_entry
+def json_document() -> str:
+    return "a JSON document"
+
+
+@catalogue_entry
+def json_object() -> str:
+    return "a JSON object"
+
+
+@catalogue_entry
+def hash_of_input(*, name: str) -> str:
+    return f"hash of the {name}"
+
+
+@catalogue_entry
+def number_of_samples() -> str:
+    return "number of samples"
+
+
+@catalogue_entry
+def samples_of_signal(*, signal: str, start_s: float, end_s: float) -> str:
+    return f"samples of {signal} from {start_s:g} s to {end_s:g} s"
+
+
+@catalogue_entry
+def checksums_of_signal(*, signal: str) -> str:
+    return f"checksums of {signal}"
+
+
+@catalogue_entry
+def signature_found(*, fingerprint: str | None) -> str:
+    return "none" if fingerprint is None else f"one by {fingerprint}"
 
 
 # Signature -----------------------------------------------------------------------------------------
@@ -212,9 +1750,32 @@ def too_many_samples(*, samples: int, maximum: int) -> str:
 # Chart sheet ---------------------------------------------------------------------------------------
 
 
+LimitedQuantity = Literal[
+    "elements",
+    "nested elements",
+    "texts",
+    "characters of a path",
+    "characters of a text",
+    "characters of all texts",
+    "characters of the title",
+]
+_SMALLER_SHEET: dict[LimitedQuantity, str] = {
+    "elements": "draw fewer panels or marks on one sheet",
+    "nested elements": "reduce the nesting",
+    "texts": "draw fewer panels or marks on one sheet",
+    "characters of a path": "draw it with fewer points, or in parts",
+    "characters of a text": "shorten it",
+    "characters of all texts": "shorten them, or draw fewer",
+    "characters of the title": "shorten it",
+}
+
+
 @catalogue_entry
-def sheet_too_large(*, quantity: str, number: int, maximum: int, remedy: str) -> str:
-    return f"{quantity}: this chart sheet has {number} or more, but at most {maximum} are drawn: {remedy}"
+def sheet_too_large(*, quantity: LimitedQuantity, number: int, maximum: int) -> str:
+    return (
+        f"{quantity}: this chart sheet has {number} or more, but at most {maximum} are drawn: "
+        f"{_SMALLER_SHEET[quantity]}"
+    )
 
 
 @catalogue_entry

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from backend.identification import DenominatorKind, Structure, find_structure
 from backend.models import CHANNELS, ActuatorModel, ChannelModel, ChannelName, IdentifiedMotor, SpringModel
+from backend.reports import messages
 from backend.reports.model import Block, Code, Column, Table, format_measured
 from plant import SIDES, Side
 
@@ -14,15 +15,15 @@ _GAIN_UNITS = {"G_q": "rad/rad", "G_S": "N·m/rad²"}
 _OUTPUTS = {"G_q": "q [rad]", "G_S": "S [N*m/rad]"}
 _PADE_ORDER = 4
 _MEANINGS = {
-    "b0": "static gain",
-    "K": "static gain",
-    "T": "time constant of the first-order factor",
-    "tau": "time constant of each factor",
-    "t_d": "dead time",
+    "b0": messages.static_gain(),
+    "K": messages.static_gain(),
+    "T": messages.first_order_time_constant(),
+    "tau": messages.time_constant_of_each_factor(),
+    "t_d": messages.dead_time(),
 }
 _RAISED = str.maketrans("23456", "²³⁴⁵⁶")
 _LOWERED = {raised: f"^{chr(digit)}" for digit, raised in _RAISED.items()}
-_OF_THIRD = {"a1": "coefficient of the factor a2 s² + a1 s + 1", "a2": "coefficient of the factor a2 s² + a1 s + 1"}
+_OF_THIRD = {"a1": messages.second_order_coefficient(), "a2": messages.second_order_coefficient()}
 
 Coefficient = tuple[str, float, float | None, int]
 """Name, value, standard error, and the power i of s that it belongs to. Its unit is s^i, except for the gain."""
@@ -33,8 +34,8 @@ def actuator_blocks(model: ActuatorModel) -> tuple[Block, ...]:
     channels: dict[ChannelName, ChannelModel] = {"G_q": model.G_q, "G_S": model.G_S}
     return (
         _coefficient_table(channels),
-        Code("The same with all digits, as text:", "\n".join(_text_lines(channels))),
-        Code("The same for python-control:", "\n".join(_control_lines(channels))),
+        Code(messages.actuator_models_as_text(), "\n".join(_text_lines(channels))),
+        Code(messages.actuator_models_as_code(), "\n".join(_control_lines(channels))),
     )
 
 
@@ -53,8 +54,8 @@ def motor_blocks(motors: Mapping[Side, IdentifiedMotor]) -> tuple[Block, ...]:
             code.append(f"# from u_{side} [V] to theta_{side} [rad]")
             code.append(f"motor_{side} = control.tf([{fitted.K_m!r}], [{fitted.T_m!r}, 1.0, 0.0])")
     return (
-        Code("The least-squares models with all digits, as text:", "\n".join(text)),
-        Code("The same for python-control, without Coulomb friction:", "\n".join(code)),
+        Code(messages.motor_models_as_text(), "\n".join(text)),
+        Code(messages.motor_models_as_code(), "\n".join(code)),
     )
 
 
@@ -69,8 +70,8 @@ def spring_blocks(springs: Mapping[Side, SpringModel]) -> tuple[Block, ...]:
             text.append(_line(f"k_{power}", k, std, "N" if power == 0 else f"N/m^{power}"))
         code.append(f"spring_{side} = np.polynomial.Polynomial({list(fit.k)!r})  # F [N] of x [m]")
     return (
-        Code("The recommended polynomials with all digits, as text:", "\n".join(text)),
-        Code("The same for NumPy:", "\n".join(code)),
+        Code(messages.spring_models_as_text(), "\n".join(text)),
+        Code(messages.spring_models_as_code(), "\n".join(code)),
     )
 
 
@@ -92,20 +93,15 @@ def _coefficient_table(channels: Mapping[ChannelName, ChannelModel]) -> Table:
             rows.append((key, name, *figures, _meaning(shape, name)))
         for name, value, std, power in _of_denominator(shape, model):
             figures = format_measured(value, 6), format_measured(std, 2), _unit(key, power)
-            rows.append((key, name, *figures, f"of {_power(power)} in the expanded denominator"))
-    caption = (
-        "All coefficients of the identified models with standard errors: the estimated parameters and, "
-        "where these are not the coefficients of the denominator themselves, the coefficients derived "
-        "from them. The gain and the sum of "
-        "lags of the first table follow from these coefficients; the λ formulas and the bank use these two values."
-    )
+            rows.append((key, name, *figures, messages.expanded_denominator_coefficient(power=_power(power))))
+    caption = messages.coefficients_of_models()
     return Table(caption, columns, tuple(rows))
 
 
 def _meaning(shape: Structure, name: str) -> str:
     if shape.kind is DenominatorKind.THIRD and name in _OF_THIRD:
         return _OF_THIRD[name]
-    return _MEANINGS.get(name) or f"of {_power(int(name[1:]))} in the denominator"
+    return _MEANINGS.get(name) or messages.denominator_coefficient(power=_power(int(name[1:])))
 
 
 def _power(power: int) -> str:
@@ -170,7 +166,7 @@ def _text_lines(channels: Mapping[ChannelName, ChannelModel]) -> Iterator[str]:
 
 
 def _line(name: str, value: float, std: float | None, unit: str) -> str:
-    error = "not known" if std is None else f"{std:.3g}"
+    error = messages.not_known() if std is None else f"{std:.3g}"
     return f"  {name:<4} = {value!r} +/- {error} {unit}"
 
 

@@ -7,6 +7,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from backend.plain_text import escape_lines
+from backend.reports import messages
 from backend.reports.model import Block, Report
 
 if TYPE_CHECKING:
@@ -74,10 +75,7 @@ def sentence(missing: frozenset[str], elsewhere: str) -> str:
     """
     if not missing:
         return ""
-    codes = [f"U+{ord(letter):04X}" for letter in sorted(missing)]
-    more = f" and {len(codes) - _NAMED} more" if len(codes) > _NAMED else ""
-    named = f"{', '.join(codes[:_NAMED])}{more}"
-    return f"{BOX} replaces a character that the fonts of this PDF do not have: {named}. {elsewhere}"
+    return messages.characters_replaced(box=BOX, characters=missing, named=_NAMED, elsewhere=elsewhere)
 
 
 def iterate_texts(document: Any) -> Iterable[str]:
@@ -136,7 +134,7 @@ def typeset(report: Report) -> tuple[bytes, dict[str, str]]:
     template = resources.files("backend.reports").joinpath("report.typ").read_bytes()
     document = escape_document(document)
     missing = missing_letters(iterate_texts(document))
-    missing_note = sentence(missing, "The HTML report shows the original text.")
+    missing_note = sentence(missing, messages.html_report_shows_text())
     data = json.dumps(with_boxes(document, missing) | {"missing": missing_note})
     filled: dict[tuple[float, float], float] = {}
     for layout in _LAYOUTS:

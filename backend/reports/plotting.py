@@ -421,15 +421,6 @@ def _bode(top: Axes, bottom: Axes, omega: Array, response: Complex, **style: Any
 
 Columns = Mapping[str, Array]
 
-WHAT_IS_DRAWN = (
-    "(A) joint position and (B) its error q − q_ref, (C) stiffness and (D) its error S − S_ref, (E, F) voltages"
-)
-CUT_OFF = (
-    "The error axes are scaled to the errors after a step is within 2 % of its final value; during the "
-    "transient, the error may leave the panel."
-)
-TENSIONS = "Tendon tensions as the load cells measure them: (A) of tendon A, (B) of tendon B."
-
 _UNITS = {"q": "rad", "S": "N·m/rad"}
 _LABELS = {"F": "Tension [N]", "u": "Voltage [V]"}
 _NAMES = {"q": "$q$", "S": "$S$", "F_A": "$F_A$", "F_B": "$F_B$", "u_A": "$u_A$", "u_B": "$u_B$"}

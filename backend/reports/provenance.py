@@ -21,6 +21,7 @@ from backend.models import (
     judge_run,
 )
 from backend.realtime import Law
+from backend.reports import messages
 from backend.reports.model import (
     Block,
     Code,
@@ -42,106 +43,88 @@ from plant import SHIPPED, SIMULATED, SIMULATOR, load_parameters
 # The origin of a run in a report: who, when, plant, settings, gains and parameters.
 
 
-S_NOTE = (
-    "S is always the estimate 2 r_j² (k_1 + k_2 r_m (θ_A + θ_B)) from measured angles and the identified spring, "
-    "not a direct measurement of stiffness. Its relative error is that of the identified springs: if "
-    "they are 20 % stiffer than identified, S is 14.4 N·m/rad while 12 is commanded and displayed, and "
-    "no law based on angles can detect this."
-)
-"""Note for all places that show S as measured."""
-
 END_STATES = {
-    EndState.RUNNING: "still running",
+    EndState.RUNNING: messages.still_running(),
     EndState.COMPLETED: "completed",
-    EndState.STOPPED: "stopped before its end",
+    EndState.STOPPED: messages.stopped_before_its_end(),
     EndState.TRIPPED: "tripped",
-    EndState.LINK_LOST: "connection to the page in control or to the control loop lost",
-    EndState.SERVICE_DIED: "service died",
+    EndState.LINK_LOST: messages.connection_lost(),
+    EndState.SERVICE_DIED: messages.service_died(),
 }
 
 
 def subtitle(source: RunData) -> str:
     """Return one line that identifies the run."""
     run = source.run
-    return f"Run {run.id} · {run.started_at:%Y-%m-%d %H:%M} UTC · {run.plant}, parameters “{run.parameters_name}”"
+    return messages.subtitle_of_run(
+        run_id=run.id, started_at=run.started_at, plant=run.plant, parameters=run.parameters_name
+    )
 
 
 def facts(source: RunData) -> tuple[Fact, ...]:
     """Return the heading of a report: who, when, plant, end and software."""
     run = source.run
-    ended = END_STATES[EndState(run.end_state)] + (f": {run.end_detail}" if run.end_detail else "")
+    end = END_STATES[EndState(run.end_state)]
     lines = [
-        Fact("Run", f"{run.id}, {ended}"),
-        Fact("Started", f"{run.started_at:%Y-%m-%d %H:%M:%S} UTC by {run.who}"),
-        Fact("Plant", f"{run.plant}, parameters “{run.parameters_name}”"),
+        Fact("Run", messages.run_and_its_end(run_id=run.id, end=end, detail=run.end_detail)),
+        Fact("Started", messages.start_of_run(started_at=run.started_at, who=run.who)),
+        Fact("Plant", messages.plant_and_parameters(plant=run.plant, parameters=run.parameters_name)),
     ]
     if run.note:
         lines.append(Fact("Note", run.note, quoted=True))
     versions = run.set_to.versions or {}
-    software = ", ".join([f"Sinew {run.software}", *(f"{name} {version}" for name, version in versions.items())])
-    return (*lines, Fact("Software", software))
+    return (*lines, Fact("Software", messages.software_versions(software=run.software, versions=versions)))
 
 
 _CONTROLLERS = {
-    Law.SINGLE_LOOP: (
-        "single loop on position and stiffness, for comparison: without motor loops, without bank and outer gains",
-        "the identified geometry, spring and motors (K_m, T_m); its gains are for the operating point at 20 N",
-    ),
-    Law.FEEDBACK_LINEARIZATION: (
-        "feedback linearization (the static law), for comparison: without motor loops, without bank and outer gains",
-        "the true plant: all equations and parameters of the simulator, including friction and the "
-        "differences between the sides. No such model exists for a rig",
-    ),
-    Law.FORCE_HOLD: ("only the motor loops: motor A holds the tension, the excitation is added to its reference", ""),
-    Law.MOTOR_STEPS: ("voltage steps; between them only the motor loops", ""),
-    Law.TENSION_SWEEP: ("only the motor loops: they follow a tension sweep", ""),
+    Law.SINGLE_LOOP: (messages.single_loop_for_comparison(), messages.single_loop_model()),
+    Law.FEEDBACK_LINEARIZATION: (messages.linearization_for_comparison(), messages.linearization_model()),
+    Law.FORCE_HOLD: (messages.motor_A_holds_tension(), ""),
+    Law.MOTOR_STEPS: (messages.voltage_steps(), ""),
+    Law.TENSION_SWEEP: (messages.motor_loops_follow_sweep(), ""),
 }
 """Description of each law without the outer loops of the cascade, and the part of the plant that it knows."""
-
-_KNOWN = "the identified geometry, springs and motors (K_m, T_m), not their friction"
 
 
 def tuning_facts(source: RunData) -> tuple[Fact, ...]:
     """Return the tuning that the law uses, λ as recorded, and the simulator's seed."""
     loop, law = source.run.set_to.loop, find_control_law(source.run)
     used = USED_SETTINGS[law]
-    parts = [f"λ_{name} = {_lam_text(source, name)}" for name in ("q", "S") if f"lam_{name}" in used]
+    parts: list[str] = [
+        messages.lambda_in_use(loop=name, range_s=_find_range(source, f"lam_{name}"))
+        for name in ("q", "S")
+        if f"lam_{name}" in used
+    ]
     if loop.lam_motor is not None and "lam_motor" in used:
-        parts.append(f"λ_motor = {exact(loop.lam_motor)} s")
+        parts.append(messages.lambda_motor_in_use(lam_s=loop.lam_motor))
     if "b" in used:
-        parts.append("b not recorded" if loop.b is None else f"b = {exact(loop.b)}")
-    controller, known = _CONTROLLERS.get(law) or (_cascade_in_words(source, law), _KNOWN)
+        parts.append(messages.setpoint_weight(b=loop.b))
+    controller, known = _CONTROLLERS.get(law) or (_describe_cascade(source, law), messages.cascade_model())
     lines = [Fact("Tuning", ", ".join(parts)), Fact("Controller", controller)]
     if known:
-        lines.append(Fact("Model used by the controller", known))
+        lines.append(Fact(messages.model_of_controller(), known))
     if source.run.plant in SIMULATED and loop.seed is not None:
         lines.append(Fact("Seed", str(loop.seed)))
     return tuple(lines)
 
 
-def _cascade_in_words(source: RunData, law: Law) -> str:
+def _describe_cascade(source: RunData, law: Law) -> str:
     """Return the origin of the cascade's gains, the motion, and the push rejection."""
     loop, bank = source.run.set_to.loop, source.bank
-    words = "cascade, " if law == Law.CASCADE else "cascade with the position loop open, "
-    words += f"gains of bank “{bank.name}” version {bank.version}" if bank else "geometric gains, 20 N operating point"
-    if bank is not None and len(bank.entries) > 1:
-        words += ", interpolating between entries" if loop.interpolate else ", switching between entries"
-    if loop.budget:
-        words += f"; motion time-optimal within U_plan = {exact(loop.budget)} V"
-    elif law == Law.CASCADE:
-        words += "; motion lambda: the paper's law with the reference governor"
-    if loop.k_ext and law == Law.CASCADE:
-        words += f"; disturbance rejection by feed-forward, k_ext = {exact(loop.k_ext)}"
-    return words
+    return messages.cascade_controller(
+        is_position_loop_closed=law == Law.CASCADE,
+        bank=bank.name if bank else None,
+        bank_version=bank.version if bank else 0,
+        entries=len(bank.entries) if bank else 0,
+        interpolate=bool(loop.interpolate),
+        U_plan=loop.budget,
+        k_ext=loop.k_ext or 0.0,
+    )
 
 
-def _lam_text(source: RunData, name: str) -> str:
-    column = source.columns[f"lam_{name}"]
-    if column.size == 0:
-        return "unknown: no sample was recorded"
-    low, high = float(column.min()), float(column.max())
-    low_text, high_text = exact(round(low, 5)), exact(round(high, 5))
-    return f"{low_text} s" if low_text == high_text else f"{low_text} to {high_text} s (changed during the run)"
+def _find_range(source: RunData, name: str) -> tuple[float, float] | None:
+    column = source.columns[name]
+    return (float(column.min()), float(column.max())) if column.size else None
 
 
 def settings_table(source: RunData) -> Table:
@@ -166,7 +149,7 @@ def make_settings_table(declared: Sequence[DeclaredValue], source: RunData) -> T
         Column("Value"),
         Column("Unit", number=False),
     )
-    return Table("Settings of the run.", titles, rows)
+    return Table(messages.settings_of_run(), titles, rows)
 
 
 def lineage(source: RunData) -> tuple[Paragraph | Table, ...]:
@@ -177,12 +160,7 @@ def lineage(source: RunData) -> tuple[Paragraph | Table, ...]:
     if "bank" not in USED_SETTINGS[find_control_law(source.run)]:
         return ()
     if source.bank is None:
-        return (
-            Paragraph(
-                "Gains were computed from the plant's geometry and its nominal time constants; no "
-                "identification was used."
-            ),
-        )
+        return (Paragraph(messages.gains_of_geometry()),)
     rows = tuple(
         (
             stored_entry_name(entry),
@@ -207,18 +185,19 @@ def lineage(source: RunData) -> tuple[Paragraph | Table, ...]:
         Column("Fit of G_q", number=False),
         Column("Fit of G_S", number=False),
     )
-    return (Table(f"Entries of bank “{source.bank.name}” version {source.bank.version}.", columns, rows),)
+    caption = messages.entries_of_bank(name=source.bank.name, version=source.bank.version)
+    return (Table(caption, columns, rows),)
 
 
 def _came_from(source: RunData, entry: BankEntry) -> str:
     run_id = None if entry.identification_id is None else source.runs_of[entry.identification_id]
-    return "imported" if run_id is None else f"identification {run_id}"
+    return "imported" if run_id is None else messages.identification_of_run(run_id=run_id)
 
 
 def _fits(source: RunData, entry: BankEntry) -> tuple[str, ...]:
     """Return the fits of both models of an entry; an imported one has none."""
     fits = source.fits.get(entry.identification_id or 0)
-    return ("not known", "not known") if fits is None else tuple(fits[name].in_words() for name in CHANNELS)
+    return tuple(messages.not_known() if fits is None else fits[name].in_words() for name in CHANNELS)
 
 
 def parameter_section(source: RunData) -> ReportSection:
@@ -239,7 +218,7 @@ def parameter_section(source: RunData) -> ReportSection:
         Column("Unit", number=False),
         Column("Source", number=False, wide=True, quoted=True),
     )
-    caption = f"Parameter set “{source.run.parameters_name}” at the start of the run."
+    caption = messages.parameter_set_at_start(name=source.run.parameters_name)
     return ReportSection("Plant parameters", (Table(caption, columns, rows),))
 
 
@@ -280,33 +259,21 @@ def judge_stored_run(metrics: Metrics | None, criteria: Sequence[RunCriterion], 
     ``problem`` is the reason if there are no metrics.
     """
     if metrics is None:
-        return RunVerdict(judge_run(metrics, criteria), f"No result: {problem or 'the run has not been evaluated'}.")
+        return RunVerdict(judge_run(metrics, criteria), messages.no_result(problem=problem))
     if not metrics.complete:
-        failed = _titles(criteria, passed=False)
-        already = f" Already failed: {', '.join(failed)}." if failed else ""
-        played = f"{metrics.played_s:.6g} s of {metrics.planned_s:.6g} s were executed"
-        return RunVerdict(
-            judge_run(metrics, criteria), f"Incomplete: {played}. The metrics cover only this part.{already}"
+        sentence = messages.run_incomplete(
+            played_s=metrics.played_s, planned_s=metrics.planned_s, failed=_titles(criteria, passed=False)
         )
+        return RunVerdict(judge_run(metrics, criteria), sentence)
     if not criteria:
-        return RunVerdict(judge_run(metrics, criteria), "Completed. No criteria are set for this kind of run.")
-    return RunVerdict(judge_run(metrics, criteria), _describe_verdict(criteria))
+        return RunVerdict(judge_run(metrics, criteria), messages.no_criteria())
+    failed, unmeasured = _titles(criteria, passed=False), _titles(criteria, passed=None)
+    sentence = messages.verdict_on_criteria(criteria=len(criteria), failed=failed, unmeasured=unmeasured)
+    return RunVerdict(judge_run(metrics, criteria), sentence)
 
 
 SEEN = {"<": "lower bound", ">": "upper bound"}
 """Meaning of a figure that was measured in part, by the relation to its bound."""
-
-
-def _describe_verdict(criteria: Sequence[RunCriterion]) -> str:
-    failed, unmeasured = _titles(criteria, passed=False), _titles(criteria, passed=None)
-    parts = []
-    if failed:
-        parts.append(f"{len(failed)} of {len(criteria)} criteria failed: {', '.join(failed)}.")
-    if unmeasured:
-        verb = "was" if len(unmeasured) == 1 else "were"
-        parts.append(f"{len(unmeasured)} of {len(criteria)} criteria {verb} not measured: {', '.join(unmeasured)}.")
-    all_passed = "The criterion passed." if len(criteria) == 1 else f"All {len(criteria)} criteria passed."
-    return " ".join(parts) or all_passed
 
 
 def _titles(criteria: Sequence[RunCriterion], *, passed: bool | None) -> list[str]:
@@ -320,8 +287,7 @@ def _titles(criteria: Sequence[RunCriterion], *, passed: bool | None) -> list[st
 OUTCOMES = {Grade.USABLE: "passed", Grade.CAUTION: "incomplete", Grade.UNUSABLE: "failed"}
 """Outcome of a report by the grade of its model."""
 
-NOT_MEASURED = "not measured"
-_WORDS = {True: "pass", False: "fail", None: NOT_MEASURED}
+_WORDS = {True: "pass", False: "fail", None: messages.not_measured()}
 
 
 def verdict(source: RunData) -> tuple[str, str]:
@@ -344,19 +310,13 @@ def definitions_facts(sources: Sequence[RunData]) -> tuple[Fact, ...]:
     others = {number: version for number, version in of.items() if version != DEFINITIONS}
     if not others:
         return ()
-    versions = " and ".join(map(str, sorted(set(others.values()))))
-    commands = ", ".join(f"sinew runs evaluate {number}" for number in others)
-    which = "" if len(sources) == 1 else f"of run {', '.join(map(str, others))}: "
-    words = (
-        f"{which}computed by version {versions} of the definitions of metrics and criteria; this version of Sinew "
-        f"uses version {DEFINITIONS}. To recompute before a new report: {commands}"
-    )
-    return (Fact("Definitions", words),)
+    text = messages.result_of_earlier_definitions(versions=others, current=DEFINITIONS, is_series=len(sources) > 1)
+    return (Fact("Definitions", text),)
 
 
 def format_figure(value: float | None, digits: int = 3) -> str:
     """Format a figure, or "not measured"."""
-    return NOT_MEASURED if value is None else format_measured(value, digits)
+    return messages.not_measured() if value is None else format_measured(value, digits)
 
 
 def read_or_none(value: float | None, unit: str, angles: AngleUnit) -> float | None:
@@ -414,7 +374,6 @@ def figures_table(metrics: Metrics, angles: AngleUnit) -> Table:
         Column("Unit", number=False),
         Column("Definition", number=False, wide=True),
     )
-    part = "" if metrics.complete else " The run is incomplete: only completed steps are evaluated."
     rows = tuple(
         (
             item.label,
@@ -428,7 +387,7 @@ def figures_table(metrics: Metrics, angles: AngleUnit) -> Table:
         )
         for item in metrics.figures
     )
-    return Table(f"Metrics of measured signals.{part}", columns, rows)
+    return Table(messages.metrics_of_signals(complete=metrics.complete), columns, rows)
 
 
 def _with_reason(text: str, reason: str, comparison: str) -> str:
@@ -455,18 +414,18 @@ _LINE = 92
 def reproduction(source: RunData) -> tuple[Block, ...]:
     """Return the command that repeats a run and its files, or the reason for none."""
     if reason := _not_again(source):
-        return (Paragraph(f"No command repeats this run: {reason}."),)
+        return (Paragraph(messages.no_command_repeats_run(reason=reason)),)
     return tuple(_blocks(source))
 
 
 def _not_again(source: RunData) -> str:
     run = source.run
     if run.plant != SIMULATOR.name:
-        return f"only runs on the simulator can be repeated, and the plant of this run is {run.plant}"
+        return messages.not_on_simulator(plant=run.plant)
     if run.set_to.plan is None:
-        return "it was operated manually"
+        return messages.operated_manually()
     if run.end_state != EndState.COMPLETED:
-        return "its program was not completed"
+        return messages.program_not_completed()
     return ""
 
 
@@ -481,9 +440,8 @@ def _blocks(source: RunData) -> Iterator[Block]:
         words += ["experiment", run.kind if not experiment else ready]
     else:
         words += ["experiment", _EXPERIMENT_FILE]
-        files.append(
-            Code(f"{_EXPERIMENT_FILE}, the experiment as it was executed:", _indent_json(json.loads(experiment)))
-        )
+        caption = messages.experiment_as_executed(file=_EXPERIMENT_FILE)
+        files.append(Code(caption, _indent_json(json.loads(experiment))))
     lines = [" ".join(words)]
     lines += [
         f"--set {_quote_option(name, value)}" for name, value in {**plan, **run.set_to.loop.get_known_values()}.items()
@@ -491,7 +449,7 @@ def _blocks(source: RunData) -> Iterator[Block]:
     parameters = run.parameters_name
     if not _is_shipped(source):
         parameters = _PARAMETERS_FILE
-        files.append(Code(f"{_PARAMETERS_FILE}, the parameters of the plant in this run:", _toml(source)))
+        files.append(Code(messages.parameters_of_plant(file=_PARAMETERS_FILE), _toml(source)))
     where = [f"--params {parameters}", f"--out {_FOLDER}/report"]
     if source.bank is None:
         where.append(f"--data {_FOLDER}")
@@ -511,24 +469,14 @@ def _wrap_words(words: Sequence[str]) -> Iterator[str]:
 
 
 def _caption(source: RunData, files: bool) -> str:
-    words = "Repeat this run"
-    if source.bank is None:
-        words += f", in a separate data folder, {_FOLDER}"
-    else:
-        words += f", in the data folder that contains bank “{source.bank.name}” version {source.bank.version}"
-    if files:
-        words += ", with the files below in the current directory"
-    if source.run.set_to.granted is None:
-        words += (
-            ". The same versions give the same samples; if the run was not the first one of its command, "
-            "its noise and its initial state differ"
-        )
-    else:
-        words += (
-            ". The run was executed in real time from the joint position at that time; the command "
-            "starts with slack tendons"
-        )
-    return f"{words}:"
+    bank = source.bank
+    return messages.repeat_this_run(
+        folder=_FOLDER,
+        bank=bank.name if bank else None,
+        bank_version=bank.version if bank else 0,
+        has_files=files,
+        is_real_time=source.run.set_to.granted is not None,
+    )
 
 
 def _ready_made(experiment: str) -> str:
@@ -598,11 +546,13 @@ def experiment_report(
         facts=(*facts(source), *tuning_facts(source)),
         sections=(
             *results_section(source),
-            ReportSection("Settings and origin", (settings_table(source), *reproduction(source), *lineage(source))),
+            ReportSection(
+                messages.settings_and_origin(), (settings_table(source), *reproduction(source), *lineage(source))
+            ),
             *results,
             ReportSection("Notes", tuple(Paragraph(note) for note in notes)),
             parameter_section(source),
         ),
-        footer=f"Sinew {source.run.software} · {name} · run {source.run.id}",
+        footer=messages.footer(software=source.run.software, report=name, run_id=source.run.id),
         date=source.run.started_at,
     )

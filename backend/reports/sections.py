@@ -22,6 +22,7 @@ from backend.analysis import (
 )
 from backend.models import CHANNELS
 from backend.recording import Columns
+from backend.reports import messages
 from backend.reports.model import (
     NO_FIGURE,
     Block,
@@ -55,7 +56,6 @@ from backend.storage import Identification, RunKind
 from backend.units import AngleUnit, convert_to_display, get_display_unit
 from plant import (
     SIDES,
-    Angle,
     T_s,
 )
 
@@ -68,21 +68,11 @@ MOST_NAMED = 8
 
 _PER_DECADE = 120
 _BELOW_DB = -60.0
-_TITLES = {"q": "position loop", "S": "stiffness loop"}
 
 BODE_NOTES = (
-    "Each frequency line of a multisine or a sequence is measured over the last period as Y/U of the "
-    "discrete Fourier transform over whole periods, which equals the least-squares fit of a sine; a "
-    "sweep is evaluated as a whole, in bands of 12 %. A line is not measured where it differs by more "
-    f"than {100.0 * VARIATION_MAX:g} % from one period to the next, or where a limit "
-    "acted.",
-    "Bandwidth and resonance are relative to the gain 1 at zero frequency, which integral action "
-    "ensures. Between two lines, and between zero frequency and the lowest line, 1/|H|² is interpolated "
-    "over f² by a monotone cubic.",
-    "The prediction combines the plant, linearized about the references with its identified parameters "
-    "and zero-order hold of the voltages, with the active loops and gains. In time-optimal motion it "
-    "includes the trajectory, provided that the voltage for the references is within its limit. It does "
-    "not include friction.",
+    messages.how_lines_are_measured(variation_max=VARIATION_MAX),
+    messages.how_bandwidth_is_measured(),
+    messages.how_responses_are_predicted(),
 )
 
 
@@ -95,14 +85,12 @@ def _bode_blocks(found: Sequence[Lines]) -> Iterator[Block]:
     yield Figure(
         "bode",
         bode_panels(found, "bode"),
-        "Bode diagram of the closed loops, from the reference to the measured output: (A) gain, (B) "
-        "phase. Points are measured, crosses mark frequencies that were not measured (the table gives "
-        "the reason), lines are predicted.",
+        messages.bode_figure(),
     )
     for lines in found:
         yield line_table(lines)
         if lines.unpredicted:
-            yield Paragraph(f"The {_TITLES[lines.signal]} has no prediction: {lines.unpredicted}.")
+            yield Paragraph(messages.no_prediction_of_loop(signal=lines.signal, reason=lines.unpredicted))
 
 
 def line_table(lines: Lines) -> Table:
@@ -132,16 +120,11 @@ def line_table(lines: Lines) -> Table:
             NO_FIGURE if reason else _format_fixed(phase[k], 1),
             _format_fixed(phase_too[k], 1),
             _format_fixed(100.0 * lines.variation[k], 2),
-            f"not measured: {reason}" if reason else "",
+            messages.line_not_measured(reason=reason) if reason else "",
         )
         for k, reason in enumerate(lines.reasons)
     )
-    caption = (
-        f"Lines of the {_TITLES[lines.signal]}: gain and phase of {lines.signal} over "
-        f"{lines.signal}_ref, and the variation of the line from the previous period, or for a sweep √(1 "
-        "− γ²) of its band."
-    )
-    return Table(caption, columns, rows)
+    return Table(messages.lines_of_loop(signal=lines.signal), columns, rows)
 
 
 @cached_figure
@@ -225,13 +208,8 @@ def _format_fixed(value: float, digits: int) -> str:
 
 
 HOLD_NOTES = (
-    "A hold is an interval with constant references, no push and no load. The angles are encoder "
-    "readings: a joint at rest between two counts may yield either, so half a count is subtracted "
-    "from the deviation if the encoder counts. A motor is moving in a tick in which its count changes.",
-    "With static friction, an integrator causes a permanent limit cycle of about one count. Once the "
-    "joint has reached its reference, the outer integrators "
-    "ignore errors below half a count of the joint and 0.01 N·m/rad, in both motions. The law as printed in the paper "
-    "does not.",
+    messages.how_holds_are_evaluated(),
+    messages.friction_causes_limit_cycle(),
 )
 
 
@@ -247,8 +225,7 @@ def _hold_blocks(columns: Columns, found: Sequence[HoldWindow], count: float, an
     yield Figure(
         "holds",
         hold_panels(columns, found, count, "holds"),
-        "Holds, each from its start: (A) deviation of the joint from its reference in encoder counts, "
-        "(B) deviation of the stiffness from its reference, (C, D) deviations of the voltages from their means.",
+        messages.holds_figure(),
     )
     yield hold_table(found, angles)
 
@@ -283,11 +260,7 @@ def hold_table(found: Sequence[HoldWindow], angles: AngleUnit) -> Table:
         )
         for one in found
     )
-    caption = (
-        "Holds: peak-to-peak values (p-p) of q, S and the voltage that varies more; largest |q − q_ref|, less half "
-        "a count, and mean q − q_ref; share of ticks in which a motor's count changed."
-    )
-    return Table(caption, columns, rows)
+    return Table(messages.holds_table(), columns, rows)
 
 
 @cached_figure
@@ -336,7 +309,7 @@ def identifications_section(sources: Sequence[RunData]) -> tuple[ReportSection, 
     by_kind = {kind: [one for one in found if one.kind == kind] for kind in ("motor", "spring", "actuator")}
     tables = [*_motors(by_kind["motor"]), *_springs(by_kind["spring"]), *_actuators(by_kind["actuator"])]
     friction = _friction([source for source in sources if source.run.kind == RunKind.ACTUATOR_IDENTIFICATION])
-    verdicts = (Paragraph(f"Run {one.run_id}: {one.verdict}") for one in found)
+    verdicts = (Paragraph(messages.verdict_of_run(run_id=one.run_id, verdict=one.verdict)) for one in found)
     return (ReportSection("Identifications", (*tables, *friction, *verdicts)),)
 
 
@@ -350,7 +323,7 @@ def _motors(found: Sequence[Identification]) -> Iterator[Table]:
             rows.append((str(one.run_id), *(_with_error(*figure) for figure in figures), str(motor.quality.grade)))
         if rows:
             columns = (_RUN, Column("K_m", "rad/(V·s)"), Column("T_m", "s"), Column("u_c", "V"), _GRADE)
-            yield Table(f"Motor {side}: least squares over all steps, ± standard error.", columns, tuple(rows))
+            yield Table(messages.motors_of_series(side=side), columns, tuple(rows))
 
 
 def _springs(found: Sequence[Identification]) -> Iterator[Table]:
@@ -363,7 +336,7 @@ def _springs(found: Sequence[Identification]) -> Iterator[Table]:
             rows.append((str(one.run_id), str(fit.order), k, format_measured(fit.rms_N)))
         if rows:
             columns = (_RUN, Column("Order"), Column("k_0, k_1, …", "N/m^i", wide=True), Column("RMS", "N"))
-            yield Table(f"Spring {side}: the recommended polynomial, ± standard error.", columns, tuple(rows))
+            yield Table(messages.springs_of_series(side=side), columns, tuple(rows))
 
 
 def _actuators(found: Sequence[Identification]) -> Iterator[Table]:
@@ -395,8 +368,7 @@ def _actuators(found: Sequence[Identification]) -> Iterator[Table]:
                 Column("fit", "%"),
                 _GRADE,
             )
-            caption = f"{name}: gain and sum of lags, ± standard error; fit on validation data."
-            yield Table(caption, columns, tuple(rows))
+            yield Table(messages.models_of_series(name=name), columns, tuple(rows))
 
 
 def _friction(sources: Sequence[RunData]) -> tuple[Paragraph, ...]:
@@ -417,12 +389,6 @@ def _with_error(value: float | None, std: float | None) -> str:
 # Impact --------------------------------------------------------------------------------------------
 # Impacts in a report: a table of hits, their force over time, and the effect of the contact reaction.
 
-
-CAPTION = (
-    "Hits on the obstacle: (A) its force on the joint since the contact, (B) peak force and (C) "
-    "impulse over the approach speed, for each stiffness. Dashed, with open markers: with contact "
-    "reaction, which begins at the dot in A."
-)
 
 _BEFORE = 20
 """Number of samples drawn before the contact."""
@@ -466,9 +432,7 @@ def hits_table(hits: Sequence[Hit], angles: AngleUnit) -> Table:
         for hit in hits
     )
     return Table(
-        "All hits. The approach speed is measured over the 50 ms before the contact. Detection: time from the contact "
-        "until the estimated force exceeds the threshold. Reaction and peak: times from the detection until the "
-        "contact reaction begins (0: in the same sample) and until the force of the obstacle peaks.",
+        messages.all_hits(),
         columns,
         rows,
     )
@@ -477,7 +441,7 @@ def hits_table(hits: Sequence[Hit], angles: AngleUnit) -> Table:
 def _ms(time_s: float, hit: Hit) -> str:
     if not hit.reacts:
         return NO_FIGURE
-    return f"{1e3 * time_s:.0f}" if np.isfinite(time_s) else "not detected"
+    return f"{1e3 * time_s:.0f}" if np.isfinite(time_s) else messages.not_detected()
 
 
 def reaction_tables(hits: Sequence[Hit], angles: AngleUnit) -> tuple[Table, ...]:
@@ -511,7 +475,7 @@ def reaction_tables(hits: Sequence[Hit], angles: AngleUnit) -> tuple[Table, ...]
         )
         for plain, reacted in sorted(pairs, key=lambda pair: (pair[0].S_ref, pair[0].speed))
     )
-    return (Table("Comparable hits without and with contact reaction.", columns, rows),)
+    return (Table(messages.comparable_hits(), columns, rows),)
 
 
 @cached_figure
@@ -560,13 +524,8 @@ def impact_panels(columns: Columns, hits: Sequence[Hit], name: str, angles: Angl
 
 
 PUSH_NOTES = (
-    "Deviations are relative to the mean over the 0.1 s before each push. The predicted response is that of "
-    "the plant, linearized with its identified parameters, and of the active loops and gains under the "
-    "same force; it does not include friction. It is the same in both motions, because the loops that "
-    "respond to a push are the same.",
-    "Static is r_j F/S, the deflection under a constant force with the position loop open. With the loop "
-    "closed, the deflection under a force step exceeds this value by the overshoot of the joint, then "
-    "the integral action removes the deflection; an impulse ends earlier.",
+    messages.how_pushes_are_predicted(),
+    messages.static_deflection(),
 )
 
 
@@ -579,13 +538,11 @@ def _push_blocks(columns: Columns, found: Sequence[MeasuredPush], angles: AngleU
     yield Figure(
         "pushes",
         push_panels(columns, found, "pushes", angles),
-        "Pushes at the joint: (A) force, (B) deviation of the joint from its position before the push, "
-        "measured and predicted (dashed), (C) measured minus predicted, (D)  stiffness minus its "
-        "reference; outside the panel the stiffness moves to another reference.",
+        messages.pushes_figure(),
     )
     yield push_table(found, angles)
     if why := next((one.unpredicted for one in found if one.unpredicted), ""):
-        yield Paragraph(f"Not all pushes have a prediction: {why}.")
+        yield Paragraph(messages.not_all_pushes_predicted(reason=why))
 
 
 def push_table(found: Sequence[MeasuredPush], angles: AngleUnit) -> Table:
@@ -624,12 +581,7 @@ def push_table(found: Sequence[MeasuredPush], angles: AngleUnit) -> Table:
         )
         for one in found
     )
-    caption = (
-        "Pushes: largest deviation of q and S, the predicted peak, the error of the measured peak "
-        "relative to it in percent, the static deflection r_j F/S, "
-        f"and the time from the end of the push until q stays within {Angle(0.01)} of its reference."
-    )
-    return Table(caption, columns, rows)
+    return Table(messages.pushes_table(tolerance_rad=0.01), columns, rows)
 
 
 @cached_figure

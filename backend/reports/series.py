@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from backend import __version__
 from backend.models import MeasuredFigure, Outcome
+from backend.reports import messages
 from backend.reports.build import format_report_angles
 from backend.reports.evidence import SERIES, SeriesEvidence, build_manifest, iterate_configuration, to_element
 from backend.reports.experiment_report import find_frequency_responses
@@ -127,12 +128,6 @@ _MAX_COLUMNS = 5
 _MARK = " *"
 """Marks a figure that was measured only in part."""
 
-_VERDICT_TEXTS = {
-    Outcome.PASSED: "passed all criteria",
-    Outcome.FAILED: "failed a criterion",
-    Outcome.INCOMPLETE: "ended early or could not be measured completely",
-    Outcome.NEUTRAL: "had no criteria",
-}
 _WORST = (Outcome.FAILED, Outcome.INCOMPLETE, Outcome.NEUTRAL, Outcome.PASSED)
 
 
@@ -142,11 +137,11 @@ def series_report(sources: Sequence[RunData]) -> Report:
     if len(manifest.runs) != len(sources) or len(sources) < 2:
         raise ValueError("a series consists of two or more runs, each with computed results")
     outcomes = [Outcome(verdict(source)[0]) for source in sources]
-    numbers = ", ".join(str(source.run.id) for source in sources)
+    numbers = [source.run.id for source in sources]
     angles = sources[0].angles
     report = Report(
         title=_title(sources),
-        subtitle=f"Runs {numbers}",
+        subtitle=messages.subtitle_of_series(run_ids=numbers),
         outcome=next(worst for worst in _WORST if worst in outcomes),
         verdict=_verdict(outcomes),
         facts=_facts(sources),
@@ -156,46 +151,43 @@ def series_report(sources: Sequence[RunData]) -> Report:
             ReportSection("Differences", tuple(_make_difference_tables(sources, angles))),
             ReportSection("Metrics", (*_metric_tables(sources, angles), _spread(sources, angles), *_partial(sources))),
             ReportSection("Figures", tuple(_figures(sources, angles))),
-            ReportSection("Verification", (_hashes(manifest), Code(_PROOF, "sinew report verify series.html"))),
+            ReportSection(
+                "Verification",
+                (_hashes(manifest), Code(messages.series_is_recomputable(), "sinew report verify series.html")),
+            ),
         ),
-        footer=f"Sinew {__version__} · series of runs {numbers}",
+        footer=messages.footer_of_series(software=__version__, run_ids=numbers),
         date=max(source.run.started_at for source in sources),
         evidence=to_element(manifest),
     )
     return format_report_angles(report, angles)
 
 
-_PROOF = (
-    "Every number of this report can be recomputed from the stored samples of its runs; the verification "
-    "finds each run by the hash of its samples, regardless of its number in that data folder:"
-)
-
-
 def _title(sources: Sequence[RunData]) -> str:
     titles = list(dict.fromkeys(run_title(source.run) for source in sources))
-    return f"Series: {titles[0]}" if len(titles) == 1 else "Series of different experiments"
+    return messages.title_of_series(titles=titles)
 
 
 def _verdict(outcomes: Sequence[Outcome]) -> str:
-    counts = [
-        (outcomes.count(one), one) for one in (Outcome.PASSED, Outcome.FAILED, Outcome.INCOMPLETE, Outcome.NEUTRAL)
-    ]
-    return (
-        f"Of {len(outcomes)} runs, "
-        + ", ".join(f"{count} {_VERDICT_TEXTS[one]}" for count, one in counts if count)
-        + "."
+    return messages.verdicts_of_series(
+        runs=len(outcomes),
+        passed=outcomes.count(Outcome.PASSED),
+        failed=outcomes.count(Outcome.FAILED),
+        incomplete=outcomes.count(Outcome.INCOMPLETE),
+        neutral=outcomes.count(Outcome.NEUTRAL),
     )
 
 
 def _facts(sources: Sequence[RunData]) -> tuple[Fact, ...]:
     runs = [source.run for source in sources]
     first, last = min(run.started_at for run in runs), max(run.started_at for run in runs)
+    plants = [messages.plant_and_parameters(plant=run.plant, parameters=run.parameters_name) for run in runs]
     return (
-        Fact("Runs", f"{len(runs)}, from {first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC"),
+        Fact("Runs", messages.period_of_series(runs=len(runs), first=first, last=last)),
         Fact("By", ", ".join(dict.fromkeys(run.who for run in runs))),
-        Fact("Plant", "; ".join(dict.fromkeys(f"{run.plant}, parameters “{run.parameters_name}”" for run in runs))),
+        Fact("Plant", "; ".join(dict.fromkeys(plants))),
         Fact("Software", ", ".join(dict.fromkeys(f"Sinew {run.software}" for run in runs))),
-        Fact("Differences", f"relative to run {runs[0].id}"),
+        Fact("Differences", messages.relative_to_run(run_id=runs[0].id)),
         *definitions_facts(sources),
     )
 
@@ -212,7 +204,7 @@ def _runs_table(sources: Sequence[RunData]) -> Table:
         for source in sources
         for run in (source.run,)
     )
-    return Table("The runs of the series.", columns, rows)
+    return Table(messages.runs_of_series(), columns, rows)
 
 
 def _make_difference_tables(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Block]:
@@ -220,15 +212,15 @@ def _make_difference_tables(sources: Sequence[RunData], angles: AngleUnit) -> It
     each = [dict(_set_to(source, angles)) for source in sources]
     rows = []
     for name in dict.fromkeys(name for one in each for name in one):
-        texts = [one.get(name, "not set") for one in each]
+        texts = [one.get(name, messages.not_set()) for one in each]
         if len(set(texts)) > 1:
             rows.append((name, texts))
     if not rows:
-        yield Paragraph("None: the runs have the same settings, tuning, parameters and software.")
+        yield Paragraph(messages.runs_do_not_differ())
         return
     first = (Column("Setting or parameter", number=False, wide=True),)
     yield from _make_run_tables(
-        sources, "Settings that differ between the runs", first, [((name,), texts) for name, texts in rows]
+        sources, messages.settings_that_differ(), first, [((name,), texts) for name, texts in rows]
     )
 
 
@@ -240,7 +232,7 @@ def _set_to(source: RunData, angles: AngleUnit) -> Iterator[tuple[str, str]]:
 
 def _make_run_tables(
     sources: Sequence[RunData],
-    caption: str,
+    contents: str,
     first: tuple[Column, ...],
     rows: Sequence[tuple[tuple[str, ...], Sequence[str]]],
 ) -> Iterator[Table]:
@@ -249,10 +241,9 @@ def _make_run_tables(
     for start in range(0, len(numbers), _MAX_COLUMNS):
         part = slice(start, start + _MAX_COLUMNS)
         columns = (*first, *(Column(f"Run {number}") for number in numbers[part]))
-        range_note = (
-            "" if len(numbers) <= _MAX_COLUMNS else f", runs {numbers[part][0]} to {numbers[part][-1]} of the list"
-        )
-        yield Table(f"{caption}{range_note}.", columns, tuple((*titles, *cells[part]) for titles, cells in rows))
+        shown = numbers[part] if len(numbers) > _MAX_COLUMNS else []
+        caption = messages.table_of_runs(contents=contents, columns=shown)
+        yield Table(caption, columns, tuple((*titles, *cells[part]) for titles, cells in rows))
 
 
 def _metrics(sources: Sequence[RunData]) -> dict[str, list[MeasuredFigure | None]]:
@@ -289,7 +280,7 @@ def _metric_tables(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Ta
         ]
         rows.append(((of.label, shown_unit(of.unit, angles)), cells))
     first = (Column("Quantity", number=False, wide=True), Column("Unit", number=False))
-    yield from _make_run_tables(sources, "Metrics, with differences from the first run in brackets", first, rows)
+    yield from _make_run_tables(sources, messages.metrics_with_differences(), first, rows)
 
 
 def _difference(value: float | None, reference: float | None) -> str:
@@ -326,23 +317,20 @@ def _spread(sources: Sequence[RunData], angles: AngleUnit) -> Table:
         partial = sum(map(is_partial, items))
         figures = [format_measured(one(values)) if values else format_figure(None) for one in spread]
         rows.append((of.label, shown_unit(of.unit, angles), str(len(values)), *figures, str(partial or "")))
-    caption = (
-        "Spread over the runs with a complete measurement, with the sample standard deviation (N − 1). "
-        "Partial: number of runs with an incomplete measurement, which are excluded."
-    )
+    caption = messages.spread_of_metrics()
     return Table(caption, columns, tuple(rows))
 
 
 def _partial(sources: Sequence[RunData]) -> Iterator[Paragraph]:
     """Explain why each marked figure was measured only in part."""
-    texts: dict[str, list[str]] = {}
+    runs: dict[str, list[int]] = {}
     for items in _metrics(sources).values():
         for source, item in zip(sources, items, strict=True):
             if item is not None and is_partial(item):
-                texts.setdefault(f"{item.label}: {item.reason}", []).append(str(source.run.id))
-    if texts:
-        reasons = "; ".join(f"{words} (run {', '.join(runs)})" for words, runs in texts.items())
-        yield Paragraph(f"{_MARK.strip()} Partially measured, so no difference is given. {reasons}.")
+                reason = messages.metric_and_reason(label=item.label, reason=item.reason)
+                runs.setdefault(reason, []).append(source.run.id)
+    if runs:
+        yield Paragraph(messages.partially_measured(mark=_MARK.strip(), runs=runs))
 
 
 def _deviation(values: Sequence[float]) -> float:
@@ -356,22 +344,19 @@ def _figures(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Figure]:
         if any(i is not None and i.value is not None for i in items)
     }
     if drawn:
-        words = (
-            "Metrics of the runs, in the order of the list; hollow where the measurement of a run is "
-            "incomplete, a gap where the metric is not measured."
-        )
+        words = messages.metrics_figure()
         yield Figure("metrics", metric_panels(list(drawn.values()), angles), words)
     curves = [source for source in sources if source.columns["t"].size]
     if curves:
-        words = "Joint position and stiffness of all runs, each from its first sample; references dashed."
+        words = messages.curves_figure()
         yield Figure("curves", overlay([(s.run.id, s.columns) for s in curves], angles), words)
     answered = [(source.run.id, lines) for source in sources if (lines := find_frequency_responses(source))]
     if answered:
-        words = "Frequency responses of the runs that measured them: points are measured lines, curves are predicted."
+        words = messages.responses_of_runs_figure()
         yield Figure("bode", overlay_bode(answered, "bode"), words)
 
 
 def _hashes(manifest: SeriesEvidence) -> Table:
     columns = (Column("Run"), Column("SHA-256 of the samples", number=False, wide=True))
     rows = tuple((str(one.run.id), one.hashes["samples"]) for one in manifest.runs)
-    return Table("Content hashes.", columns, rows)
+    return Table(messages.content_hashes(), columns, rows)

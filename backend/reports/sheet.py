@@ -98,7 +98,7 @@ def render_sheet_pdf(svg: str) -> bytes:
         sys_inputs={
             "svg": with_boxes(sheet.svg, missing),
             "title": with_boxes(sheet.title, missing),
-            "missing": sentence(missing, "The same sheet as SVG shows it."),
+            "missing": sentence(missing, messages.sheet_as_svg_shows_text()),
             **sizes,
         },
     )
@@ -144,8 +144,8 @@ class _Reading:
 
     def begin(self, name: str, attributes: dict[str, str]) -> None:
         self.elements += 1
-        _require_few("elements", self.elements, MOST_ELEMENTS, "draw fewer panels or marks on one sheet")
-        _require_few("nested elements", len(self.open) + 1, DEEPEST, "reduce the nesting")
+        _require_few("elements", self.elements, MOST_ELEMENTS)
+        _require_few("nested elements", len(self.open) + 1, DEEPEST)
         if not self.open and name != "svg":
             raise _make_refusal(messages.root_is_not_svg(element=_short(name)))
         if self.open and name not in (*_DRAWN, *_UNDRAWN):
@@ -154,9 +154,9 @@ class _Reading:
             self.texts += 1
             if "text" not in self.open:  # a child of a text is drawn as a part of it
                 self.letters_of_text = 0
-            _require_few("texts", self.texts, MOST_TEXTS, "draw fewer panels or marks on one sheet")
+            _require_few("texts", self.texts, MOST_TEXTS)
         path_data = attributes.get("d", "")
-        _require_few("characters of a path", len(path_data), MOST_OF_A_PATH, "draw it with fewer points, or in parts")
+        _require_few("characters of a path", len(path_data), MOST_OF_A_PATH)
         known = _PLAIN if self.open else _ROOT
         kept_attributes = {key: value for key, value in attributes.items() if not _IGNORED.fullmatch(key)}
         for key, value in kept_attributes.items():
@@ -182,14 +182,14 @@ class _Reading:
         if self.open[-1] == "text":
             self.letters_of_text += len(letters)
             self.letters_in_all += len(letters)
-            _require_few("characters of a text", self.letters_of_text, MOST_LETTERS_OF_A_TEXT, "shorten it")
-            _require_few("characters of all texts", self.letters_in_all, MOST_LETTERS, "shorten them, or draw fewer")
+            _require_few("characters of a text", self.letters_of_text, MOST_LETTERS_OF_A_TEXT)
+            _require_few("characters of all texts", self.letters_in_all, MOST_LETTERS)
             visible_text = escape_lines(letters)
             self.parts.append(escape(visible_text))
             self.visible_texts.append(visible_text)
         elif self.open == ["svg", "title"]:
             self.letters_of_title += len(letters)
-            _require_few("characters of the title", self.letters_of_title, MOST_OF_A_TITLE, "shorten it")
+            _require_few("characters of the title", self.letters_of_title, MOST_OF_A_TITLE)
             self.titles.append(letters)
 
     def sheet(self) -> Sheet:
@@ -219,12 +219,12 @@ def _refuse_instruction(target: str, _data: str) -> None:
     raise _make_refusal(messages.instruction_not_allowed(instruction=_short(target)))
 
 
-def _require_few(quantity: str, number: int, most: int, remedy: str) -> None:
+def _require_few(quantity: messages.LimitedQuantity, number: int, most: int) -> None:
     """Raise RequestRejectedError if ``number``, the count so far, exceeds ``most``."""
     if number > most:
         raise RequestRejectedError(
             ErrorCode.BAD_VALUE,
-            messages.sheet_too_large(quantity=quantity, number=number, maximum=most, remedy=remedy),
+            messages.sheet_too_large(quantity=quantity, number=number, maximum=most),
             code="sheet_too_large",
         )
 

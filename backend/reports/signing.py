@@ -247,10 +247,11 @@ def apply_signature_check(found: Verified, signed: SignedPage, wanted: PublicKey
 
 def signature_differences(signed: SignedPage, wanted: PublicKey | None = None) -> tuple[ReportDifference, ...]:
     """Return the differences of an invalid signature, or one not made by ``wanted``."""
-    by = "none" if signed.signature is None else f"one by {signed.signature.key.fingerprint}"
+    key = None if signed.signature is None else signed.signature.key
+    by = messages.signature_found(fingerprint=None if key is None else key.fingerprint)
     if signed.problem:
         return (ReportDifference("signature", by, signed.problem),)
-    if wanted is not None and (signed.signature is None or signed.signature.key != wanted):
+    if wanted is not None and key != wanted:
         other = messages.not_signed_by_given_key(fingerprint=wanted.fingerprint)
         return (ReportDifference("signature", by, other),)
     return ()

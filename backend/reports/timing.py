@@ -4,6 +4,7 @@ import numpy as np
 
 from backend.models import StoredRealTimeStatus
 from backend.recording import count_missing_ticks
+from backend.reports import messages
 from backend.reports.model import Column, ReportSection, Table, format_measured
 from backend.reports.run_data import RunData
 from backend.storage import EndState
@@ -18,29 +19,27 @@ def timing_section(source: RunData) -> tuple[ReportSection, ...]:
     late_ms, overruns = 1e3 * columns.get("lateness_s", none), columns.get("overruns", none)
     gaps = int(np.count_nonzero(np.diff(np.round(columns["t"] * 1e3)) > 1.5))
     on_a_clock = bool(np.any(late_ms != 0.0))
-    rows = [
-        ("Samples", str(columns["t"].size), "", "recorded samples, one per tick"),
-        ("Missing samples", _describe_missing(source), "", "ticks without a recorded sample"),
-        ("Gaps", str(gaps), "", "ranges in which samples are missing"),
+    rows: list[tuple[str, str, str, str]] = [
+        ("Samples", str(columns["t"].size), "", messages.samples_are_one_per_tick()),
+        ("Missing samples", _describe_missing(source), "", messages.ticks_without_sample()),
+        ("Gaps", str(gaps), "", messages.ranges_with_missing_samples()),
     ]
     if on_a_clock:
         figures = (np.median(late_ms), np.percentile(late_ms, 99.0), late_ms.max())
         rows += [
-            ("Deadlines missed", f"{overruns[-1] - overruns[0]:.0f}", "", "between the first and the last sample"),
+            ("Deadlines missed", f"{overruns[-1] - overruns[0]:.0f}", "", messages.between_first_and_last_sample()),
             *(
                 (
                     f"Lateness, {name}",
                     format_measured(float(figure)),
                     "ms",
-                    "delay of a control step relative to its deadline",
+                    messages.delay_of_control_step(),
                 )
                 for name, figure in zip(("median", "99 %", "largest"), figures, strict=True)
             ),
         ]
     else:
-        rows.append(
-            ("Lateness", "none", "", "the run was computed in batches, faster than real time, without deadlines")
-        )
+        rows.append(("Lateness", "none", "", messages.computed_in_batches()))
     rows += granted_rows(source.run.set_to.granted)
     titles = (
         Column("Quantity", number=False),
@@ -48,7 +47,7 @@ def timing_section(source: RunData) -> tuple[ReportSection, ...]:
         Column("Unit", number=False),
         Column("Meaning", number=False, wide=True),
     )
-    return (ReportSection("Timing", (Table("Timing of the run.", titles, tuple(rows)),)),)
+    return (ReportSection("Timing", (Table(messages.timing_of_run(), titles, tuple(rows)),)),)
 
 
 def granted_rows(granted: StoredRealTimeStatus | None) -> list[tuple[str, str, str, str]]:
@@ -61,13 +60,13 @@ def granted_rows(granted: StoredRealTimeStatus | None) -> list[tuple[str, str, s
     scheduling = f"SCHED_FIFO {granted.priority}" if granted.priority else "ordinary"
     memory = "locked" if granted.memory_locked else "not locked"
     return [
-        ("Scheduling", scheduling, "", "granted to the control loop by the operating system"),
-        ("Memory", memory, "", "granted to the control loop by the operating system"),
+        ("Scheduling", scheduling, "", messages.granted_by_operating_system()),
+        ("Memory", memory, "", messages.granted_by_operating_system()),
         (
             "Timer slack",
             str(granted.timer_slack_ns),
             "ns",
-            "largest delay by which the operating system may defer a wake-up",
+            messages.largest_timer_delay(),
         ),
         *(("Not granted", "", "", refusal) for refusal in granted.refusals),
     ]
@@ -75,6 +74,6 @@ def granted_rows(granted: StoredRealTimeStatus | None) -> list[tuple[str, str, s
 
 def _describe_missing(source: RunData) -> str:
     if source.run.end_state == EndState.SERVICE_DIED:
-        return "unknown: the service died during the recording"
+        return messages.service_died_while_recording()
     missing = source.result.metrics.missing_samples if source.result else count_missing_ticks(source.columns)
-    return "not stored" if missing is None else str(missing)
+    return messages.not_stored() if missing is None else str(missing)

@@ -77,8 +77,6 @@ _MAX_REASON = 200
 MOST = 50
 """Maximum number of differences in a verification result."""
 
-EVERYTHING = "every number, criterion, parameter and hash"
-
 
 @dataclass(frozen=True)
 class ReportDifference:
@@ -100,7 +98,7 @@ class Verified:
 
     differences: tuple[ReportDifference, ...]
     left_out: tuple[str, ...]
-    compared: str = EVERYTHING
+    compared: str = messages.every_number_compared()
 
     @property
     def holds(self) -> bool | None:
@@ -149,7 +147,7 @@ def _is_close(reported: Any, found: Any, like: float, floor: float) -> bool:
 
 
 def _short(value: Any) -> str:
-    return "nothing" if value is None else str(value)[:80]
+    return messages.nothing() if value is None else str(value)[:80]
 
 
 # Page comparison -----------------------------------------------------------------------------------
@@ -162,8 +160,6 @@ _OPEN, _CLOSE = "<svg", "</svg>"
 _PLACE = "<svg/>"
 _LINE = 2000
 """Maximum number of characters of a line in a difference; longer lines occur only in forged pages."""
-_DRAWING_OF = "drawing of figure"
-_VERIFIED_PARTS = "metrics, criteria, models, parameters and hashes of its manifest, but not the visible page"
 
 _XML = re.compile(r"<(/?)([A-Za-z][\w:.-]*)([^<>]*)>")
 _ATTRIBUTE = re.compile(r'\s+([A-Za-z][\w:.-]*)="([^"<>]*)"')
@@ -207,8 +203,9 @@ def compare_pages(page: str, manifest: ReportManifest | SeriesEvidence, make_aga
     try:
         again = make_again()
     except Exception as error:
-        return Verified((not_made("the page", "one that can be reproduced", error), *foreign)[:MOST], ())
-    differences = [*_compare_manifest(page, manifest), *_pages(page, again)]
+        return Verified(
+            (not_made(messages.the_page(), messages.one_that_can_be_reproduced(), error), *foreign)[:MOST], ()
+        )
     others = [name for name, other in here.items() if reported.get(name) != other] + [*({*reported} - {*here})]
     if SINEW in others or LAYOUT in others:
         left_out = messages.page_of_another_version(
@@ -217,9 +214,8 @@ def compare_pages(page: str, manifest: ReportManifest | SeriesEvidence, make_aga
             installed=here[SINEW],
             installed_layout=here[LAYOUT],
         )
-        return Verified(foreign[:MOST], (left_out,), _VERIFIED_PARTS)
-    if DRAWING in others:
-        differences = [one for one in differences if not one.name.startswith(_DRAWING_OF)]
+        return Verified(foreign[:MOST], (left_out,), messages.all_but_visible_page())
+    differences = [*_compare_manifest(page, manifest), *_pages(page, again, with_drawings=DRAWING not in others)]
     version_differences = (
         messages.output_of_another_version(name=name, reported=reported.get(name), installed=here.get(name))
         for name in others
@@ -232,7 +228,9 @@ def _foreign(page: str) -> Iterator[ReportDifference]:
     for number, drawing in enumerate(_drawings(page), start=1):
         found = next(_find_foreign_markup(drawing), None)
         if found is not None:
-            yield ReportDifference(f"{_DRAWING_OF} {number}", f"“{found[:80]}”", "only lines, letters and areas")
+            yield ReportDifference(
+                messages.drawing_of_figure(number=number), f"“{found[:80]}”", messages.only_lines_letters_and_areas()
+            )
 
 
 def _find_foreign_markup(drawing: str) -> Iterator[str]:
@@ -274,27 +272,33 @@ def _compare_manifest(page: str, manifest: ReportManifest | SeriesEvidence) -> I
     """Compare the manifest text with the parsed manifest; nothing else may be in it."""
     reported, found = find_element(page), to_element(manifest)
     if reported != found:
-        yield ReportDifference("the report manifest as written", *find_difference(reported, found))
+        yield ReportDifference(messages.manifest_as_written(), *find_difference(reported, found))
 
 
-def _pages(page: str, again: str) -> Iterator[ReportDifference]:
-    """Compare the visible page by lines and drawings."""
+def _pages(page: str, again: str, *, with_drawings: bool) -> Iterator[ReportDifference]:
+    """Compare the visible page by lines and drawings; only the number of these if not ``with_drawings``."""
     reported, found = without_element(page), without_element(again)
     drawn = [list(_drawings(text)) for text in (reported, found)]
     counts = [len(each) for each in drawn]
     if counts[0] != counts[1]:
-        yield ReportDifference("number of drawings", str(counts[0]), str(counts[1]))
-    else:
+        yield ReportDifference(messages.number_of_drawings(), str(counts[0]), str(counts[1]))
+    elif with_drawings:
         for number, (one, other) in enumerate(zip(*drawn, strict=True), start=1):
             if one != other:
-                yield ReportDifference(f"{_DRAWING_OF} {number}", "another drawing", "the drawing from its samples")
+                yield ReportDifference(
+                    messages.drawing_of_figure(number=number),
+                    messages.another_drawing(),
+                    messages.drawing_from_samples(),
+                )
     lines = [_without_drawings(text).replace("<dt>", "\n<dt>").split("\n") for text in (reported, found)]
     for number, (one, other) in enumerate(zip(*lines, strict=False), start=1):
         if one != other:
             yield ReportDifference(_name_line(one[:_LINE], number), *find_difference(one, other))
     sizes = [len(each) for each in lines]
     if sizes[0] != sizes[1]:
-        yield ReportDifference("length of the page", f"{sizes[0]} lines", f"{sizes[1]} lines")
+        yield ReportDifference(
+            messages.length_of_page(), messages.lines_of_page(lines=sizes[0]), messages.lines_of_page(lines=sizes[1])
+        )
 
 
 def _drawings(text: str) -> Iterator[str]:
@@ -323,10 +327,10 @@ def _places(text: str) -> Iterator[tuple[int, int]]:
 
 def _name_line(line: str, number: int) -> str:
     if row := re.match(r"<tr><t[dh][^>]*>(.*?)</t[dh]>", line):
-        return f"row “{_plain(row.group(1))}”"
+        return messages.row_of_table(title=_plain(row.group(1)))
     if fact := re.match(r"<dt>(.*?)</dt>", line):
-        return f"“{_plain(fact.group(1))}” in the heading"
-    return f"line {number} of the page"
+        return messages.line_of_heading(label=_plain(fact.group(1)))
+    return messages.line_of_page(number=number)
 
 
 def _plain(line: str) -> str:
@@ -386,17 +390,19 @@ def _problems(file: Path, facts: Facts, parts: Sequence[Batch]) -> Iterator[Repo
     try:
         require_matching_facts(facts, parts)
     except ImportRefusedError as error:
-        yield ReportDifference("the file of the samples", "samples as they were exported", error.message)
+        yield ReportDifference(messages.file_of_samples(), messages.samples_as_exported(), error.message)
     known = {column.name: column.unit for column in describe_columns(facts.fields)}
     for column in facts.columns:
         if column.unit != known[column.name]:
             yield ReportDifference(
-                f"unit of {column.name} in {file.name}", f"[{column.unit}]", f"[{known[column.name]}]"
+                messages.unit_in_file(column=column.name, file=file.name), f"[{column.unit}]", f"[{known[column.name]}]"
             )
     if file.suffix == ".csv" and (problem := find_heading_problem(file, facts)):
-        yield ReportDifference(f"units and meanings in {file.name}", "the lines of its export", problem)
+        yield ReportDifference(messages.units_and_meanings_in_file(file=file.name), messages.lines_of_export(), problem)
     if file.suffix == ".parquet" and (problem := find_schema_problem(file, facts)):
-        yield ReportDifference(f"units and meanings in {file.name}", "the columns of its export", problem)
+        yield ReportDifference(
+            messages.units_and_meanings_in_file(file=file.name), messages.columns_of_export(), problem
+        )
 
 
 # Stored samples ------------------------------------------------------------------------------------
@@ -474,10 +480,10 @@ def _metrics_file(text: str, source: RunData, manifest: ReportManifest) -> Itera
     try:
         reported = json.loads(text)
     except (ValueError, RecursionError) as error:
-        yield ReportDifference("metrics.json", "a JSON document", str(error)[:200])
+        yield ReportDifference("metrics.json", messages.json_document(), str(error)[:200])
         return
     if not isinstance(reported, dict):
-        yield ReportDifference("metrics.json", "a JSON object", type(reported).__name__)
+        yield ReportDifference("metrics.json", messages.json_object(), type(reported).__name__)
         return
     reported = _metrics_in_present_form(reported, source)
     found = json.loads(json.dumps(build_metrics_document(source)))
@@ -536,16 +542,16 @@ def verify_pdf(pdf: bytes, page: str, columns: Columns | None, files: Accompanyi
     if verified.differences or source is None:
         return verified
     if manifest.made_with != made_with():
-        words = f"of the page in the same folder: {verified.compared}"
+        words = messages.page_beside_pdf_compared(compared=verified.compared)
         return replace(verified, left_out=(*verified.left_out, messages.pdf_of_another_version()), compared=words)
     try:
         same = to_pdf(build_report(source)) == pdf
     except Exception as error:
-        return Verified((not_made("the PDF", "one that can be reproduced", error),), ())
+        return Verified((not_made(messages.the_pdf(), messages.one_that_can_be_reproduced(), error),), ())
     if same:
         return verified
     return Verified(
-        (ReportDifference("the PDF", "other pages", "the pages made from the numbers of its HTML page"),), ()
+        (ReportDifference(messages.the_pdf(), messages.other_pages(), messages.pages_of_html_report()),), ()
     )
 
 
@@ -579,7 +585,7 @@ def computed_again(manifest: ReportManifest, columns: Columns) -> tuple[Verified
         is_complete = bool(older) or not others
         source = rebuild_run_data(manifest, columns, *(_normalize_result(manifest) if is_complete else again))
     except Exception as error:
-        problem = not_made("the source data", "a run that can be recomputed", error)
+        problem = not_made(messages.the_source_data(), messages.run_that_can_be_recomputed(), error)
         return Verified((*differences, problem)[:MOST], ()), None
     return Verified((*differences, *others)[:MOST], left_out), source
 
@@ -627,7 +633,11 @@ def _list_unverified_fields(manifest: ReportManifest) -> tuple[str, ...]:
 def _hashes(reported: Mapping[str, str], found: Mapping[str, str]) -> Iterator[ReportDifference]:
     for name in dict.fromkeys([*reported, *found]):
         if reported.get(name) != found.get(name):
-            yield ReportDifference(f"hash of the {name}", reported.get(name, "nothing"), found.get(name, "nothing"))
+            yield ReportDifference(
+                messages.hash_of_input(name=name),
+                reported.get(name, messages.nothing()),
+                found.get(name, messages.nothing()),
+            )
 
 
 def _recompute_result(manifest: ReportManifest, columns: Columns) -> _Result:
@@ -695,7 +705,7 @@ def _without_unrecorded(manifest: ReportManifest, columns: Columns) -> Columns:
 def _samples(manifest: ReportManifest, columns: Columns) -> Iterator[ReportDifference]:
     size = columns["t"].size
     if size != manifest.samples:
-        yield ReportDifference("number of samples", str(manifest.samples), str(size))
+        yield ReportDifference(messages.number_of_samples(), str(manifest.samples), str(size))
         return
     found = compute_block_hashes(columns)
     for name in HASHED:
@@ -703,9 +713,13 @@ def _samples(manifest: ReportManifest, columns: Columns) -> Iterator[ReportDiffe
         for place, (one, other) in enumerate(zip(reported, found.get(name, []), strict=False)):
             if one != other:
                 start = place * BLOCK_S
-                yield ReportDifference(f"samples of {name} from {start:g} s to {start + BLOCK_S:g} s", one, other)
+                yield ReportDifference(
+                    messages.samples_of_signal(signal=name, start_s=start, end_s=start + BLOCK_S), one, other
+                )
         if len(reported) != len(found.get(name, [])):
-            yield ReportDifference(f"checksums of {name}", str(len(reported)), str(len(found.get(name, []))))
+            yield ReportDifference(
+                messages.checksums_of_signal(signal=name), str(len(reported)), str(len(found.get(name, [])))
+            )
 
 
 # Series verification -------------------------------------------------------------------------------
@@ -737,6 +751,8 @@ def verify_series_report(
 
 
 def _of_run(number: int, again: Verified) -> Verified:
-    differences = tuple(replace(one, name=f"run {number}, {one.name}") for one in again.differences)
-    left_out = tuple(messages.part_of_run_omitted(run_id=number, reason=one) for one in again.left_out)
+    differences = tuple(
+        replace(one, name=messages.part_of_run(run_id=number, part=one.name)) for one in again.differences
+    )
+    left_out = tuple(messages.part_of_run(run_id=number, part=one) for one in again.left_out)
     return replace(again, differences=differences, left_out=left_out)
