@@ -20,9 +20,10 @@ from backend.models.run import CRITERIA, METRICS, StepFigures
 from backend.models.settings import describe_values
 from backend.models.upgrades import NO_STORED_REASON, upgrade_criteria, upgrade_metrics
 from backend.realtime.program import Law
+from backend.reports import messages
 from backend.reports.build import build_report, write_report_files
 from backend.reports.experiment_report import PaperLawResponse, make_law_comparison, simulate_paper_law, tracking_report
-from backend.reports.model import Fact, Figure, Report, Table, to_html
+from backend.reports.model import Fact, Figure, Paragraph, Report, Table, to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.provenance import tuning_facts
 from backend.reports.run_data import RunData
@@ -37,6 +38,7 @@ from backend.tuning.simulation import simulate_cascade
 from backend.units import AngleUnit
 from plant.interface import PlantChoice, PlantKind
 from plant.parameters import load_parameters
+from tests.reasons import Reason, assert_reason
 from tests.refusals import refused
 from tests.reports.tracking_run import PLAN, samples, source_of
 
@@ -91,7 +93,7 @@ def test_page_loads_nothing_and_keeps_its_ids_apart(page: str) -> None:
 def test_page_states_run_tuning_lineage_and_figures(page: str) -> None:
     text = re.sub(r"\s+", " ", "".join(read(page).text))
     for statement in (
-        "All 4 criteria passed.",
+        messages.verdict_on_criteria(criteria=4, failed=(), unmeasured=()),
         "12, completed",
         "2026-03-04 10:20:30 UTC by A. Operator",
         "simulator, parameters “ideal”",
@@ -133,37 +135,42 @@ def test_a_failed_criterion_is_named_and_so_is_a_change_of_lambda() -> None:
     columns["lam_q"][20_000:] = 0.6
     report = tracking_report(source_of(columns))
     assert report.outcome == "failed"
-    assert "Smallest tendon tension" in report.verdict
-    assert any("0.5 to 0.6 s (changed during the run)" in fact.text for fact in report.facts)
+    assert_reason(report.verdict, "verdict_on_criteria", failed=["Smallest tendon tension"])
+    changed = messages.lambda_in_use(loop="q", range_s=(0.5, 0.6))
+    assert changed != messages.lambda_in_use(loop="q", range_s=(0.5, 0.5))
+    assert any(changed in fact.text for fact in report.facts)
 
 
 def test_a_stopped_run_is_incomplete() -> None:
     part = {name: column[:9_500] for name, column in samples(PLAN).items()}
     report = tracking_report(source_of(part, end_state="stopped"))
     assert report.outcome == "incomplete"
-    assert report.verdict.startswith("Incomplete: 9.5 s of 51 s were executed")
-    assert "stopped before its end" in report.facts[0].text
+    assert_reason(report.verdict, "run_incomplete", played_s=9.5, planned_s=51.0)
+    assert_reason(report.facts[0].text, "run_and_its_end", run_id=12, end=messages.stopped_before_its_end())
     assert to_pdf(report).startswith(b"%PDF-")
 
 
 def test_what_was_not_measured_is_said_with_its_reason_in_every_table(tracking_source: RunData) -> None:
     """The steps of q take longer than their holds: no result of them can be told, and none is drawn as a dash."""
-    report = tracking_report(source_of(samples(PLAN, lam_q=3.0)))
+    slow = source_of(samples(PLAN, lam_q=3.0))
+    assert slow.result is not None
+    report = tracking_report(slow)
     assert report.outcome == "incomplete"
-    assert report.verdict.startswith("2 of 4 criteria were not measured: Overshoot of q, ")
+    stored = {item.name: item for item in slow.result.criteria}
+    unmeasured = [stored[name].title for name in ("overshoot_q", "deviation_S")]
+    assert_reason(report.verdict, "verdict_on_criteria", criteria=4, failed=[], unmeasured=unmeasured)
     tables = [block for section in report.sections for block in section.blocks if isinstance(block, Table)]
     criteria, metrics = tables[:2]
     judged = {row[0]: (row[2], row[4]) for row in criteria.rows}
-    figure, result = judged["Overshoot of q"]
-    assert figure == "not measured"
-    assert re.fullmatch(
-        r"not measured; 8 of 8 steps were not measured; the one at 4 s: the signal was not within ±2 % .*", result
-    )
+    overshoot = stored["overshoot_q"]
+    assert_reason(overshoot.reason, "steps_not_measured", missing=8, steps=8, start_s=4.0, reason=Reason("not_settled"))
+    assert judged[overshoot.title] == (messages.not_measured(), f"{messages.not_measured()}; {overshoot.reason}")
     figures = {row[0]: (row[1], row[3]) for row in metrics.rows}
-    assert figures["Rise time of q"][0] == "not measured"
-    assert "% of the step" in figures["Rise time of q"][1]
-    missing = next(table for table in tables if table.caption.startswith("Metrics that could not be measured"))
-    assert any(row[1] == "q" and "the previous motion had not ended" in row[3] for row in missing.rows)
+    rise = next(item for item in slow.result.metrics.figures if item.name == "rise_q_s")
+    assert_reason(rise.reason, "steps_not_measured", reason=Reason("step_not_reached"))
+    assert figures[rise.label] == (messages.not_measured(), f"{rise.definition}; {rise.reason}")
+    missing = next(table for table in tables if table.caption == messages.metrics_not_measured_completely())
+    assert any(row[1] == "q" and row[3] == Reason("began_away_from_start") for row in missing.rows)
     assert not any(cell == "–" for table in (criteria, metrics, missing) for row in table.rows for cell in row)
 
 
@@ -189,10 +196,10 @@ def test_a_result_of_an_older_version_is_shown_and_says_what_it_lacks(tracking_s
 
 def test_a_run_without_samples_still_has_a_report(tracking_source: RunData) -> None:
     empty = {name: column[:0] for name, column in tracking_source.columns.items()}
-    run = replace(tracking_source.run, evaluation_problem="the run contains no samples of its program")
+    run = replace(tracking_source.run, evaluation_problem="nothing to evaluate")
     report = tracking_report(RunData(run, None, empty, None))
     assert report.outcome == "incomplete"
-    assert "no samples" in report.verdict
+    assert_reason(report.verdict, "no_result", problem="nothing to evaluate")
     assert to_html(report)
     assert to_pdf(report).startswith(b"%PDF-")
 
@@ -242,7 +249,7 @@ def tables(report: Report) -> list[Table]:
 
 
 def compared(report: Report) -> Table:
-    return next(table for table in tables(report) if "simulated with the paper's law" in table.caption)
+    return next(table for table in tables(report) if table.caption == messages.times_to_90_percent())
 
 
 def number(cell: str) -> float:
@@ -254,16 +261,15 @@ def controller(source: RunData) -> Fact:
 
 
 def test_a_report_says_by_what_references_were_followed() -> None:
-    assert controller(planned()).text.endswith("motion time-optimal within U_plan = 8.5 V")
-    assert controller(planned(k_ext=0.7)).text.endswith(
-        "U_plan = 8.5 V; disturbance rejection by feed-forward, k_ext = 0.7"
-    )
-    assert controller(planned(motion="lambda")).text.endswith(
-        "motion lambda: the paper's law with the reference governor"
-    )
-    assert controller(source_of(samples(PLAN))).text.endswith(
-        "motion lambda: the paper's law with the reference governor"
-    )
+    for source, U_plan, k_ext in (
+        (planned(), 8.5, 0.0),
+        (planned(k_ext=0.7), 8.5, 0.7),
+        (planned(motion="lambda"), 0.0, 0.0),
+        (source_of(samples(PLAN)), 0.0, 0.0),
+    ):
+        text = controller(source).text
+        assert_reason(text, "cascade_controller", is_position_loop_closed=True, U_plan=U_plan, k_ext=k_ext)
+        assert ("U_plan = 8.5 V" in text, "k_ext = 0.7" in text) == (U_plan > 0.0, k_ext > 0.0)
 
 
 def test_what_the_paper_s_law_would_take_is_a_simulation_of_its_own(report_plan: Report) -> None:
@@ -281,17 +287,18 @@ def test_what_the_paper_s_law_would_take_is_a_simulation_of_its_own(report_plan:
 
 def test_the_figures_show_it_and_say_what_it_is(report_plan: Report) -> None:
     figures = {f.name: f for section in report_plan.sections for f in section.blocks if isinstance(f, Figure)}
-    for name in ("separate", "together"):
-        assert "Grey: simulated response of the paper's law" in figures[name].caption
-        assert "reference governor and no trajectory feed-forward" in figures[name].caption
-    assert "governor" not in figures["steps"].caption
+    assert figures["separate"].caption == messages.separate_steps_figure(is_simulated=True, is_planned=True)
+    assert figures["together"].caption == messages.simultaneous_steps_figure(is_simulated=True, is_planned=True)
+    assert figures["steps"].caption == messages.all_steps_figure(is_planned=True)
     plain = {
         f.name: f
         for section in tracking_report(source_of(samples(PLAN))).sections
         for f in section.blocks
         if isinstance(f, Figure)
     }
-    assert "grey" not in plain["separate"].caption
+    assert plain["separate"].caption == messages.separate_steps_figure(is_simulated=False, is_planned=False)
+    assert plain["steps"].caption == messages.all_steps_figure(is_planned=False)
+    assert len({messages.separate_steps_figure(is_simulated=grey, is_planned=grey) for grey in (True, False)}) == 2
     assert len(re.findall("<path", figures["separate"].svg)) > len(re.findall("<path", plain["separate"].svg))
 
 
@@ -308,12 +315,13 @@ def test_what_cannot_be_computed_says_why() -> None:
     source = planned()
     changed = {**source.columns, "lam_q": np.linspace(0.5, 0.6, source.columns["t"].size)}
     gaps = {name: np.delete(column, 500) for name, column in source.columns.items()}
-    for columns, reason in ((changed, "λ was changed during the run"), (gaps, "samples are missing")):
+    for columns, reason in ((changed, messages.lambda_was_changed()), (gaps, messages.samples_have_gaps())):
         found = simulate_paper_law(replace(source, columns=columns))
         assert found == PaperLawResponse(reason=reason)
         assert make_law_comparison([], PaperLawResponse(reason=reason), AngleUnit.DEGREES) == ()
     report = tracking_report(replace(source, columns=changed))
-    assert "to these references was not computed" in to_html(report)
+    notes = next(section for section in report.sections if section.heading == "Notes")
+    assert Paragraph(messages.paper_law_not_computed(reason=messages.lambda_was_changed())) in notes.blocks
 
 
 def test_a_step_that_does_not_get_there_is_not_measured(law_plan: PaperLawResponse) -> None:
@@ -322,7 +330,7 @@ def test_a_step_that_does_not_get_there_is_not_measured(law_plan: PaperLawRespon
         settling_s=None, overshoot_percent=None, steady_error=None, cross_coupling=None,
     )  # fmt: skip
     (table,) = make_law_comparison([step], law_plan, AngleUnit.RADIANS)
-    assert table.rows[0][3:] == ("not measured", "not measured", "not measured")
+    assert table.rows[0][3:] == 3 * (messages.not_measured(),)
 
 
 # What a report says of the control law of its run: the settings that the law uses, and what it knows of the plant.
@@ -344,7 +352,7 @@ def of_law(law: str) -> RunData:
 
 def settings_in(report: Report) -> set[str]:
     tables = [block for section in report.sections for block in section.blocks if isinstance(block, Table)]
-    return {row[1] for table in tables if table.caption.startswith("Settings of the run") for row in table.rows}
+    return {row[1] for table in tables if table.caption == messages.settings_of_run() for row in table.rows}
 
 
 @pytest.mark.parametrize("law", ["single-loop", "feedback-linearization"])
@@ -356,12 +364,12 @@ def test_a_law_for_comparison_lists_only_what_it_uses_and_says_what_it_knows(law
     assert not symbols & {"λ_motor", "b", "bank", "interpolate", "motion", "U_plan", "k_ext"}
     facts = {fact.label: fact.text for fact in report.facts}
     assert facts["Tuning"] == "λ_q = 0.5 s, λ_S = 0.42 s"
-    known = "true plant" if law == "feedback-linearization" else "identified geometry, spring and motors"
-    assert known in facts["Model used by the controller"]
-    assert ("friction" in facts["Model used by the controller"]) == (law == "feedback-linearization")
+    known = {"feedback-linearization": messages.linearization_model(), "single-loop": messages.single_loop_model()}
+    assert facts[messages.model_of_controller()] == known[law]
+    assert ("friction" in known[law]) == (law == "feedback-linearization")
     assert "U_plan = 8.5 V" not in facts["Controller"]
-    made = next(section for section in report.sections if section.heading == "Settings and origin")
-    assert not any("Gains were computed" in getattr(block, "text", "") for block in made.blocks)
+    made = next(section for section in report.sections if section.heading == messages.settings_and_origin())
+    assert Paragraph(messages.gains_of_geometry()) not in made.blocks
 
 
 def test_the_cascade_lists_all_of_its_tuning() -> None:
@@ -369,7 +377,9 @@ def test_the_cascade_lists_all_of_its_tuning() -> None:
     assert {"λ_q", "λ_S", "λ_motor", "b", "bank", "interpolate", "motion", "U_plan", "k_ext"} <= settings_in(report)
     facts = {fact.label: fact.text for fact in report.facts}
     assert "U_plan = 8.5 V" in facts["Controller"]
-    assert "not their friction" in facts["Model used by the controller"]
+    assert facts[messages.model_of_controller()] == messages.cascade_model()
+    made = next(section for section in report.sections if section.heading == messages.settings_and_origin())
+    assert Paragraph(messages.gains_of_geometry()) in made.blocks
 
 
 @pytest.mark.parametrize("tuning_of", [make_single_loop_tuning, make_feedback_linearization_tuning])
@@ -437,7 +447,8 @@ def test_S_that_is_shown_is_wrong_by_as_much_as_the_springs_are() -> None:
     said = [
         getattr(block, "text", "") for section in build_report(of_law("cascade")).sections for block in section.blocks
     ]
-    assert any("S is 14.4 N·m/rad while 12" in text for text in said)
+    assert messages.S_is_an_estimate() in said
+    assert re.findall(r"[\d.]+(?= (?:%|N·m/rad|is commanded))", messages.S_is_an_estimate()) == ["20", "14.4", "12"]
 
 
 # A report names the plant that was driven; only what was simulated had a seed.
@@ -451,6 +462,6 @@ def test_a_report_names_what_was_driven(choice: PlantChoice) -> None:
     source = source_of(samples(PLAN))
     report = tracking_report(replace(source, run=replace(source.run, plant=choice.name)))
     facts = {fact.label: fact.text for fact in report.facts}
-    assert f" · {choice.name}, parameters “ideal”" in report.subtitle
-    assert facts["Plant"] == f"{choice.name}, parameters “ideal”"
+    assert report.subtitle.endswith(messages.plant_and_parameters(plant=choice.name, parameters="ideal"))
+    assert facts["Plant"] == messages.plant_and_parameters(plant=choice.name, parameters="ideal")
     assert ("Seed" in facts) == (choice.name in SEEDED)

@@ -11,6 +11,7 @@ from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.identification.models import Model
 from backend.models.run import MeasuredFigure as Measured
 from backend.models.run import Metrics
+from backend.reports import messages
 from backend.reports.build import build_report
 from backend.reports.model import Figure, Report, Table, to_html
 from backend.reports.pdf import to_pdf
@@ -96,20 +97,22 @@ def report() -> Report:
 
 
 def test_report_says_models_geometry_and_table_1(report: Report) -> None:
-    assert report.title == "Actuator identification at 20 N"
+    assert report.title == messages.actuator_identification_at(tension_N=20.0)
     assert (report.outcome, report.verdict) == ("incomplete", "Usable with caution for tuning: friction.")
     tables = [block for section in report.sections for block in section.blocks if isinstance(block, Table)]
     assert all(len(row) == len(table.columns) for table in tables for row in table.rows)
     models, candidates, comparison = tables[0].rows, tables[1].rows, tables[2].rows
     assert models[0][:4] == ("G_q", "K/(τs+1)⁴", "0.05000", "0.00010")
     assert models[1][5] == "−0.12"
-    assert models[0][-1] == "coloured (8.4 of 2.8), independent of input (8.4 of 2.8)"
+    assert models[0][-1] == messages.residual_tests(
+        is_white=False, white=8.4, white_max=2.8, is_independent=True, cross=8.4, cross_max=2.8
+    )
     assert candidates[0] == ("G_q", "K/(τs+1)⁴", "0.05000", "0.340", "97.0", "−1234", "usable")
     assert candidates[1] == ("G_q", "third order", "–", "–", "–", "–", "not converged")
     assert comparison[0] == ("G_q", "0.05000", "0.05000", "0.04800", "0.04840", "0.342", "0.310", "0.780")
     assert comparison[1] == ("G_S", "0.7200", "0.7209", "–", "2.826", "0.342", "–", "1.19")
-    assert "G_S: not computed." in tables[2].caption
-    assert [table.caption.endswith("– means that the run has no such value.") for table in tables[:3]] == [
+    assert tables[2].caption.startswith(messages.compared_with_table_1(tension_N=20.0, missing={"G_S": None}))
+    assert [table.caption.endswith(messages.dash_means_no_value()) for table in tables[:3]] == [
         False,
         True,
         True,
@@ -123,9 +126,12 @@ def test_report_renders_with_its_four_figures(report: Report) -> None:
     assert to_pdf(report).startswith(b"%PDF-")
 
 
-@pytest.mark.parametrize(("angles", "words", "ends"), [(DEG, "10°", (0.5, 0.1256)), (RAD, "1 rad", (0.05, 0.72))])
+@pytest.mark.parametrize(
+    ("angles", "step_rad", "words", "ends"),
+    [(DEG, np.radians(10.0), "10°", (0.5, 0.1256)), (RAD, 1.0, "1 rad", (0.05, 0.72))],
+)
 def test_the_step_that_is_drawn_is_round_as_it_is_read(
-    angles: AngleUnit, words: str, ends: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+    angles: AngleUnit, step_rad: float, words: str, ends: tuple[float, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The caption names the step, and the first order reductions end at K times it, in the unit of the axis."""
     seen: dict[str, float] = {}
@@ -140,16 +146,18 @@ def test_the_step_that_is_drawn_is_round_as_it_is_read(
     forget_drawings()
     made = build_report(replace(source(identification(), PLAYED), angles=angles))
     captions = [block.caption for section in made.sections for block in section.blocks if isinstance(block, Figure)]
-    assert any(f"to a step of θ_A,ref by {words}, and of their first" in caption for caption in captions)
+    caption = messages.step_response_figure(step_rad=step_rad, angles=angles)
+    assert words in caption.replace("\N{NARROW NO-BREAK SPACE}", " ")
+    assert caption in captions
     to_html(made)
     assert seen[f"q [{'°' if angles is DEG else 'rad'}]"] == pytest.approx(ends[0], rel=5e-3)
     assert seen["S [N·m/rad]"] == pytest.approx(ends[1], rel=5e-3)
 
 
 def test_a_run_without_a_model_says_why() -> None:
-    report = build_report(source(None, replace(PLAYED, complete=False, problem="the run ended early (stopped)")))
+    report = build_report(source(None, replace(PLAYED, complete=False, problem="somebody stopped it")))
     assert report.outcome == "incomplete"
-    assert report.verdict == "the run ended early (stopped)"
+    assert report.verdict == "somebody stopped it"
     assert to_pdf(report).startswith(b"%PDF-")
 
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure as Drawn
 
 from backend.models.run import CRITERIA, METRICS
 from backend.models.upgrades import NO_STORED_REASON, upgrade_criteria, upgrade_metrics
+from backend.reports import messages
 from backend.reports.build import build_metrics_document, build_report
 from backend.reports.model import Code, Figure, Paragraph, Report, Table, exact, format_measured
 from backend.reports.plotting import forget_drawings
@@ -202,7 +203,7 @@ def test_figures_settings_steps_and_reasons_are_converted(tracking_source: RunDa
             assert row["Value"] == plain["Value"]
     amplitude = table(degrees, "Settings")[0]
     assert (amplitude["Value"], amplitude["Unit"]) == ("60", "°")
-    first = next(row for row in table(degrees, "All completed steps") if row["Step"].startswith("q"))
+    first = next(row for row in table(degrees, messages.all_completed_steps()) if row["Step"].startswith("q"))
     assert (first["Step"], first["to"]) == ("q [°]", "60.0")
     assert any("q = 91.7918°; the limit is 90°" in fact.text for fact in degrees.facts)
     assert any(format_text(TRIP, RAD) in fact.text for fact in radians.facts)

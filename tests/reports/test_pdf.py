@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from pypdf import PdfReader
 
-from backend.reports import pdf
+from backend.reports import messages, pdf
 from backend.reports.build import build_report
 from backend.reports.model import Code, Paragraph, Report, ReportSection, to_html
 from backend.reports.pdf import BOX, missing_letters, sentence, to_pdf, with_boxes
@@ -61,9 +61,10 @@ def test_a_report_says_which_letters_its_pdf_lacks() -> None:
 def test_a_sheet_says_which_letters_it_lacks() -> None:
     head = '<svg xmlns="http://www.w3.org/2000/svg" width="180mm" height="90mm" viewBox="0 0 900 450" font-size="12">'
     read = printed(render_sheet_pdf(f'{head}<text x="9" y="40">{TITLE}</text></svg>'))
+    where = messages.sheet_as_svg_shows_text()
     assert "U+1F600" in read
-    assert "fonts of this PDF" in read
-    assert "fonts of this PDF" not in printed(render_sheet_pdf(f'{head}<text x="9" y="40">λ_q</text></svg>'))
+    assert sentence(missing_letters([TITLE]), where) in read
+    assert where not in printed(render_sheet_pdf(f'{head}<text x="9" y="40">λ_q</text></svg>'))
 
 
 # No page of a PDF is more than half empty, in a report of any kind.
