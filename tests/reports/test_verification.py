@@ -18,6 +18,7 @@ from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.recording.reader import Columns
+from backend.reports import messages
 from backend.reports.build import build_metrics_document, build_report
 from backend.reports.evidence import (
     LAYOUT,
@@ -131,26 +132,38 @@ ACCOUNTS: dict[str, tuple[Callable[[Document], None], str]] = {
     "a criterion's bound": (put("criteria", 3, "bound", value=1.0), "criteria, min_tension, bound"),
     "a criterion's figure": (put("criteria", 3, "figure", value=50.0), "criteria, min_tension, figure"),
     "a criterion's verdict": (put("criteria", 3, "passed", value=False), "criteria, min_tension, passed"),
-    "a parameter": (put("run", "parameters", "geometry", "r_j", "value", value=0.0751), "hash of the parameters"),
+    "a parameter": (
+        put("run", "parameters", "geometry", "r_j", "value", value=0.0751),
+        messages.hash_of_input(name="parameters"),
+    ),
     "a parameter's source": (
         put("run", "parameters", "geometry", "r_j", "source", value="a guess"),
-        "hash of the parameters",
+        messages.hash_of_input(name="parameters"),
     ),
-    "a setting": (put("run", "settings", "plan", "S_hold", value=10.5), "hash of the settings"),
-    "the experiment": (put("run", "settings", "plan", "experiment", value="{}"), "the source data"),
-    "λ": (put("run", "settings", "loop", "lam_q", value=0.4), "hash of the settings"),
-    "the seed": (put("run", "settings", "loop", "seed", value=3), "“Seed” in the heading"),
-    "the version of a package": (put("run", "settings", "versions", "NumPy", value="1.0"), "“Software” in the heading"),
-    "the version of Sinew": (put("run", "software", value="9.9"), "“Software” in the heading"),
-    "the note": (put("run", "note", value="not as usual"), "“Note” in the heading"),
-    "who": (put("run", "who", value="B. Operator"), "“Started” in the heading"),
-    "how it ended": (put("run", "end_state", value="stopped"), "“Run” in the heading"),
-    "when it ended": (put("run", "ended_at", value="2020-01-01T00:00:00Z"), "hash of the account"),
-    "the hash of the samples": (put("hashes", "samples", value="0" * 64), "hash of the samples"),
-    "the hash of the parameters": (put("hashes", "parameters", value="0" * 64), "hash of the parameters"),
-    "the hash of the account": (put("hashes", "account", value="0" * 64), "hash of the account"),
-    "a check sum": (put("blocks", "F_A", 1, value="00000000"), "samples of F_A from 1 s to 2 s"),
-    "how many samples": (put("samples", value=100), "number of samples"),
+    "a setting": (put("run", "settings", "plan", "S_hold", value=10.5), messages.hash_of_input(name="settings")),
+    "the experiment": (put("run", "settings", "plan", "experiment", value="{}"), messages.the_source_data()),
+    "λ": (put("run", "settings", "loop", "lam_q", value=0.4), messages.hash_of_input(name="settings")),
+    "the seed": (put("run", "settings", "loop", "seed", value=3), messages.line_of_heading(label="Seed")),
+    "the version of a package": (
+        put("run", "settings", "versions", "NumPy", value="1.0"),
+        messages.line_of_heading(label="Software"),
+    ),
+    "the version of Sinew": (put("run", "software", value="9.9"), messages.line_of_heading(label="Software")),
+    "the note": (put("run", "note", value="not as usual"), messages.line_of_heading(label="Note")),
+    "who": (put("run", "who", value="B. Operator"), messages.line_of_heading(label="Started")),
+    "how it ended": (put("run", "end_state", value="stopped"), messages.line_of_heading(label="Run")),
+    "when it ended": (put("run", "ended_at", value="2020-01-01T00:00:00Z"), messages.hash_of_input(name="account")),
+    "the hash of the samples": (put("hashes", "samples", value="0" * 64), messages.hash_of_input(name="samples")),
+    "the hash of the parameters": (
+        put("hashes", "parameters", value="0" * 64),
+        messages.hash_of_input(name="parameters"),
+    ),
+    "the hash of the account": (put("hashes", "account", value="0" * 64), messages.hash_of_input(name="account")),
+    "a check sum": (
+        put("blocks", "F_A", 1, value="00000000"),
+        messages.samples_of_signal(signal="F_A", start_s=1, end_s=2),
+    ),
+    "how many samples": (put("samples", value=100), messages.number_of_samples()),
     "how many are missing": (put("missed_before", value=7), "metrics, missing_samples"),
 }
 
@@ -160,29 +173,35 @@ def test_a_change_of_what_it_carries_is_found_and_named(report: Made, what: str)
     change, name = ACCOUNTS[what]
     found = verify_report(report.with_account(change), report.source.columns)
     assert name in names(found)
-    assert "hash of the account" in names(found) or name == "the source data"
+    assert messages.hash_of_input(name="account") in names(found) or name == messages.the_source_data()
 
 
 CELL = '<td class="number">'
 PEAK = f'<td class="text">Peak voltage</td>{CELL}'
-SEEN: dict[str, tuple[str, str, str]] = {
-    "the verdict": ('<p class="verdict', '<p class="x', "of the page"),
-    "a word of the verdict": ("were not measured", "were measured", "of the page"),
-    "a figure": (PEAK, PEAK + "9", "row “Peak voltage”"),
-    "a bound": ("&lt; 1<", "&lt; 2<", "row “Overshoot of q”"),
-    "a verdict of a criterion": (">pass<", ">fail<", "row “Smallest tendon tension”"),
-    "a parameter": (">0.075<", ">0.076<", "row “geometry.r_j”"),
-    "a version": ("NumPy 2", "NumPy 3", "“Software” in the heading"),
-    "who made it": ("by A. Operator", "by B. Operator", "“Started” in the heading"),
-    "a caption": ("<b>Figure 1.</b> Position", "<b>Figure 1.</b> Location", "of the page"),
-    "a hash": (">samples</td><td class=\"text\">", ">samples</td><td class=\"text\">f", "row “samples”"),
-    "the timing": ("Missing samples</td>" + CELL, "Missing samples</td>" + CELL + "1", "row “Missing samples”"),
-    "a drawing": ('d="M ', 'd="M 1', "drawing of figure 1"),
-    "the footer": ("· run ", "· Run ", "of the page"),
-    "a drawing more in a cell": (PEAK, f"<svg><text>9</text></svg>{PEAK}", "number of drawings"),
-    "a drawing more that is a script": ("</main>", "<svg><script>1</script></svg></main>", "number of drawings"),
-    "markup alone": ('<p class="subtitle">', '<p class="subtitle" hidden>', "of the page"),
-    "a form feed for a newline": ("</h1>\n", "</h1>\f", "of the page"),
+SEEN: dict[str, tuple[str, str, str | Reason]] = {
+    "the verdict": ('<p class="verdict', '<p class="x', Reason("line_of_page")),
+    "a word of the verdict": ("were not measured", "were measured", Reason("line_of_page")),
+    "a figure": (PEAK, PEAK + "9", messages.row_of_table(title="Peak voltage")),
+    "a bound": ("&lt; 1<", "&lt; 2<", messages.row_of_table(title="Overshoot of q")),
+    "a verdict of a criterion": (">pass<", ">fail<", messages.row_of_table(title="Smallest tendon tension")),
+    "a parameter": (">0.075<", ">0.076<", messages.row_of_table(title="geometry.r_j")),
+    "a version": ("NumPy 2", "NumPy 3", messages.line_of_heading(label="Software")),
+    "who made it": ("by A. Operator", "by B. Operator", messages.line_of_heading(label="Started")),
+    "a caption": ("<b>Figure 1.</b> Position", "<b>Figure 1.</b> Location", Reason("line_of_page")),
+    "a hash": (
+        '>samples</td><td class="text">', '>samples</td><td class="text">f', messages.row_of_table(title="samples")
+    ),
+    "the timing": (
+        f"Missing samples</td>{CELL}", f"Missing samples</td>{CELL}1", messages.row_of_table(title="Missing samples")
+    ),
+    "a drawing": ('d="M ', 'd="M 1', messages.drawing_of_figure(number=1)),
+    "the footer": ("· run ", "· Run ", Reason("line_of_page")),
+    "a drawing more in a cell": (PEAK, f"<svg><text>9</text></svg>{PEAK}", messages.number_of_drawings()),
+    "a drawing more that is a script": (
+        "</main>", "<svg><script>1</script></svg></main>", messages.number_of_drawings()
+    ),
+    "markup alone": ('<p class="subtitle">', '<p class="subtitle" hidden>', Reason("line_of_page")),
+    "a form feed for a newline": ("</h1>\n", "</h1>\f", Reason("line_of_page")),
 }  # fmt: skip
 
 
@@ -197,14 +216,16 @@ def test_a_change_of_what_is_read_is_found_and_named(report: Made, what: str) ->
     assert old in visible
     found = verify_report(visible.replace(old, new, 1) + mark + carried, report.source.columns).differences
     assert len(found) == 1 or what in MORE
-    assert name in found[0].name
+    assert found[0].name == name
     assert all(one.said != one.found for one in found)
 
 
 def test_a_drawing_less_is_found_and_so_is_a_missing_last_newline(report: Made) -> None:
     begin, end = report.page.index("<svg"), report.page.index("</svg>") + len("</svg>")
-    assert "number of drawings" in names(verify_report(report.page[:begin] + report.page[end:], report.source.columns))
-    assert names(verify_report(report.page.removesuffix("\n"), report.source.columns)) == ["length of the page"]
+    assert messages.number_of_drawings() in names(
+        verify_report(report.page[:begin] + report.page[end:], report.source.columns)
+    )
+    assert names(verify_report(report.page.removesuffix("\n"), report.source.columns)) == [messages.length_of_page()]
 
 
 @pytest.mark.parametrize(
@@ -218,16 +239,16 @@ def test_a_drawing_less_is_found_and_so_is_a_missing_last_newline(report: Made) 
 def test_nothing_else_stands_in_the_account(report: Made, old: str, new: str) -> None:
     assert report.page.count(old) >= 1
     assert names(verify_report(report.page.replace(old, new, 1), report.source.columns)) == [
-        "the report manifest as written"
+        messages.manifest_as_written()
     ]
 
 
 IMPOSSIBLE: dict[str, tuple[Callable[[Document], None], str]] = {
-    "an end that there is not": (put("run", "end_state", value="complete"), "the page"),
-    "a kind that there is not": (put("run", "kind", value="trackings"), "the page"),
+    "an end that there is not": (put("run", "end_state", value="complete"), messages.the_page()),
+    "a kind that there is not": (put("run", "kind", value="trackings"), messages.the_page()),
     "a number beyond any float": (put("missed_before", value=10**400), "metrics, missing_samples"),
     "a metric beyond any float": (put("metrics", "played_s", value=10**400), "metrics, played_s"),
-    "a section that is a number": (put("run", "parameters", "geometry", value=7), "the source data"),
+    "a section that is a number": (put("run", "parameters", "geometry", value=7), messages.the_source_data()),
 }
 
 
@@ -236,7 +257,7 @@ def test_what_cannot_be_is_a_difference(report: Made, what: str) -> None:
     change, name = IMPOSSIBLE[what]
     found = names(verify_report(report.with_account(change), report.source.columns))
     assert name in found
-    assert any(one.startswith("hash of the ") for one in found[:3])
+    assert any(one == Reason("hash_of_input") for one in found[:3])
 
 
 @pytest.mark.parametrize(("signal", "at"), [("q", 3200), ("F_B", 0), ("u_A", 12_999), ("lateness_s", 5000)])
@@ -245,15 +266,17 @@ def test_one_sample_is_found_and_named(report: Made, signal: str, at: int) -> No
     columns[signal] = columns[signal].copy()
     columns[signal][at] = np.float32(columns[signal][at] + 1e-3)
     found = names(verify_report(report.page, columns))
-    assert f"samples of {signal} from {at // 1000} s to {at // 1000 + 1} s" in found
-    assert "hash of the samples" in found
+    assert messages.samples_of_signal(signal=signal, start_s=at // 1000, end_s=at // 1000 + 1) in found
+    assert messages.hash_of_input(name="samples") in found
 
 
 def test_another_time_of_a_sample_is_found_and_named(report: Made) -> None:
     columns: Columns = report.source.columns | {"t": report.source.columns["t"].copy()}
     columns["t"][3200] += 1e-4
     found = names(verify_report(report.page, columns))
-    assert {"samples of t from 3 s to 4 s", "hash of the samples"} <= {*found}
+    assert {messages.samples_of_signal(signal="t", start_s=3, end_s=4), messages.hash_of_input(name="samples")} <= {
+        *found
+    }
 
 
 @pytest.mark.parametrize(
@@ -285,7 +308,7 @@ def test_missing_samples_are_counted_where_they_are_missing(report: Made) -> Non
 
 def test_a_sample_more_or_less_is_found(report: Made) -> None:
     fewer = {name: column[:-1] for name, column in report.source.columns.items()}
-    assert "number of samples" in names(verify_report(report.page, fewer))
+    assert messages.number_of_samples() in names(verify_report(report.page, fewer))
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mat", ".mcap"])
@@ -304,7 +327,7 @@ def test_another_unit_in_the_columns_of_a_parquet_file_is_found(report: Made, tm
     other = table.schema.field(place).with_metadata({"unit": "kN", "symbol": "F_A", "meaning": "tension"})
     pyarrow.parquet.write_table(table.cast(table.schema.set(place, other)), file)
     _, problems = read_samples_file(file)
-    assert [one.name for one in problems] == ["units and meanings in data.parquet"]
+    assert [one.name for one in problems] == [messages.units_and_meanings_in_file(file="data.parquet")]
 
 
 def test_what_is_no_report_or_has_no_samples_cannot_be_told(report: Made, tmp_path: Path) -> None:
@@ -329,10 +352,9 @@ def test_what_is_no_report_or_has_no_samples_cannot_be_told(report: Made, tmp_pa
 
 def test_of_a_report_of_another_version_the_words_are_not_compared(report: Made) -> None:
     found = verify_report(report.with_account(put("made_with", "Sinew", value="0.0.9")), report.source.columns)
-    assert names(found) == ["hash of the account"]
+    assert names(found) == [messages.hash_of_input(name="account")]
     assert found.left_out[0] == Reason("page_of_another_version", reported="0.0.9")
-    assert "every number" not in found.compared
-    assert "not the visible page" in found.compared
+    assert found.compared == messages.all_but_visible_page()
 
 
 @pytest.mark.parametrize("said", [None, "0123456789abcdef"])
@@ -364,7 +386,9 @@ def test_signals_that_an_older_version_did_not_record_hold_by_an_export(report: 
     assert {name for name in lacking if np.isnan(from_file[name]).all()} == {*lacking}
     assert ([one.name for one in problems], verify_report(page, from_file).differences) == ([], ())
     from_file["V_A"][100] = 1.0
-    assert {"checksums of V_A", "hash of the samples"} <= {*names(verify_report(page, from_file))}
+    assert {messages.checksums_of_signal(signal="V_A"), messages.hash_of_input(name="samples")} <= {
+        *names(verify_report(page, from_file))
+    }
 
 
 def test_a_report_that_was_made_without_a_result_holds_and_says_so(report: Made) -> None:
