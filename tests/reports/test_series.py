@@ -19,6 +19,7 @@ from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.recording.reader import Columns
+from backend.reports import messages
 from backend.reports.build import build_report
 from backend.reports.evidence import EvidenceError, ReportManifest, SeriesEvidence, read_manifest
 from backend.reports.model import Report, Table, to_html
@@ -34,6 +35,7 @@ from backend.storage.database import Database, open_database
 from backend.storage.orm import UnknownRecordError
 from backend.units import AngleUnit
 from plant.parameters import load_parameters
+from tests.reasons import Reason
 from tests.refusals import refused
 
 LAMBDAS = (0.4, 0.5, 0.6)
@@ -97,8 +99,8 @@ def test_of_seven_runs_five_stand_beside_each_other(sources: list[RunData]) -> N
     first, second, spread = tables(report, "Metrics")
     assert [column.title for column in first.columns[2:]] == [f"Run {number}" for number in range(1, 6)]
     assert [column.title for column in second.columns[2:]] == ["Run 6", "Run 7"]
-    assert all(cell in ("0", "not measured") for cell in (row[4] for row in spread.rows))
-    assert "None: the runs have the same settings" in to_html(report)
+    assert all(cell in ("0", messages.not_measured()) for cell in (row[4] for row in spread.rows))
+    assert messages.runs_do_not_differ() in to_html(report)
     assert to_pdf(report).startswith(b"%PDF-")
 
 
@@ -115,11 +117,12 @@ def test_what_differs_names_versions_text_bank_and_what_was_granted(sources: lis
     (differing,) = tables(series_report([sources[0], other]), "Differences")
     rows = {row[0]: row[1:] for row in differing.rows}
     assert rows["NumPy"][1] == "1.0"
-    assert rows["name of the parameter set"] == ("ideal", "mine")
-    assert rows["text of the experiment, sha256"][0] != rows["text of the experiment, sha256"][1]
-    assert rows["bank"] == ("none", "“set 2” version 3")
-    assert len(rows["bank, sha256"][1]) == 12
-    assert rows["Not granted"] == ("not set", "no rights; no memory")
+    assert rows[messages.name_of_parameter_set()] == ("ideal", "mine")
+    first, second = rows[messages.hash_of_experiment()]
+    assert first != second
+    assert rows["bank"] == ("none", messages.bank_and_version(name="set 2", version=3))
+    assert len(rows[messages.hash_of_bank()][1]) == 12
+    assert rows["Not granted"] == (messages.not_set(), "no rights; no memory")
 
 
 @pytest.mark.parametrize(("count", "shown"), [(190, True), (210, False)])
@@ -134,7 +137,7 @@ def test_values_of_an_experiment_are_compared_by_their_paths(
 
     (differing,) = tables(series_report([with_angle(0.0), with_angle(math.pi)]), "Differences")
     rows = {row[0]: row[1:] for row in differing.rows}
-    text = rows.pop("text of the experiment, sha256")
+    text = rows.pop(messages.hash_of_experiment())
     assert text[0] != text[1]
     assert rows == ({"experiment.parts[0].q_ref [rad]": ("0", "3.14159")} if shown else {})
 
@@ -148,7 +151,7 @@ def test_values_of_an_experiment_that_are_not_finite_are_compared_as_text(source
     texts = ('{"a": NaN, "b": 1}', '{"a": NaN, "b": 1e999}')
     (differing,) = tables(series_report([with_text(text) for text in texts]), "Differences")
     rows = {row[0]: row[1:] for row in differing.rows}
-    rows.pop("text of the experiment, sha256")
+    rows.pop(messages.hash_of_experiment())
     assert rows == {"experiment.b": ("1", "inf")}
 
 
@@ -170,13 +173,14 @@ def test_what_was_not_measured_whole_is_marked_and_counted_apart(sources: list[R
         assert any("(" in cell for cell in row[2:]) == (marked != 2)  # to one in part there is no difference
         row = next(row for row in spread.rows if row[0] == "RMSE of q")
         assert (row[2], row[-1]) == ("2", "1")
-        assert f"RMSE of q: of 2 of 3 steps (run {partial.run.id})" in str(said)
+        reason = messages.metric_and_reason(label="RMSE of q", reason="of 2 of 3 steps")
+        assert f"{reason} (run {partial.run.id})" in str(said)
 
 
 def test_a_drawing_more_is_found(database: Database, page: str) -> None:
     more = page.replace("</main>", "<svg><text>0.1</text></svg></main>", 1)
     found = verify_series_report(more, account(more), lambda one: read_stored_samples(database, one)[0])
-    assert "number of drawings" in [one.name for one in found.differences]
+    assert messages.number_of_drawings() in [one.name for one in found.differences]
 
 
 def test_a_series_holds_where_its_runs_are_stored(database: Database, page: str) -> None:
@@ -195,12 +199,13 @@ def test_a_change_is_found_and_named_with_its_run(database: Database, page: str)
         return columns | {"q": q}
 
     names = [one.name for one in verify_series_report(page, account(page), bent).differences]
-    assert "run 2, samples of q from 3 s to 4 s" in names
+    assert messages.part_of_run(run_id=2, part=messages.samples_of_signal(signal="q", start_s=3, end_s=4)) in names
     assert not any(name.startswith(("run 1", "run 3")) for name in names)
     visible = page.replace(">0.5<", ">0.55<", 1)
     found = verify_series_report(visible, account(visible), lambda one: read_stored_samples(database, one)[0])
     assert len(found.differences) == 1
-    assert "tuning parameter of the position loop" in found.differences[0].name
+    assert found.differences[0].name == Reason("row_of_table")
+    assert "λ_q" in found.differences[0].name
 
 
 def test_a_series_is_no_report_of_a_run_and_needs_its_runs(page: str, sources: list[RunData]) -> None:
@@ -240,7 +245,7 @@ def test_a_pdf_holds_by_the_page_beside_it(sources: list[RunData], tmp_path: Pat
     page, pdf = to_html(report), to_pdf(report)
     assert verify_pdf(pdf, page, sources[0].columns) == Verified((), ())
     other = to_pdf(build_report(sources[1]))
-    assert [one.name for one in verify_pdf(other, page, sources[0].columns).differences] == ["the PDF"]
+    assert [one.name for one in verify_pdf(other, page, sources[0].columns).differences] == [messages.the_pdf()]
     touched = page.replace("by A. Operator", "by B. Operator", 1)
-    assert "heading" in verify_pdf(pdf, touched, sources[0].columns).differences[0].name
+    assert verify_pdf(pdf, touched, sources[0].columns).differences[0].name == Reason("line_of_heading")
     assert render_series_report(sources, "pdf") == to_pdf(series_report(sources))
