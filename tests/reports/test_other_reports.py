@@ -16,9 +16,10 @@ from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import build_ready_plan, find_experiment, list_stored_values
 from backend.experiments.plans import LoopSettings
 from backend.models.run import ENTRY, LAMBDA, MOTIONS, TIME_OPTIMAL, EntryModel, Metrics
+from backend.reports import messages
 from backend.reports.build import build_report
 from backend.reports.experiment_report import find_frequency_responses
-from backend.reports.model import NO_FIGURE, Figure, Report, Table, to_html
+from backend.reports.model import NO_FIGURE, Figure, Paragraph, Report, Table, to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.run_data import RunData, load_source
 from backend.reports.sections import hits_table, reaction_tables
@@ -94,12 +95,12 @@ def test_a_hit_that_was_not_felt_says_so(source: RunData) -> None:
     hit = find_hits(source.columns, PLAN_IMPACT.program())[-1]._replace(
         detection_s=float("nan"), reaction_s=float("nan")
     )
-    assert hits_table([hit], AngleUnit.RADIANS).rows[0][7:9] == ("not detected", "not detected")
+    assert hits_table([hit], AngleUnit.RADIANS).rows[0][7:9] == 2 * (messages.not_detected(),)
 
 
 def test_a_hit_without_a_speed_says_that_it_was_not_measured(source: RunData) -> None:
     table = hits_table([find_hits(source.columns)[0]._replace(speed=float("nan"))], AngleUnit.RADIANS)
-    assert table.rows[0][2] == "not measured"
+    assert table.rows[0][2] == messages.not_measured()
 
 
 # Reports of compliance runs, sessions and own sequences, from records made by formula.
@@ -135,12 +136,13 @@ def compliance_source() -> RunData:
 def test_compliance_report_judges_the_force_error_and_draws_figure_8() -> None:
     report = build_report(compliance_source())
     assert (report.title, report.outcome) == ("Compliance experiment", "passed")
-    assert report.verdict == "All 2 criteria passed."
+    assert report.verdict == messages.verdict_on_criteria(criteria=2, failed=(), unmeasured=())
     assert names_of_figures(report) == ["forces", "tension"]
     criteria = next(block for block in report.sections[0].blocks if isinstance(block, Table))
     assert criteria.rows[0][:2] == ("Force error, aligned", "< 0.5")
     assert "2.239 N" in to_html(report)
-    assert "(equations 22 and 25 of the paper, a linear approximation)" in to_html(report)
+    notes = next(section.blocks for section in report.sections if section.heading == "Notes")
+    assert Paragraph(messages.push_is_measured_as_reaction()) in notes
     assert to_pdf(report).startswith(b"%PDF-")
 
 
@@ -153,28 +155,38 @@ def test_a_session_is_shown_and_not_judged() -> None:
     session = RunData(replace(tracked.run, kind="session", settings=settings), None, columns, None)
     report = build_report(session)
     assert (report.title, report.outcome) == ("Session", "neutral")
-    assert "contains no verdict" in report.verdict
+    assert report.verdict == messages.session_has_no_verdict()
     assert names_of_figures(report) == ["panels", "tension"]
     assert to_pdf(report).startswith(b"%PDF-")
 
 
 @pytest.mark.parametrize(
-    ("settings", "said"),
+    ("settings", "lam_motor_s", "b"),
     [
         (
             {"mode": "run", "loop": {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.09, "b": 0.7, "interpolate": False}},
-            "λ_q = 0.5 s, λ_S = 0.42 s, λ_motor = 0.09 s, b = 0.7",
+            0.09,
+            0.7,
         ),
         (  # as earlier versions stored sessions, without b
             {"mode": "run", "loop": {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "interpolate": False}},
-            "λ_q = 0.5 s, λ_S = 0.42 s, λ_motor = 0.0854 s, b not recorded",
+            0.0854,
+            None,
         ),
     ],
 )
-def test_the_report_says_the_whole_tuning_or_what_is_not_known_of_it(settings: dict[str, object], said: str) -> None:
+def test_the_report_says_the_whole_tuning_or_what_is_not_known_of_it(
+    settings: dict[str, object], lam_motor_s: float, b: float | None
+) -> None:
     tracked = source_of(samples(PLAN))
     session = RunData(replace(tracked.run, kind="session", settings=settings), None, tracked.columns, None)
-    assert [fact.text for fact in build_report(session).facts if fact.label == "Tuning"] == [said]
+    tuning = (
+        messages.lambda_in_use(loop="q", range_s=(0.5, 0.5)),
+        messages.lambda_in_use(loop="S", range_s=(0.42, 0.42)),
+        messages.lambda_motor_in_use(lam_s=lam_motor_s),
+        messages.setpoint_weight(b=b),
+    )
+    assert [fact.text for fact in build_report(session).facts if fact.label == "Tuning"] == [", ".join(tuning)]
 
 
 def test_an_own_sequence_has_figures_but_no_criteria() -> None:
@@ -190,10 +202,9 @@ def test_an_own_sequence_has_figures_but_no_criteria() -> None:
     )
     report = build_report(sequence)
     assert (report.title, report.outcome) == ("Own sequence", "neutral")
-    assert "No criteria" in report.verdict
-    assert [block.caption.split(".")[0] for block in report.sections[0].blocks if isinstance(block, Table)] == [
-        "Metrics of measured signals"
-    ]
+    assert report.verdict == messages.no_criteria()
+    (caption,) = [block.caption for block in report.sections[0].blocks if isinstance(block, Table)]
+    assert caption.startswith(messages.metrics_of_signals(complete=True))
 
 
 # Reports of frequency responses, disturbances and rest: all of it in figure and table, and held by its samples.
@@ -312,6 +323,9 @@ def test_lines_that_a_limit_spoilt_say_so_and_have_no_figures(database: Database
     source = load_source(database, outcome.run.id)
     report = build_report(source)
     table = tables_of(report, "bode")[0]
-    assert all("not measured: " in row[-1] and row[1] == row[3] == NO_FIGURE for row in table.rows)
+    assert all(
+        row[-1].startswith(messages.line_not_measured(reason="")) and row[1] == row[3] == NO_FIGURE
+        for row in table.rows
+    )
     assert all(row[2] != NO_FIGURE for row in table.rows)
     assert verify_report(to_html(report), source.columns) == Verified((), ())
