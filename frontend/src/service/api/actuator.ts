@@ -15,22 +15,22 @@ export function useReset() {
   return useMutation({ mutationFn: () => answered(api.POST("/api/reset")) });
 }
 
-/** A push on the joint of a simulated plant; one of 0 N lets go. */
+/** Sends a push on the joint of a simulated plant; a push of 0 N releases the joint. */
 export function usePush() {
   return useMutation({
     mutationFn: (body: { F_push: number; duration_s: number }) => answered(api.POST("/api/push", { body })),
   });
 }
 
-/** What is learned of the outside force, and from what force on the joint gives way. */
+/** Sets the bias of the external force, and the threshold of the contact reaction. */
 export function useConfigureContact() {
   return useMutation({
-    mutationFn: (what: Partial<TouchOrder>) =>
-      answered(api.PUT("/api/touch", { body: { learn: false, forget: false, ...what } })),
+    mutationFn: (changes: Partial<TouchOrder>) =>
+      answered(api.PUT("/api/touch", { body: { learn: false, forget: false, ...changes } })),
   });
 }
 
-/** A wall in the way of a simulated joint; null takes it away. */
+/** Sets the obstacle of a simulated joint; null removes it. */
 export function useSetWall() {
   return useMutation({
     mutationFn: (body: { wall: Wall | null }) => answered(api.PUT("/api/wall", { body })),
@@ -38,33 +38,33 @@ export function useSetWall() {
 }
 
 /**
- * References are sent in pairs, and a person orders one of them: the other one goes along as it was ordered last, by
- * whatever part of the page, for the state that tells it may still be on its way.
+ * The service takes references in pairs, and a person changes one of them. The page sends the other one as any of its
+ * parts sent it last, because the state that reports it may not have arrived yet.
  */
 
-/** The state tells within this time what was accepted [ms]; after it what is in force counts again. */
-const TOLD_WITHIN_MS = 1200;
-/** References nearer than this are the same, in rad or N·m/rad: of more digits some may be lost on their way. */
+/** Time within which the state reports accepted references [ms]; after it, the reported ones apply again. */
+const REPORTED_WITHIN_MS = 1200;
+/** References closer than this are equal, in rad or N·m/rad: the transfer may round further digits. */
 const SAME = 1e-5;
 
-/** Sends references, or one of them; rejects where they are refused. All of a page share what was ordered last. */
+/** Sends both references or one; rejects on a refusal. All components of a page share the last references sent. */
 export function useReferenceOrders() {
-  const orders = ordersOf(useLiveStore());
-  return useMutation({ mutationFn: (part: Partial<References>) => orders.order(part) });
+  const sender = senderFor(useLiveStore());
+  return useMutation({ mutationFn: (part: Partial<References>) => sender.send(part) });
 }
 
-const ORDERS = new WeakMap<LiveStore, Orders>();
+const SENDERS = new WeakMap<LiveStore, ReferenceSender>();
 
-function ordersOf(store: LiveStore): Orders {
-  const known = ORDERS.get(store) ?? new Orders(store);
-  ORDERS.set(store, known);
+function senderFor(store: LiveStore): ReferenceSender {
+  const known = SENDERS.get(store) ?? new ReferenceSender(store);
+  SENDERS.set(store, known);
   return known;
 }
 
-/** One after the other: each follows from what came of the one before. */
-class Orders {
+/** Sends references one after the other: each request depends on the result of the previous one. */
+class ReferenceSender {
   private last: Promise<unknown> = Promise.resolve();
-  /** What the state may still tell, in order: what it told last, and what was ordered since. */
+  /** References that the state may report next, in order: those it reported last, then those sent since. */
   private awaited: References[] = [];
   private accepted_ms = Number.NEGATIVE_INFINITY;
 
@@ -72,22 +72,22 @@ class Orders {
     store.subscribe(() => this.onState());
   }
 
-  order(part: Partial<References>): Promise<void> {
-    const mine = this.last.then(() => this.send(part));
+  send(part: Partial<References>): Promise<void> {
+    const mine = this.last.then(() => this.request(part));
     this.last = mine.catch(() => undefined);
     return mine;
   }
 
-  private async send(part: Partial<References>): Promise<void> {
-    const told = this.store.snapshot().state?.references;
-    const isFresh = performance.now() - this.accepted_ms < TOLD_WITHIN_MS;
-    if (!isFresh || this.awaited.length === 0) this.awaited = told && isKnown(told) ? [told] : [];
+  private async request(part: Partial<References>): Promise<void> {
+    const reported = this.store.snapshot().state?.references;
+    const isFresh = performance.now() - this.accepted_ms < REPORTED_WITHIN_MS;
+    if (!isFresh || this.awaited.length === 0) this.awaited = reported && isKnown(reported) ? [reported] : [];
     const before = this.awaited.at(-1);
     const q_ref = part.q_ref ?? before?.q_ref;
     const S_ref = part.S_ref ?? before?.S_ref;
     if (q_ref === undefined || S_ref === undefined) throw new Error(TEXTS.otherReferenceUnknown);
     const wanted = { q_ref, S_ref };
-    this.awaited.push(wanted); // the state may tell it before the answer is there
+    this.awaited.push(wanted); // the state may report it before the answer arrives
     try {
       await answered(api.PUT("/api/references", { body: wanted }));
       this.accepted_ms = performance.now();
@@ -97,18 +97,18 @@ class Orders {
     }
   }
 
-  /** References that were not ordered here are in force by somebody else, or by the loop: they count from then on. */
+  /** Drops the references before the reported ones; references from another client or the loop drop all of them. */
   private onState(): void {
-    const told = this.store.snapshot().state?.references;
-    if (told === undefined || !isKnown(told) || this.awaited.length === 0) return;
-    const at = this.awaited.findIndex((one) => isSame(one, told));
+    const reported = this.store.snapshot().state?.references;
+    if (reported === undefined || !isKnown(reported) || this.awaited.length === 0) return;
+    const at = this.awaited.findIndex((one) => isSame(one, reported));
     this.awaited = at < 0 ? [] : this.awaited.slice(at);
   }
 }
 
-/** Whether both are known: slack tendons have no stiffness, so that none is told as long as no S_ref is in force. */
-function isKnown(told: State["references"]): told is State["references"] & References {
-  return told.S_ref !== null;
+/** Whether both are known: slack tendons have no stiffness, so the state reports none until an S_ref is active. */
+function isKnown(reported: State["references"]): reported is State["references"] & References {
+  return reported.S_ref !== null;
 }
 
 function isSame(one: References, other: References): boolean {

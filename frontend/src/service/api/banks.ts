@@ -5,7 +5,7 @@ import { answered, api } from "../../wire/client";
 import type { BankFile } from "../../wire/types";
 import { OTHERS_MS } from "./polling";
 
-/** What identifying one point again would change about the models in use. */
+/** Fetches how a new identification of one operating point would change the models of the active bank. */
 export function differenceInUseQuery(run: number, lambdas: string) {
   return queryOptions({
     queryKey: ["banks", "in-use", "difference", run, lambdas],
@@ -61,7 +61,7 @@ export function useActivateBank() {
   });
 }
 
-/** Gains from the plant's geometry again, no bank. */
+/** Activates the geometric gains, without a bank. */
 export function useActivateGeometry() {
   const queries = useQueryClient();
   return useMutation({

@@ -27,7 +27,7 @@ export function experimentQuery(id: number) {
 
 type SettingValues = Record<string, boolean | number | string>;
 
-/** Looks an experiment over as a start would; nothing is kept. */
+/** Checks an experiment as a start would, and simulates it; the service stores nothing. */
 export function useCheckExperiment() {
   return useMutation({
     mutationFn: (text: string) =>
@@ -35,7 +35,7 @@ export function useCheckExperiment() {
   });
 }
 
-/** Keeps an experiment as the next version of its name. */
+/** Stores an experiment as the next version of its name. */
 export function useSaveExperiment() {
   const queries = useQueryClient();
   return useMutation({
@@ -58,7 +58,7 @@ export function useStartExperiment() {
   });
 }
 
-/** What may be done to the queue; each answer is the queue as it is then. */
+/** Sends a command to the queue; each answer contains the queue after it. */
 export function useQueueCommand() {
   const queries = useQueryClient();
   return useMutation({
@@ -93,9 +93,7 @@ function queueRequest(command: QueueCommand) {
   }
 }
 
-/** What is read of experiments as texts: the text, its versions, a run as one, and what one that is composed comes to. */
-
-/** The text of an experiment, ready-made or own, and what it says; of a version that is gone there is none. */
+/** Fetches the text of a built-in or own experiment, and its content; a deleted version has none. */
 export function experimentTextQuery(name: string) {
   return queryOptions({
     queryKey: ["experiment-texts", name],
@@ -103,7 +101,7 @@ export function experimentTextQuery(name: string) {
   });
 }
 
-/** The versions of an own experiment, the newest first. */
+/** Fetches the versions of an own experiment, the newest first. */
 export function experimentVersionsQuery(name: string) {
   return queryOptions({
     queryKey: ["experiment-versions", name],
@@ -113,7 +111,7 @@ export function experimentVersionsQuery(name: string) {
   });
 }
 
-/** A run as an experiment, and what of the run it does not repeat. */
+/** Fetches a run as an experiment, and the parts of the run that the experiment does not repeat. */
 export function experimentAsRunQuery(run_id: number) {
   return queryOptions({
     queryKey: ["experiment-as-run", run_id],
@@ -121,10 +119,10 @@ export function experimentAsRunQuery(run_id: number) {
   });
 }
 
-/** A text looked over, which takes no time: whether it would be refused, and why. */
+/** Checks a text without a simulation, which is fast: whether the service would refuse it, and why. */
 export function checkedExperimentQuery(text: string) {
   return queryOptions({
-    queryKey: ["looked-over", text],
+    queryKey: ["checked-experiment", text],
     queryFn: () => answered(api.POST("/api/experiments/check", { body: { text, play: false } })),
     retry: false,
     refetchOnWindowFocus: false,
@@ -132,7 +130,7 @@ export function checkedExperimentQuery(text: string) {
   });
 }
 
-/** A text looked over and played dry; asked again while there is no place. */
+/** Checks and simulates a text; repeats the request while the simulator is busy. */
 export function composedPreviewQuery(text: string, tuning: string) {
   return queryOptions({
     queryKey: ["composed-preview", text, tuning],
@@ -144,9 +142,7 @@ export function composedPreviewQuery(text: string, tuning: string) {
   });
 }
 
-/** A dry run: played beside the service while the connection that asked for it stands. */
-
-/** How far one's own dry run is; asked for while the page shows it. */
+/** Fetches the progress of this person's dry run; the page polls it while it shows the progress. */
 export const dryRunProgressQuery = queryOptions({
   queryKey: ["dry-run-progress"],
   queryFn: () => answered(api.GET("/api/experiments/dry-run/progress")),
@@ -154,7 +150,7 @@ export const dryRunProgressQuery = queryOptions({
   gcTime: 0,
 });
 
-/** A dry run that can be cancelled; it ends with its connection, also where the page is left. */
+/** Starts a dry run and can cancel it; the dry run ends with its connection, also when the person leaves the page. */
 export function useDryRun() {
   const connection = useRef<AbortController | null>(null);
   const dryRun = useMutation({

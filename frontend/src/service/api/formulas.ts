@@ -1,4 +1,4 @@
-/** Derived signals of the station: read, written and removed. */
+/** Reads, writes and removes the derived signals of the station. */
 
 import { queryOptions, useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { useEffect } from "react";
@@ -7,9 +7,7 @@ import { type DerivedSignal, setDerived } from "../../samples/formula";
 import { answered, api } from "../../wire/client";
 import type { Formula, FormulaText } from "../../wire/types";
 
-/** Derived signals of the station: read, written and removed. */
-
-/** So often [ms] it is asked what others have written. */
+/** Interval at which the page fetches the signals that other people have written [ms]. */
 const AGAIN_MS = 30_000;
 const NONE: readonly Formula[] = [];
 
@@ -17,7 +15,7 @@ const formulasQuery = queryOptions({
   queryKey: ["formulas"],
   queryFn: async () => {
     const { formulas } = await answered(api.GET("/api/formulas"));
-    setDerived(formulas); // before whoever waits for them is rendered
+    setDerived(formulas); // before the components that wait for them render
     return formulas;
   },
   refetchInterval: AGAIN_MS,
@@ -27,7 +25,7 @@ export function useDerived(): readonly DerivedSignal[] {
   return useQuery(formulasQuery).data ?? NONE;
 }
 
-/** Have the live window hold them too. */
+/** Adds the derived signals to the live window. */
 export function useLiveFormulas(): void {
   const store = useLiveStore();
   const derived = useDerived();
@@ -56,7 +54,7 @@ export function useRemoveFormula() {
   });
 }
 
-/** What was read of recordings under the name of a formula is what it was before. */
+/** Returns a function that fetches the formulas again, and the samples of recordings computed with earlier ones. */
 function useRenew(): () => Promise<void> {
   const queries = useQueryClient();
   return async () => {

@@ -1,4 +1,4 @@
-/** Identifications, their curves and predictions, spring tables, and identified parameters put in force. */
+/** Identifications, their curves and predictions, spring tables, and the application of identified parameters. */
 
 import { queryOptions, skipToken, useMutation, useQueryClient } from "@tanstack/react-query";
 import { answered, api } from "../../wire/client";
@@ -45,7 +45,7 @@ export function springTableCurvesQuery(id: number) {
   });
 }
 
-/** `body` is null while the form holds no order; `from` says from where: elsewhere it is told anew. */
+/** `body` is null while the form has no valid request; `from` is the start state: another one has another prediction. */
 export function predictionQuery(body: IdentificationRequest | null, from: string) {
   return queryOptions({
     queryKey: ["prediction", body, from],
@@ -73,18 +73,14 @@ export function useAddSpringTable() {
   });
 }
 
-/** A pause between two runs of one order. */
-
-/** Lets the next run of the order under way wait, or begin. */
+/** Pauses the current series of identifications before its next run, or resumes it. */
 export function usePauseOrder() {
   return useMutation({
     mutationFn: (paused: boolean) => answered(api.PUT("/api/identifications/pause", { body: { paused } })),
   });
 }
 
-/** Models beside what judges them, and identified parameters put in force. */
-
-/** The model of `run` beside the record of the run `of`. */
+/** Fetches the model of `run` with its prediction of the validation data of the run `of`. */
 export function unseenQuery(run: number, of: number) {
   return queryOptions({
     queryKey: ["identifications", run, "unseen", of],
@@ -95,7 +91,7 @@ export function unseenQuery(run: number, of: number) {
   });
 }
 
-/** `made` tells the identifications that are there, `tuning` what is in force: both decide what is shown. */
+/** `made` identifies the stored identifications and `tuning` the active tuning: the trend depends on both. */
 export function trendQuery(made: string, tuning: string) {
   return queryOptions({
     queryKey: ["identification-trend", made, tuning],
@@ -104,7 +100,7 @@ export function trendQuery(made: string, tuning: string) {
   });
 }
 
-/** The parameters in force, with what applying the identification of this estimate would change. */
+/** Fetches the active parameters, and the changes that applying this estimate would make. */
 export function parametersQuery(estimate: number | null) {
   return queryOptions({
     queryKey: ["parameters", estimate],
@@ -125,7 +121,7 @@ export function useUndoParameters() {
   );
 }
 
-/** Whatever is predicted rests on the parameters. */
+/** Keys of the queries whose results depend on the parameters. */
 export const RESTS_ON_PARAMETERS = [
   "parameters",
   "prediction",
@@ -138,11 +134,11 @@ export const RESTS_ON_PARAMETERS = [
   "checklist",
 ];
 
-function useParameterChange<Asked>(change: (asked: Asked) => Promise<Parameters>) {
+function useParameterChange<Request>(change: (request: Request) => Promise<Parameters>) {
   const queries = useQueryClient();
   return useMutation({
     mutationFn: change,
-    // after a refusal, too: others may have changed them, and those that no loop started with are in force all the same
+    // also after a refusal: others may have changed them, and applied parameters are active even if the loop did not start
     onSettled: () =>
       Promise.all(RESTS_ON_PARAMETERS.map((key) => queries.invalidateQueries({ queryKey: [key] }))),
   });

@@ -1,32 +1,30 @@
-/** The log: everything that happened, and what people say of it. */
+/** The log: events, and the remarks of people on them. */
 
 import { infiniteQueryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
 import type { AngleUnit } from "../../samples/quantity";
 import { answered, api } from "../../wire/client";
 import type { LogEntry } from "../../wire/types";
 
-/** The log: everything that happened, and what people say of it. */
-
 export type LogKind = LogEntry["kind"];
 
-/** What of it is asked for: all kinds where there are none; times as the service has them, or "". */
+/** Filter of the log: no kinds select all kinds; times in the format of the service, or "". */
 export interface LogAsked {
   readonly kinds: readonly LogKind[];
   readonly words: string;
   readonly since: string;
   readonly before: string;
-  /** The unit in which the words were read. */
+  /** Unit of the angles in the searched texts. */
   readonly angles: AngleUnit;
 }
 
 const PAGE = 100;
-const LOOK_MS = 2000;
-/** Words are looked for in all that there is, which takes the service tenths of a second in a long log. */
+const POLL_MS = 2000;
+/** A text search reads the whole log, which takes the service tenths of a second in a long log. */
 const SEARCH_MS = 8000;
 
-/** Newest first, a page after the other; the newest are looked for again as long as nothing older was asked for. */
+/** Fetches the log, newest first, page by page; polls for new entries while only the first page is loaded. */
 export function logQuery(asked: LogAsked) {
-  const look_ms = asked.words === "" ? LOOK_MS : SEARCH_MS;
+  const poll_ms = asked.words === "" ? POLL_MS : SEARCH_MS;
   return infiniteQueryOptions({
     queryKey: ["log", asked],
     queryFn: ({ pageParam }) => {
@@ -44,7 +42,7 @@ export function logQuery(asked: LogAsked) {
     initialPageParam: "",
     getNextPageParam: (page) => page.more_before,
     placeholderData: (shown) => shown,
-    refetchInterval: ({ state }) => ((state.data?.pages.length ?? 1) === 1 ? look_ms : false),
+    refetchInterval: ({ state }) => ((state.data?.pages.length ?? 1) === 1 ? poll_ms : false),
     retry: false,
   });
 }

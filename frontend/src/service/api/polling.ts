@@ -1,10 +1,10 @@
-/** How often the page asks again for what may change, and whether a run is still going. */
+/** Polling intervals of the page, and the test whether a run continues. */
 
-/** How often the page asks again for what another person may change and the state does not tell [ms]. */
+/** Interval for data that another person may change and that the state does not report [ms]. */
 export const OTHERS_MS = 3000;
 export const WHILE_RUNNING_MS = 700;
 
-/** End states of the service, beside which a run is still going. */
+/** Whether a run continues, by the end state that the service reports. */
 export function isRunning(status: string): boolean {
   return status === "running";
 }

@@ -1,4 +1,4 @@
-/** How the signed-in person likes the page; stored by the service, so that it is the same at every machine. */
+/** Preferences of the signed-in person; the service stores them, so they are the same on every computer. */
 
 import { queryOptions, useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { createContext, useContext } from "react";
@@ -6,8 +6,6 @@ import { paintsInSoftware } from "../../drawing/canvas";
 import type { AngleUnit } from "../../samples/quantity";
 import { answered, api } from "../../wire/client";
 import type { Preferences } from "../../wire/types";
-
-/** How the signed-in person likes the page; kept on the server, so that it is the same at every machine. */
 
 const DEFAULTS: Preferences = {
   scheme: "auto",
@@ -37,7 +35,7 @@ interface PreferencesInUse {
   /** Defaults until the service has answered. */
   readonly preferences: Preferences;
   readonly known: boolean;
-  /** In force at once; the service is told behind. What follows from what is in force is a function of it, null for none. */
+  /** Applies a change at once, then stores it. A function computes the change from the current values; null for none. */
   change(part: Partial<Preferences> | ((before: Preferences) => Partial<Preferences> | null)): void;
 }
 
@@ -53,7 +51,7 @@ export function usePreferences(): PreferencesInUse {
     known: data !== undefined,
     change: (part) => {
       const before = queries.getQueryData(preferencesQuery.queryKey);
-      // what is not known yet must not be overwritten by defaults
+      // defaults must not overwrite preferences that the page has not loaded yet
       if (before === undefined) return;
       const changed = typeof part === "function" ? part(before) : part;
       if (changed === null) return;
@@ -64,29 +62,27 @@ export function usePreferences(): PreferencesInUse {
   };
 }
 
-/** The unit in which the signed-in person reads angles, for whatever shows or takes one. */
-
-/** Degrees until the service has said what the person chose. */
+/** Unit of angles that the signed-in person chose; degrees until the service has answered. */
 export const AngleUnitContext = createContext<AngleUnit>("deg");
 
 export function useAngleUnit(): AngleUnit {
   return useContext(AngleUnitContext);
 }
 
-/** Whether a person sees the actuator in 3D, and from where: remembered for them, at every machine. */
+/** Whether the page shows the actuator in 3D, and from which camera; stored with the preferences. */
 
 interface SceneView {
   readonly solid: boolean;
   readonly camera: string;
-  /** False until it is known what the person chose before: nothing can be changed until then. */
+  /** False until the preferences are loaded: nothing can be changed until then. */
   readonly known: boolean;
   toggle(): void;
   look(camera: string): void;
 }
 
 /**
- * `byDefault` is what somebody sees who never chose. The 3D view shares the page's thread: what was chosen where there
- * is a graphics processor does not count where there is none, for it would hold up STOP there.
+ * `byDefault` applies to a person who has not chosen. The 3D view runs in the page's thread: without a graphics
+ * processor it would delay STOP, so computers without one have a separate choice.
  */
 export function useSceneView(byDefault: boolean): SceneView {
   const { preferences, known, change } = usePreferences();

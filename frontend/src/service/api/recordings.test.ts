@@ -2,7 +2,7 @@ import { describe, expect, it, vi } from "vitest";
 import type { Flight, Trigger } from "../../wire/types";
 import { describeTrigger, flightOf } from "./recordings";
 
-// the REST client takes hold of fetch when it is made
+// the REST client binds fetch when it is created
 vi.hoisted(() => vi.stubGlobal("fetch", () => new Promise(() => {})));
 
 describe("flightOf", () => {
@@ -19,7 +19,7 @@ describe("flightOf", () => {
     after_s: 5,
   };
 
-  it("is the newest record, where the fault's tick is within the seconds after its trip", () => {
+  it("returns the newest record if the fault's tick is within the seconds after its trip", () => {
     const flights = [FLIGHT, { ...FLIGHT, id: 4, tick: 2_000 }];
     expect(flightOf(flights, { tick: 10_000 })?.id).toBe(5);
     expect(flightOf(flights, { tick: 14_999 })?.id).toBe(5);
@@ -53,7 +53,7 @@ describe("trigger", () => {
     ended: "",
   };
 
-  it("says what is waited for, how far a recording is, and why nothing is waited for", () => {
+  it("describes the condition, the progress of a recording, and why the trigger is not armed", () => {
     expect(describeTrigger(null)).toBe("Not armed");
     expect(describeTrigger(ARMED)).toBe("Armed: F_A rising through 20 N; 1 of 3 captured");
     expect(describeTrigger({ ...ARMED, phase: "capturing", left_s: 1.25 })).toMatch(

@@ -1,4 +1,4 @@
-/** Recorded samples: of runs, ranges of them, flight records, the trigger, and a recording that is played. */
+/** Recorded samples: runs, ranges of runs, flight records, the trigger, and a replayed recording. */
 
 import { queryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
 import { fixed } from "../../samples/format";
@@ -16,7 +16,7 @@ export const flightsQuery = queryOptions({
   refetchInterval: 5000,
 });
 
-/** Its samples as they are exported, t counted from the trip or trigger. They never change. */
+/** Fetches the exported samples of a flight record, with t from the trip or trigger. They never change. */
 export function flightSamplesQuery(id: number) {
   return queryOptions({
     queryKey: ["flights", id, "samples"],
@@ -28,14 +28,14 @@ export function flightSamplesQuery(id: number) {
   });
 }
 
-/** Let the 3D view of the replay show a moment of it; `t` counts from the trip or trigger. */
+/** Shows a moment of a flight record in the 3D view; `t` counts from the trip or trigger. */
 export function showFlightMoment(id: number, t: number) {
   return answered(api.POST("/api/flights/{id}/replay", { params: { path: { id } }, body: { t } }));
 }
 
-/** The flight record that a fault is in: trips that follow each other share one. */
+/** Returns the flight record that contains a fault: successive trips share one record. */
 export function flightOf(flights: readonly Flight[], fault: Pick<Fault, "tick"> | null): Flight | undefined {
-  const newest = flights.find(({ kind }) => kind === "trip"); // ticks begin anew with each loop process: older records may be of another one
+  const newest = flights.find(({ kind }) => kind === "trip"); // ticks restart with each loop process: older records may belong to an earlier one
   if (newest === undefined || fault === null) return undefined;
   const after_s = (fault.tick - newest.tick) / 1000;
   return after_s >= 0 && after_s <= newest.after_s ? newest : undefined;
@@ -55,8 +55,8 @@ export function useRemoveRecordings() {
   });
 }
 
-export function recordingQuery(id: number, stretch: TimeRange, points: number, signals: readonly string[]) {
-  const query = { from: stretch.from_s, to: stretch.to_s, points, signals: signals.join(",") };
+export function recordingQuery(id: number, range: TimeRange, points: number, signals: readonly string[]) {
+  const query = { from: range.from_s, to: range.to_s, points, signals: signals.join(",") };
   return queryOptions({
     queryKey: ["runs", id, "samples", query],
     queryFn: async () => {
@@ -71,14 +71,12 @@ export function recordingQuery(id: number, stretch: TimeRange, points: number, s
   });
 }
 
-/** Let the 3D view of the replay show a moment of a run. */
+/** Shows a moment of a run in the 3D view. */
 export function showRunMoment(run: number, t: number) {
   return answered(api.POST("/api/runs/{id}/replay", { params: { path: { id: run } }, body: { t } }));
 }
 
-/** The recording that is played in place of a plant: what is in it, and what its player is told. */
-
-/** What is played does not change as long as the service runs. */
+/** Fetches the recording that replaces the plant; it does not change while the service runs. */
 export const playedQuery = queryOptions({
   queryKey: ["player"],
   queryFn: () => answered(api.GET("/api/player")),
@@ -86,14 +84,14 @@ export const playedQuery = queryOptions({
   retry: false,
 });
 
-/** Plays, pauses, sets the speed or goes to a time; what is left out stays as it is. */
+/** Plays, pauses, sets the speed or seeks; omitted fields do not change. */
 export function usePlayerCommand() {
   return useMutation({
     mutationFn: (body: Partial<PlayerOrder>) => answered(api.PUT("/api/player", { body })),
   });
 }
 
-/** The trigger: what is armed, in words, and the orders that arm and disarm it. */
+/** Conditions of the trigger, with their labels. */
 
 export const CONDITIONS: readonly { readonly value: TriggerOrder["condition"]; readonly label: string }[] = [
   { value: "above", label: TEXTS.above },
@@ -108,7 +106,7 @@ export function isWindow(condition: TriggerOrder["condition"]): boolean {
   return condition === "inside" || condition === "outside";
 }
 
-/** What it does at present; quantities in SI, as the log has them. */
+/** Describes the state of the trigger; quantities in SI, as in the log. */
 export function describeTrigger(trigger: Trigger | null): string {
   if (trigger === null) return TEXTS.notArmed;
   const made = fillText(TEXTS.captured, { count: trigger.captured, total: trigger.captures });
@@ -133,43 +131,43 @@ export function useDisarmTrigger() {
   });
 }
 
-/** Figures that the service computes from every sample of a range of a recorded run. */
+/** Results that the service computes from every sample of a range of a recorded run. */
 
 export type RecordedStatistics = components["schemas"]["RecordedStatistics"];
 export type RecordedSpectra = components["schemas"]["RecordedSpectra"];
 export type RecordedValues = components["schemas"]["RecordedValues"];
 
-/** Whoever waits: may leave, and hears how far it is, 0 to 1. */
+/** Cancels a computation, and receives its progress, 0 to 1. */
 export interface Waiting {
   readonly signal: AbortSignal;
   onShare(share: number): void;
 }
 
-/** Statistics of every sample of a range. Throws RequestError for refusals, Error for an answer that broke off. */
+/** Fetches statistics of a range. Throws RequestError for refusals, Error for an incomplete answer. */
 export async function rangeStatistics(
   run: number,
   range: TimeRange,
   signals: readonly string[],
   { signal, onShare }: Waiting,
 ): Promise<RecordedStatistics> {
-  const params = asked(run, range, signals);
+  const params = rangeParams(run, range, signals);
   const body = await answered(api.GET("/api/runs/{id}/statistics", { params, parseAs: "stream", signal }));
   return await resultIn(streamOf(body), onShare);
 }
 
-/** Spectra of every sample of a range. Throws like `rangeStatistics`. */
+/** Fetches spectra of a range. Throws like `rangeStatistics`. */
 export async function rangeSpectra(
   run: number,
   range: TimeRange,
   signals: readonly string[],
   { signal, onShare }: Waiting,
 ): Promise<RecordedSpectra> {
-  const params = asked(run, range, signals);
+  const params = rangeParams(run, range, signals);
   const body = await answered(api.GET("/api/runs/{id}/spectra", { params, parseAs: "stream", signal }));
   return await resultIn(streamOf(body), onShare);
 }
 
-/** The values at the samples at or before some times. Throws RequestError. */
+/** Fetches the values of the last sample at or before each time. Throws RequestError. */
 export function valuesAt(
   run: number,
   times_s: readonly number[],
@@ -180,13 +178,13 @@ export function valuesAt(
   return answered(api.GET("/api/runs/{id}/values", { params: { path: { id: run }, query }, signal }));
 }
 
-/** Where the file of every sample of a range is downloaded from. */
+/** Returns the address of the CSV file with every sample of a range. */
 export function rangeFile(run: number, { from_s, to_s }: TimeRange, signals: readonly string[]): string {
   const query = new URLSearchParams({ from: String(from_s), to: String(to_s), signals: signals.join(",") });
   return `./api/runs/${run}/range.csv?${query}`;
 }
 
-function asked(run: number, { from_s, to_s }: TimeRange, signals: readonly string[]) {
+function rangeParams(run: number, { from_s, to_s }: TimeRange, signals: readonly string[]) {
   return { path: { id: run }, query: { from: from_s, to: to_s, signals: signals.join(",") } };
 }
 

@@ -9,11 +9,11 @@ import type { Differences } from "../../wire/types";
 import { isRunning } from "./polling";
 
 interface RunFilter {
-  /** Kinds with commas between; of all where there is none. */
+  /** Kinds, separated by commas; all kinds if empty. */
   readonly kind?: string;
-  /** Words that stand somewhere. */
+  /** Searched text. */
   readonly search?: string;
-  /** Searches, all of which have to fit; empty ones ask nothing. */
+  /** Search expressions, all of which must match; empty ones have no effect. */
   readonly where?: readonly string[];
   readonly limit: number;
   readonly offset: number;
@@ -21,13 +21,13 @@ interface RunFilter {
 
 export function runsQuery(filter: RunFilter) {
   const { kind = "", search = "", where = [], limit, offset } = filter;
-  const asked = where.filter((part) => part.trim() !== "");
+  const conditions = where.filter((part) => part.trim() !== "");
   const query = {
     limit,
     offset,
     ...(kind === "" ? {} : { kind }),
     ...(search === "" ? {} : { search }),
-    ...(asked.length === 0 ? {} : { where: asked }),
+    ...(conditions.length === 0 ? {} : { where: conditions }),
   };
   return queryOptions({
     queryKey: ["runs", filter],
@@ -63,7 +63,7 @@ export const savedSearchesQuery = queryOptions({
   queryFn: async () => (await answered(api.GET("/api/saved-searches"))).searches,
 });
 
-/** `metric` "" is the first there is. */
+/** `metric` "" selects the first metric. */
 export function metricHistoryQuery(kind: string, metric: string, where: string, everywhere: boolean) {
   return queryOptions({
     queryKey: ["runs", "metric-history", kind, metric, where, everywhere],
@@ -74,7 +74,7 @@ export function metricHistoryQuery(kind: string, metric: string, where: string, 
   });
 }
 
-/** What a run was to follow; `recorded`: its first samples are stored, from which it is known where it began. */
+/** Fetches the planned references; `recorded`: the first samples, which show where the run began, are stored. */
 export function plannedQuery(id: number, recorded: boolean) {
   return queryOptions({
     queryKey: ["runs", id, "planned", recorded],
@@ -101,7 +101,7 @@ export function useSetNote(id: number) {
   });
 }
 
-/** Puts a tag on a run, or takes it off. */
+/** Adds a tag to a run, or removes it. */
 export function useTag(id: number) {
   const queries = useQueryClient();
   return useMutation({
@@ -133,7 +133,7 @@ export function useForgetSearch() {
   });
 }
 
-/** Computes the result of a run from what is stored of it. */
+/** Evaluates a run from its stored data. */
 export function useEvaluate(run: number) {
   const queries = useQueryClient();
   return useMutation({
@@ -142,11 +142,9 @@ export function useEvaluate(run: number) {
   });
 }
 
-/** Runs beside each other: their metrics and settings, their differences, and both as files. */
-
 type Asked = operations["compare_runs"]["parameters"]["query"];
 
-/** Which runs, beside which of them, aligned by what. */
+/** Selection of a comparison: the runs, the reference run and the alignment. */
 export type ComparisonAsked = Required<Asked> & { readonly reference: number };
 
 export function comparisonQuery(query: ComparisonAsked) {
@@ -157,15 +155,15 @@ export function comparisonQuery(query: ComparisonAsked) {
   });
 }
 
-/** Of a signal over a stretch of the reference; `band` is null where no tolerance is given. */
+/** Fetches the differences of a signal over a range of the reference; `band` is null without a tolerance. */
 export function differencesQuery(
   asked: ComparisonAsked,
   signal: string,
   band: number | null,
   points: number,
-  stretch?: TimeRange,
+  range?: TimeRange,
 ) {
-  const query = { ...asked, signal, points, ...(band === null ? {} : { band }), ...stretch };
+  const query = { ...asked, signal, points, ...(band === null ? {} : { band }), ...range };
   return queryOptions({
     queryKey: ["runs", "differences", query],
     queryFn: () => answered(api.GET("/api/run-comparison/differences", { params: { query } })),
@@ -174,7 +172,7 @@ export function differencesQuery(
   });
 }
 
-/** The differences as curves, each called as `named` says; without those that have no name. */
+/** Converts differences to curves; `named` returns the name of each, or null to omit it. */
 export function curvesOf(found: Differences, named: (run: number) => string | null) {
   const signals = found.runs.flatMap(({ run, minimum, maximum }) => {
     const name = named(run);
@@ -183,7 +181,7 @@ export function curvesOf(found: Differences, named: (run: number) => string | nu
   return excerptOf({ ...found, run: found.reference, signals: Object.fromEntries(signals) });
 }
 
-/** Where the comparison is had as text. */
+/** Returns the address of the comparison as a CSV file. */
 export function comparisonFile(content: "curves" | "table", asked: ComparisonAsked, signal: string): string {
   const { run, ...rest } = asked;
   const words = [...run.map((one) => ["run", one]), ...Object.entries(rest), ["signal", signal]];

@@ -1,4 +1,4 @@
-/** Who is signed in: session, name, sign-in and sign-out; and whether the service is there. */
+/** The session: name, sign-in and sign-out; and whether the service answers. */
 
 import { queryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
 import { answered, api } from "../../wire/client";
@@ -24,7 +24,7 @@ export function useSignIn() {
   });
 }
 
-/** Says by what name this browser's person goes. */
+/** Sets the name of the signed-in person. */
 export function useSetName() {
   const queries = useQueryClient();
   return useMutation({
@@ -38,7 +38,7 @@ export function useSetName() {
   });
 }
 
-/** Ends this browser's session for good. Control goes first: a page that is only missed would be taken for lost. */
+/** Ends this browser's session. Releases the control lease first: otherwise the service would treat the page as lost. */
 export function useSignOut() {
   const queries = useQueryClient();
   return useMutation({

@@ -1,15 +1,15 @@
-/** What the page asks of studies, and what it has done with them. */
+/** Studies: queries, checks, starts, stops and resumption. */
 
 import { queryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
 import { answered, api } from "../../wire/client";
 import type { Study } from "../../wire/types";
 
 const WHILE_COMPUTED_MS = 2000;
-const RESTING = ["done", "stopped"];
+const FINISHED = ["done", "stopped"];
 
-/** Whether a study changes by itself. */
+/** Whether a study is in progress. */
 export function isUnderWay(study: Study): boolean {
-  return !RESTING.includes(study.state);
+  return !FINISHED.includes(study.state);
 }
 
 export const studiesQuery = queryOptions({
@@ -18,7 +18,7 @@ export const studiesQuery = queryOptions({
   refetchInterval: ({ state: { data } }) => (data?.some(isUnderWay) ? WHILE_COMPUTED_MS : false),
 });
 
-/** What a cell of a map is asked to show of several runs. */
+/** Statistic of several runs that a cell of a map shows. */
 export type MapPick = "worst" | "mean" | "least" | "largest" | "deviation" | "p5" | "median" | "p95";
 
 export function studyQuery(id: number, pick: MapPick = "worst") {
@@ -32,7 +32,7 @@ export function studyQuery(id: number, pick: MapPick = "worst") {
   });
 }
 
-/** A text looked over: what it says as plain data, how many runs it has, why it would be refused. */
+/** Checks a text: its content as plain data, its number of runs, and the reason of a refusal. */
 export function checkedStudyQuery(text: string) {
   return queryOptions({
     queryKey: ["checked-study", text],
@@ -43,7 +43,7 @@ export function checkedStudyQuery(text: string) {
   });
 }
 
-/** The numbers of the plant that a study can vary. */
+/** Fetches the plant parameters that a study can vary. */
 export const plantNumbersQuery = queryOptions({
   queryKey: ["plant-numbers"],
   queryFn: async () => (await answered(api.GET("/api/studies/numbers"))).numbers,

@@ -1,4 +1,4 @@
-/** Machine, database, faults, set-up and bring-up: what the System, Developer and Bring-up pages read and do. */
+/** Requests of the System, Developer and Bring-up pages: machine, database, faults, setup and commissioning. */
 
 import { queryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
 import { fillText } from "../../samples/texts";
@@ -11,8 +11,6 @@ export const checklistQuery = queryOptions({
   queryKey: ["checklist"],
   queryFn: async () => (await answered(api.GET("/api/checklist"))).steps,
 });
-
-/** Machine, database, safety: what the System and Developer pages read and do. */
 
 export const systemQuery = queryOptions({
   queryKey: ["system"],
@@ -50,18 +48,18 @@ export function useEndInjection() {
   return useMutation({ mutationFn: () => answered(api.DELETE("/api/faults/injection")) });
 }
 
-/** Whether the way from this page's address to the service is set up right. */
+/** Result of the check whether requests to this page's address reach the service correctly. */
 
 interface AddressCheck {
-  /** What is wrong, and how to set it right, in sentences. */
+  /** Sentences that state each problem and its remedy. */
   readonly problems: readonly string[];
-  /** Whether the service itself has found nothing wrong: what does not work then is something else. */
+  /** Whether the service completed the check. */
   readonly isAnswered: boolean;
 }
 
 const AGAIN_MS = 10_000;
 
-/** Asked at the start, and once more when the live connection does not come about. */
+/** Checks the address at the start, and once more if the live connection fails. */
 export const addressCheckQuery = (isWithoutStream: boolean) =>
   queryOptions({
     queryKey: ["page-address", isWithoutStream],
@@ -70,12 +68,12 @@ export const addressCheckQuery = (isWithoutStream: boolean) =>
     refetchInterval: ({ state }) => (state.data?.problems.length === 0 ? false : AGAIN_MS),
   });
 
-/** What the answer to the question says; a service that cannot be reached is told elsewhere. */
+/** Converts the answer to problems; other parts of the page report an unreachable service. */
 export async function addressCheckOf(
-  asked: Promise<{ problems: { message: string }[] }>,
+  request: Promise<{ problems: { message: string }[] }>,
 ): Promise<AddressCheck> {
   try {
-    const { problems } = await asked;
+    const { problems } = await request;
     return { problems: problems.map(({ message }) => message), isAnswered: true };
   } catch (error) {
     if (!(error instanceof RequestError) || error.status === 0) return { problems: [], isAnswered: false };
@@ -88,13 +86,11 @@ function notPassedOn(status: number): string {
   return fillText(TEXTS.notSinew, { base: BASE, status }) + cookies;
 }
 
-/** Said when requests are answered and the live connection never comes about. */
+/** Shown if the service answers requests and the live connection fails. */
 export const NO_STREAM = TEXTS.noStream;
 
-/** Bringing a rig up: the steps as they stand, and what a person does with them. */
-
 const WHILE_RUNNING_MS = 400;
-/** What blocks a step may come and go with the mode of the loop, also by somebody else's hand. */
+/** The mode of the loop can block a step, and another person may change the mode. */
 const AT_REST_MS = 2000;
 
 export const bringUpQuery = queryOptions({
@@ -113,7 +109,7 @@ type StepCommand =
   | { readonly do: "confirm" }
   | { readonly do: "cancel" };
 
-/** What may be done about a step; each answer is how all stand then, and after a refusal that is asked for. */
+/** Sends a command about a step; each answer contains all steps, and the page fetches them after each command. */
 export function useStepCommand() {
   const queries = useQueryClient();
   return useMutation({

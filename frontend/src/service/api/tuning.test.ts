@@ -16,7 +16,7 @@ const FREE = {
 } as unknown as State;
 const changed = (part: object) => ({ ...FREE, ...part }) as State;
 
-it("changes no tuning that a run has", () => {
+it("gives the reason why the tuning of a run cannot change", () => {
   expect(whyNoRetuning(null, null)).toBeNull();
   expect(whyNoRetuning(FREE, null)).toBeNull();
   expect(whyNoRetuning(changed({ own_tuning: {}, task: { run: 7 } }), null)).toBe(
@@ -25,7 +25,7 @@ it("changes no tuning that a run has", () => {
   expect(whyNoRetuning(changed({ own_tuning: {} }), null)).toBe(TEXTS.tuningLockedAtStart);
 });
 
-it("brings no rejection back of which nothing is learned any more", () => {
+it("refuses disturbance rejection without a calibrated bias", () => {
   expect(whyNoRejection(FREE, undefined)).toBeNull();
   expect(whyNoRejection(FREE, 0)).toBeNull();
   expect(whyNoRejection(FREE, 0.7)).toContain(TEXTS.notCalibrated);
@@ -38,7 +38,7 @@ const learned = (...deviations: number[]) =>
     earlier: { k_ext: 0.7 },
   });
 
-it("brings no rejection back of an estimate that moves more than its sixth of 0.3 N, at any stiffness", () => {
+it("refuses disturbance rejection if a deviation of the estimate exceeds 0.05 N, a sixth of 0.3 N", () => {
   expect(whyNoRejection(learned(0.01, 0.0499), 0.7)).toBeNull();
   expect(whyNoRejection(learned(0.0501, 0.01), 0.7)).toContain("is 0.0501 N, above 0.05 N");
   expect(whyNoRejection(learned(0.01, 0.08), 0.7)).toContain("is 0.08 N, above 0.05 N. Calibrate again");
@@ -46,7 +46,7 @@ it("brings no rejection back of an estimate that moves more than its sixth of 0.
   expect(whyNoRejection(learned(0.08), 0)).toBeNull();
 });
 
-it("undoes what the service would undo, and says why not", () => {
+it("gives the reasons for which the service refuses undo and redo", () => {
   expect(whyNoStep("undo", FREE, null)).toBe(TEXTS.nothingToUndo);
   expect(whyNoStep("undo", learned(0.01), null)).toBeNull();
   expect(whyNoStep("undo", changed({ earlier: { k_ext: 0 } }), null)).toBeNull();

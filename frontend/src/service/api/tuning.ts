@@ -1,4 +1,4 @@
-/** The tuning: queries, changes, trials, undo; why a change would be refused, and a tuning in words. */
+/** The tuning: queries, changes, trials, undo; reasons why the service refuses a change, and descriptions. */
 
 import { useDebouncedValue, useLocalStorage } from "@mantine/hooks";
 import { queryOptions, useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
@@ -11,20 +11,20 @@ import type { Bank, State, Tuning, TuningPreview, TuningRequest } from "../../wi
 import { TEXTS } from "../texts";
 import { OTHERS_MS } from "./polling";
 
-/** What a preview is asked for; the rest of the tuning is that in use. */
+/** Tuning of a preview; its other parameters are those of the active tuning. */
 interface PreviewRequest {
   readonly lam_q: number;
   readonly lam_S: number;
   readonly motion: Tuning["motion"];
   readonly u_plan: number;
   readonly k_ext: number;
-  /** Undefined for that of the present reference. */
+  /** Undefined for the stiffness of the current reference. */
   readonly S: number | undefined;
-  /** With the printed formula (E1) beside it. */
+  /** Whether to add the result of the published formula (erratum E1). */
   readonly printed: boolean;
 }
 
-/** `tuning` is the rest of the tuning, as a word: another one has another preview. */
+/** `tuning` identifies the rest of the active tuning: another one has another preview. */
 function previewQuery(wanted: PreviewRequest, tuning: string) {
   return queryOptions({
     queryKey: ["tuning", "preview", wanted, tuning],
@@ -34,7 +34,7 @@ function previewQuery(wanted: PreviewRequest, tuning: string) {
   });
 }
 
-/** M_s and margins of the motor loops at a λ_motor; `bank` is the one in force, for another may have other motors. */
+/** Fetches M_s and margins of the motor loops at a λ_motor; `bank` is the active one: banks may have other motors. */
 export function motorMarginsQuery(lam_motor: number, bank: number | null) {
   return queryOptions({
     queryKey: ["tuning", "motor", lam_motor, bank],
@@ -44,7 +44,7 @@ export function motorMarginsQuery(lam_motor: number, bank: number | null) {
   });
 }
 
-/** What was saved for a bank; `bank` is null while the gains come from geometry. */
+/** Fetches the saved tuning of a bank; `bank` is null for geometric gains. */
 export function savedTuningQuery(bank: number | null) {
   return queryOptions({
     queryKey: ["tuning", "saved", bank],
@@ -53,7 +53,7 @@ export function savedTuningQuery(bank: number | null) {
   });
 }
 
-/** The tuning in force as a word: gains, M_s and previews are asked for again when any part of it changes. */
+/** Returns a key of the active tuning: the page fetches gains, M_s and previews again when it changes. */
 export function tuningKey(tuning: Tuning | undefined): string {
   if (tuning === undefined) return "";
   const { lam_q, lam_S, lam_motor, b, interpolate, motion, u_plan, k_ext, bank, entry } = tuning;
@@ -73,7 +73,7 @@ export function useTryTuning() {
   });
 }
 
-/** Ends a trial: keeps what is tried, or puts the earlier tuning back at once. */
+/** Ends a trial: keeps its tuning, or reverts to the previous one at once. */
 export function useEndTrial() {
   return useMutation({
     mutationFn: (keep: boolean) =>
@@ -89,7 +89,7 @@ export function useSaveTuning() {
   });
 }
 
-/** Undoes the last change of what is in force, or does again what was undone last. */
+/** Undoes the last change of the active tuning, or redoes the last undone one. */
 export function useTuningStep(step: "undo" | "redo") {
   const queries = useQueryClient();
   return useMutation({
@@ -99,11 +99,9 @@ export function useTuningStep(step: "undo" | "redo") {
   });
 }
 
-/** Which changes of the tuning the service would refuse at present, and why. Pure. */
-
 export const ON_TRIAL = TEXTS.onTrial;
 
-/** Why the tuning cannot be changed, by whatever part of it; null where it can. `noControl` says who holds control. */
+/** Returns why no part of the tuning can change; null if it can. `noControl` names the holder of the control lease. */
 export function whyNoRetuning(state: State | null, noControl: string | null): string | null {
   if (noControl !== null) return noControl;
   if (state?.own_tuning == null) return null;
@@ -112,7 +110,7 @@ export function whyNoRetuning(state: State | null, noControl: string | null): st
     : fillText(TEXTS.tuningLocked, { run: state.task.run });
 }
 
-/** Why pushes cannot be rejected; null where they can: what is estimated at rest has to be known, and to be quiet. */
+/** Returns why disturbance rejection is unavailable; null if the bias is calibrated and the estimate has low noise. */
 export function whyNoEstimate(state: State | null): string | null {
   const deviations = state?.touch.learned.map(({ std_N }) => std_N) ?? [];
   if (deviations.length === 0) return TEXTS.notCalibrated;
@@ -123,13 +121,13 @@ export function whyNoEstimate(state: State | null): string | null {
   return fillText(TEXTS.estimateNoisy, { noise: short(noise, digits), limit: short(most, digits) });
 }
 
-/** Why a tuning cannot come into force for what it rejects; null where it can, or rejects nothing. */
+/** Returns why the disturbance rejection of a tuning cannot be applied; null if it can, or if the tuning has none. */
 export function whyNoRejection(state: State | null, k_ext: number | undefined): string | null {
   const reason = k_ext ? whyNoEstimate(state) : null;
   return reason === null ? null : fillText(TEXTS.rejects, { reason });
 }
 
-/** Why the last change cannot be undone, or done again; null where it can. */
+/** Returns why the last change cannot be undone or redone; null if it can. */
 export function whyNoStep(
   step: "undo" | "redo",
   state: State | null,
@@ -143,19 +141,17 @@ export function whyNoStep(
   return whyNoRetuning(state, noControl) ?? whyNoRejection(state, tuning.k_ext);
 }
 
-/** A tuning in words: the λ, b, and the bank whose models it is applied to. Pure. */
-
 const LAMBDAS = [
   ["lam_q", "λ_q"],
   ["lam_S", "λ_S"],
   ["lam_motor", "λ_motor"],
 ] as const;
 
-/** The tuning of an order or a run in one line: "λ_q 0.5 s, …, geometric gains". */
+/** Describes the tuning of a run in one line: "λ_q 0.5 s, …, geometric gains". */
 export function describeTuning(settings: Readonly<Record<string, unknown>>, banks: readonly Bank[]): string {
   const parts = [
-    ...LAMBDAS.map(([name, symbol]) => partOf(settings[name], symbol, TEXTS.time)),
-    settings.b === undefined ? TEXTS.bNotRecorded : partOf(settings.b, "b", TEXTS.quantity),
+    ...LAMBDAS.map(([name, symbol]) => describeParameter(settings[name], symbol, TEXTS.time)),
+    settings.b === undefined ? TEXTS.bNotRecorded : describeParameter(settings.b, "b", TEXTS.quantity),
     describeBank(settings.bank, banks),
     settings.interpolate === true ? TEXTS.interpolated : "",
     describeMotion(settings.motion, settings.u_plan),
@@ -173,7 +169,7 @@ export function describeBank(id: unknown, banks: readonly Bank[]): string {
     : fillText(TEXTS.bank, { name: bank.name, version: bank.version });
 }
 
-/** How references are followed; runs recorded before motions had names have a voltage limit in one of them only. */
+/** Describes the motion; runs without a stored motion are time-optimal if they have a voltage limit. */
 export function describeMotion(motion: unknown, u_plan: unknown): string {
   const isTimeOptimal = motion === undefined ? Number(u_plan ?? 0) > 0 : motion === "time-optimal";
   if (!isTimeOptimal) return TEXTS.lambdaMotion;
@@ -182,22 +178,26 @@ export function describeMotion(motion: unknown, u_plan: unknown): string {
     : TEXTS.timeOptimal;
 }
 
-/** How much of a push is fed forward; nothing where that is left to the position loop, as it ever was. */
+/** Describes the disturbance rejection; "" without one. */
 function describeFeedforward(k_ext: unknown): string {
   return typeof k_ext === "number" && k_ext > 0 ? fillText(TEXTS.rejection, { gain: short(k_ext) }) : "";
 }
 
-function partOf(value: unknown, symbol: string, text: typeof TEXTS.quantity | typeof TEXTS.time): string {
+function describeParameter(
+  value: unknown,
+  symbol: string,
+  text: typeof TEXTS.quantity | typeof TEXTS.time,
+): string {
   return typeof value === "number" ? fillText(text, { symbol, value: short(value) }) : "";
 }
 
-/** λ that were chosen but not sent: kept in the browser, so that a reload or a lost link does not lose them. */
+/** λ of the staged tuning; stored in the browser, so that they survive a reload or a lost connection. */
 
 export type LambdaName = "lam_q" | "lam_S";
 type StagedLambdas = Partial<Record<LambdaName, number>>;
 
 interface Staged {
-  /** Whether changes are gathered instead of being sent. */
+  /** Whether the page collects changes instead of sending them. */
   readonly staging: boolean;
   readonly values: StagedLambdas;
 }
@@ -215,7 +215,7 @@ export function useStagedTuning(): Staging {
     key: "sinew-staged-tuning",
     defaultValue: NOTHING,
     getInitialValueInEffect: false,
-    deserialize: (text) => parsed(text),
+    deserialize: (text) => parseStaged(text),
   });
   return {
     ...staged,
@@ -225,8 +225,8 @@ export function useStagedTuning(): Staging {
   };
 }
 
-/** What another version of the page may have left is not trusted. */
-function parsed(text: string | undefined): Staged {
+/** Parses the stored value; another version of the page may have stored other data. */
+function parseStaged(text: string | undefined): Staged {
   try {
     const { staging, values } = JSON.parse(text ?? "") as Staged;
     const numbers = Object.entries(values).filter(([, value]) => Number.isFinite(value));
@@ -236,38 +236,36 @@ function parsed(text: string | undefined): Staged {
   }
 }
 
-/** What a tuning in hand would do, and whether the numbers at hand already belong to it. */
-
-/** How long a value has to rest before it is asked for: a drag changes it with each frame. */
+/** Time without a change before the page requests a preview [ms]: a drag changes the value with each frame. */
 const AFTER_MS = 60;
-/** How finely the stiffness of the preview follows the reference [N·m/rad], and a joint that has none. */
+/** Resolution of the previewed stiffness [N·m/rad]: of an active reference, and without one. */
 const COMMANDED_STEP = 0.01;
 const MEASURED_STEP = 0.5;
 
 export interface Previewed {
   readonly preview: TuningPreview | undefined;
-  /** The numbers belong to an earlier value: those of this one are being computed. */
+  /** Whether the preview belongs to an earlier value, while the service computes the current one. */
   readonly stale: boolean;
-  /** Why there is no preview where there is none. */
+  /** Reason for a missing preview. */
   readonly missing: string;
 }
 
 export function usePreview(wanted: PreviewRequest, tuning: Tuning): Previewed {
   const key = JSON.stringify(wanted);
   const [asked] = useDebouncedValue(key, AFTER_MS);
-  const query = useQuery(previewQuery(JSON.parse(asked) as PreviewRequest, restOf(tuning)));
+  const query = useQuery(previewQuery(JSON.parse(asked) as PreviewRequest, restKey(tuning)));
   const stale = asked !== key || query.isPlaceholderData;
   if (query.error !== null && asked === key)
     return { preview: undefined, stale: false, missing: query.error.message };
   return { preview: query.data, stale: stale && query.data !== undefined, missing: "computing" };
 }
 
-/** What a preview depends on beside its request: another one has another preview. */
-function restOf({ lam_motor, b, interpolate, bank, entry }: Tuning): string {
+/** Returns a key of the parameters that affect a preview and that its request does not contain. */
+function restKey({ lam_motor, b, interpolate, bank, entry }: Tuning): string {
   return [lam_motor, b, interpolate, bank?.id, Math.round(entry)].join(" ");
 }
 
-/** Stiffness that a preview is for: that of the reference, within its range; undefined before the first state. */
+/** Returns the stiffness of the preview: the reference, within its range; undefined before the first state. */
 export function usePreviewedStiffness(): number | undefined {
   return useLive((live) => {
     if (live.state === null) return undefined;

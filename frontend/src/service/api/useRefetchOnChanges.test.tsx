@@ -1,4 +1,4 @@
-/** What one person changes is asked for again by the page of another one, which only hears the state. */
+/** A page fetches data again that another person has changed; it learns of the change from the state. */
 
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { act, cleanup, renderHook } from "@testing-library/react";
@@ -11,7 +11,7 @@ import { useRefetchOnChanges } from "./useRefetchOnChanges";
 
 afterEach(cleanup);
 
-function told(starts: number, bank: number | null): State {
+function stateWith(starts: number, bank: number | null): State {
   return {
     link: { starts },
     tuning: { bank: bank === null ? null : { id: bank } },
@@ -20,11 +20,11 @@ function told(starts: number, bank: number | null): State {
   } as unknown as State;
 }
 
-it("asks again for forecasts once parameters or a bank come into force, and for neither before", () => {
+it("fetches predictions again when parameters or a bank become active, and not before", () => {
   const store = new LiveStore(0);
   const queries = new QueryClient();
   const asked = vi.spyOn(queries, "invalidateQueries");
-  store.setState(told(1, null));
+  store.setState(stateWith(1, null));
   renderHook(() => useRefetchOnChanges(), {
     wrapper: ({ children }: { children: ReactNode }) => (
       <QueryClientProvider client={queries}>
@@ -34,11 +34,11 @@ it("asks again for forecasts once parameters or a bank come into force, and for 
   });
   const keys = () => asked.mock.calls.map(([filter]) => filter?.queryKey?.[0]);
   asked.mockClear();
-  act(() => store.setState(told(1, null)));
+  act(() => store.setState(stateWith(1, null)));
   expect(keys()).toEqual([]);
-  act(() => store.setState(told(2, null)));
+  act(() => store.setState(stateWith(2, null)));
   expect(keys()).toEqual(expect.arrayContaining(["tuning", "parameters", "banks", "experiment-kinds"]));
   asked.mockClear();
-  act(() => store.setState(told(2, 7)));
+  act(() => store.setState(stateWith(2, 7)));
   expect(keys()).toEqual(["banks", "tuning"]);
 });

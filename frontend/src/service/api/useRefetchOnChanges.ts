@@ -1,14 +1,12 @@
-/** Fetches lists and results again when the live state says that something has changed them. */
+/** Fetches lists and results again when the live state shows that they may have changed. */
 
 import { useQueryClient } from "@tanstack/react-query";
 import { useEffect } from "react";
 import { useLive } from "../../live/react";
 import { RESTS_ON_PARAMETERS } from "./identifications";
 
-/** Asks again for lists and results when something has happened that changes them. */
-
 const CHANGED_BY_TASKS = ["identifications", "experiments", "runs", "banks", "queue", "checklist"] as const;
-/** After so many failed connections the reason may be that the session has ended. */
+/** After this number of failed connections, the session may have ended. */
 const FAILURES = 2;
 
 export function useRefetchOnChanges(): void {
@@ -19,18 +17,18 @@ export function useRefetchOnChanges(): void {
   const bank = useLive((live) => live.state?.tuning.bank?.id ?? null);
   const failing = useLive((live) => live.link.failures >= FAILURES);
 
-  // biome-ignore lint/correctness/useExhaustiveDependencies: the begin and the end of a task or a recording are the reason
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the start and the end of a task or a recording trigger the effect
   useEffect(() => {
     for (const key of CHANGED_BY_TASKS) void queries.invalidateQueries({ queryKey: [key] });
   }, [queries, task, recording]);
 
-  // parameters come into force with a new loop process, whoever applied them
+  // applied parameters become active with a new loop process
   useEffect(() => {
     if (starts === null) return;
     for (const key of RESTS_ON_PARAMETERS) void queries.invalidateQueries({ queryKey: [key] });
   }, [queries, starts]);
 
-  // biome-ignore lint/correctness/useExhaustiveDependencies: another bank, whoever activated it, is the reason
+  // biome-ignore lint/correctness/useExhaustiveDependencies: another active bank triggers the effect
   useEffect(() => {
     for (const key of ["banks", "tuning"]) void queries.invalidateQueries({ queryKey: [key] });
   }, [queries, bank]);
