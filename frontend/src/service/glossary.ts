@@ -6,13 +6,13 @@ import { COMBINED } from "../wire/sample.gen";
 import type { Metric, Setting } from "../wire/types";
 import { TEXTS } from "./texts";
 
-/** Looking a word up in the glossary that the service's sources make (`backend/glossary`). */
+/** Finds terms in the glossary, which is generated from `backend/glossary`. */
 
 export type { Entry };
 
 const ENTRIES = Object.values(GLOSSARY);
 
-/** A symbol belongs to what is found first: what is measured, then what tunes, then what a plant is made of. */
+/** Entries by symbol; the first match applies: signals, then quantities, then parameters of the plant. */
 const BY_SYMBOL = new Map<string, Entry>();
 for (const kind of ["signal", "quantity", "parameter"] as const) {
   for (const entry of ENTRIES.filter((one) => one.kind === kind)) {
@@ -22,17 +22,17 @@ for (const kind of ["signal", "quantity", "parameter"] as const) {
   }
 }
 
-/** The entry of a key like "fault:slack"; undefined for what is not known, as of an older service. */
+/** Returns the entry of a key such as "fault:slack"; undefined for an unknown key. */
 export function entryOf(key: string): Entry | undefined {
   return GLOSSARY[key];
 }
 
-/** The entry of a symbol or a name of the code: "M_s", "λ_q", "theta_A_ref"; primes and numbers tell recordings apart. */
+/** Returns the entry of a symbol or name: "M_s", "λ_q", "theta_A_ref"; without primes and superscripts of recordings. */
 export function symbolEntry(name: string): Entry | undefined {
   return BY_SYMBOL.get(name) ?? BY_SYMBOL.get(name.replace(/[′⁰¹²³⁴-⁹]+/g, ""));
 }
 
-/** The entries of a signal; of one that is made of others, those of its parts. */
+/** Returns the entries of a signal; for a combined signal, those of its terms. */
 export function symbolEntries(name: string): readonly (Entry | undefined)[] {
   const own = symbolEntry(name);
   if (own !== undefined) return [own];
@@ -41,7 +41,7 @@ export function symbolEntries(name: string): readonly (Entry | undefined)[] {
   return parts.map(({ column }) => symbolEntry(column));
 }
 
-/** The entry of a figure: what its result says of it, which stays as it was when it was computed, and its equation. */
+/** Returns the entry of a metric: its stored definition, and the equation of the glossary. */
 export function figureEntry({
   name,
   label,
@@ -53,7 +53,7 @@ export function figureEntry({
   return { kind: "figure", name, term: label, unit: unit === "1" ? "" : unit, meaning: definition, ...known };
 }
 
-/** What entries are of, as the glossary's headings, in its order. */
+/** Headings of the glossary by kind of entry, in its order. */
 export const KIND_TITLES: Readonly<Record<Entry["kind"], string>> = {
   concept: TEXTS.concepts,
   signal: TEXTS.signals,
@@ -75,7 +75,7 @@ export const KIND_TITLES: Readonly<Record<Entry["kind"], string>> = {
   timing: TEXTS.timing,
 };
 
-/** The entries in which every one of the words occurs, wherever; all for no words. */
+/** Returns the entries that contain every word; all entries without words. */
 export function search(text: string): readonly Entry[] {
   const words = text.toLowerCase().split(/\s+/).filter(Boolean);
   if (words.length === 0) return ENTRIES;
@@ -89,12 +89,12 @@ export function search(text: string): readonly Entry[] {
 }
 
 /**
- * What is being explained, of all the page: one at a time, beside the word that was pointed at, focused or tapped.
- * Pointing waits a moment, so that a pointer on its way opens nothing; focus and tap are answered at once.
+ * The page shows one explanation at a time, next to the term under the pointer, focused or tapped. The pointer opens it
+ * after a delay, so that a passing pointer opens nothing; focus and tap open it at once.
  */
 
 const POINTED_MS = 350;
-/** So long the pointer may take from the word to its explanation. */
+/** Longest time of the pointer between the term and its explanation [ms]. */
 const LEFT_MS = 200;
 
 export interface Explained {
@@ -107,7 +107,7 @@ let shown: Explained | null = null;
 let timer: ReturnType<typeof setTimeout> | undefined;
 const listeners = new Set<() => void>();
 
-function become(next: Explained | null): void {
+function setShown(next: Explained | null): void {
   clearTimeout(timer);
   if (next === shown) return;
   shown = next;
@@ -116,23 +116,23 @@ function become(next: Explained | null): void {
 
 export function explain(next: Explained): void {
   clearTimeout(timer);
-  if (next.by !== "pointer") become(next);
-  else if (shown?.anchor !== next.anchor) timer = setTimeout(become, POINTED_MS, next);
+  if (next.by !== "pointer") setShown(next);
+  else if (shown?.anchor !== next.anchor) timer = setTimeout(setShown, POINTED_MS, next);
 }
 
-/** The pointer has left a word; what focus or tap has opened stays. */
+/** Closes an explanation that the pointer opened, after a delay; one opened by focus or tap remains. */
 export function pointerLeft(): void {
   clearTimeout(timer);
-  if (shown?.by === "pointer") timer = setTimeout(become, LEFT_MS, null);
+  if (shown?.by === "pointer") timer = setTimeout(setShown, LEFT_MS, null);
 }
 
-/** The pointer has come to the explanation itself. */
+/** Cancels the closing, because the pointer is on the explanation. */
 export function keepExplanation(): void {
   clearTimeout(timer);
 }
 
 export function closeExplanation(anchor?: HTMLElement): void {
-  if (anchor === undefined || shown?.anchor === anchor) become(null);
+  if (anchor === undefined || shown?.anchor === anchor) setShown(null);
   else clearTimeout(timer);
 }
 
@@ -149,7 +149,7 @@ export function useExplained(): Explained | null {
   return useSyncExternalStore(subscribe, currentExplanation);
 }
 
-/** What a box of a form means: as the service declares it, with its unit and what it accepts now. Pure. */
+/** A name and its value in an explanation. */
 
 type Line = readonly [string, string];
 
@@ -158,7 +158,7 @@ interface Range {
   readonly maximum: number;
 }
 
-/** The explanation of a declared setting. */
+/** Returns the explanation of a declared setting. */
 export function settingEntry(setting: Setting, angles: AngleUnit): Entry {
   const { name, symbol, meaning, unit, minimum, maximum, choices, default: usual } = setting;
   const more: Line[] = [];
@@ -178,7 +178,7 @@ export function settingEntry(setting: Setting, angles: AngleUnit): Entry {
   };
 }
 
-/** The explanation of a field of an order, "wall.k_wall"; with what this plant lets it be, where that is known. */
+/** Returns the explanation of a field of a command, "wall.k_wall", with its range if known. */
 export function fieldEntry(key: string, angles: AngleUnit, range?: Range): Entry | undefined {
   const entry = entryOf(`setting:${key}`);
   if (entry === undefined || range === undefined) return entry;

@@ -1,4 +1,4 @@
-/** Texts of control, notifications, refusals and explanations, which belong to no single page. */
+/** Texts of control, notifications, refusals and explanations, which several pages use. */
 export const TEXTS = {
   // control
   lossUnheard:

@@ -10,15 +10,15 @@ describe("control loss", () => {
   const holder = (epoch: number, name = "Ana") => ({ name, epoch, page: true, silent_s: 0, lost: false });
 
   function play(
-    told: readonly (readonly [ReturnType<typeof holder> | null, mine: number | null, givenUp?: number])[],
+    updates: readonly (readonly [ReturnType<typeof holder> | null, mine: number | null, givenUp?: number])[],
   ): ControlState {
-    return told.reduce(
-      (kept, [who, mine, givenUp]) => nextControlState(kept, who, mine, givenUp ?? null, 5),
+    return updates.reduce(
+      (before, [who, mine, givenUp]) => nextControlState(before, who, mine, givenUp ?? null, 5),
       NO_CONTROL,
     );
   }
 
-  it("says who took over, and goes on saying so whoever holds control then", () => {
+  it("names the person who took control, also after control has changed again", () => {
     const lost = play([
       [holder(7), 7],
       [holder(8, "Ben"), 7],
@@ -35,7 +35,7 @@ describe("control loss", () => {
     ).toBe("Ben");
   });
 
-  it("says that control ended where nobody took it", () => {
+  it("states that control ended if nobody took it", () => {
     const { lost } = play([
       [holder(7), 7],
       [null, 7],
@@ -44,7 +44,7 @@ describe("control loss", () => {
     expect(describeLoss({ to: null })).toBe(TEXTS.lossUnheard);
   });
 
-  it("has nothing to say once this page holds control again", () => {
+  it("reports no loss once this page has control again", () => {
     expect(
       play([
         [holder(7), 7],
@@ -54,7 +54,7 @@ describe("control loss", () => {
     ).toEqual({ had: 9, lost: null });
   });
 
-  it("does not call lost what was given up, never had, or is on its way", () => {
+  it("reports no loss of control that the page released, never had, or is about to receive", () => {
     expect(
       play([
         [holder(7), 7],
@@ -74,14 +74,14 @@ describe("control loss", () => {
         [null, null],
       ]).lost,
     ).toBeNull();
-    // taken, but the state of before comes once more
+    // control taken, and an earlier state arrives afterwards
     expect(
       play([
         [holder(8, "Ben"), 9],
         [holder(9), 9],
       ]),
     ).toEqual({ had: 9, lost: null });
-    // the page was loaded again under another key, or took over its own control
+    // the page was loaded again under another key, or took control from itself
     expect(
       play([
         [holder(7), 7],
@@ -92,17 +92,17 @@ describe("control loss", () => {
   });
 });
 
-describe("use no control", () => {
+describe("whyNoControl", () => {
   const HOLDER = { name: "Mara Stein", epoch: 7, page: true, lost: false } as NonNullable<State["holder"]>;
 
-  it("says who holds control, and nothing where this page commands or may take control", () => {
+  it("names the holder of control; null if this page has control or may take it", () => {
     expect(whyNoControl(HOLDER, null)).toBe(fillText(TEXTS.hasControl, { name: "Mara Stein" }));
     expect(whyNoControl({ ...HOLDER, page: false }, null)).toBe(
       fillText(TEXTS.scriptHasControl, { name: "Mara Stein" }),
     );
     expect(whyNoControl(HOLDER, 6)).toBe(fillText(TEXTS.hasControl, { name: "Mara Stein" }));
     expect(whyNoControl(HOLDER, 7)).toBeNull();
-    expect(whyNoControl(HOLDER, 8)).toBeNull(); // taken already, and the state is of before
+    expect(whyNoControl(HOLDER, 8)).toBeNull(); // control taken, and the state is older
     expect(whyNoControl({ ...HOLDER, lost: true }, null)).toBeNull();
     expect(whyNoControl(null, 7)).toBeNull();
   });

@@ -1,4 +1,4 @@
-/** Whether this page may command, holds control, or has lost it. */
+/** Whether this page may send commands, has the control lease, or has lost it. */
 
 import { useQuery } from "@tanstack/react-query";
 import { useSyncExternalStore } from "react";
@@ -10,20 +10,18 @@ import { sessionQuery } from "../api/session";
 import { whyNoRetuning } from "../api/tuning";
 import { TEXTS } from "../texts";
 
-/** Whether this page has lost control that it had. Pure. */
-
 type Holder = State["holder"];
 
-/** What this page knows of its control; `lost` stays until control is had again or a person has read it. */
+/** Control of this page; `lost` persists until the page has control again or a person has dismissed it. */
 export interface ControlState {
-  /** Control that the service has told this page to have. */
+  /** Epoch of the control lease that the service confirmed for this page. */
   readonly had: number | null;
   readonly lost: { readonly to: string | null; readonly at_ms: number } | null;
 }
 
 export const NO_CONTROL: ControlState = { had: null, lost: null };
 
-/** The service has told who holds control; `mine` is what this page holds, `givenUp` what it gave up itself. */
+/** Returns the control after a state; `mine` is the epoch that this page holds, `givenUp` the one it released. */
 export function nextControlState(
   before: ControlState,
   holder: Holder,
@@ -34,7 +32,7 @@ export function nextControlState(
   if (holder !== null && holder.epoch === mine)
     return before.had === mine && before.lost === null ? before : { had: mine, lost: null };
   if (before.had === null) return before;
-  // the state of before a reload, or one that was on its way: this page holds a newer control by now
+  // a state from before a reload, or a delayed one: this page has a newer lease now
   if (mine !== null && mine > before.had) return before;
   if (before.had === givenUp) return { ...before, had: null };
   return { had: null, lost: { to: holder?.name ?? null, at_ms: now_ms } };
@@ -44,32 +42,28 @@ export function describeLoss({ to }: { readonly to: string | null }): string {
   return to === null ? TEXTS.lossUnheard : fillText(TEXTS.lossTakenOver, { name: to });
 }
 
-/** Whether the signed-in person may change anything: a viewer looks on, and may press STOP. */
-
-/** Null while it is not known yet. */
+/** Whether the signed-in person is an operator; a viewer may only press STOP. Null until the session is loaded. */
 export function useMayCommand(): boolean | null {
   const { data } = useQuery(sessionQuery);
   return data === undefined ? null : data.role === "operator";
 }
 
-/** Whether somebody else holds control, so that the service would refuse each command of this page. */
-
-/** Why this page cannot command; null where it can, or would take control with its first command. */
+/** Returns why this page cannot send commands; null if it can, or if its first command takes control. */
 export function useWhyNoControl(): string | null {
   const epoch = useSyncExternalStore(watchHeld, heldEpoch);
   return useLive((live) => whyNoControl(live.state?.holder ?? null, epoch));
 }
 
-/** Why the tuning cannot be changed from this page; null where it can. */
+/** Returns why this page cannot change the tuning; null if it can. */
 export function useWhyNoRetuning(): string | null {
   const noControl = useWhyNoControl();
   return useLive((live) => whyNoRetuning(live.state, noControl));
 }
 
-/** `epoch` is the control that this page holds; null for none. Pure. */
+/** `epoch` is that of this page's control lease; null for none. Pure. */
 export function whyNoControl(holder: State["holder"], epoch: number | null): string | null {
   if (holder === null || holder.lost) return null;
-  // a newer control than the state's holder has: the state that names this page is on its way
+  // a lease as new as the holder's or newer: this page has control, and the state may be older
   if (epoch !== null && epoch >= holder.epoch) return null;
   return fillText(holder.page ? TEXTS.hasControl : TEXTS.scriptHasControl, { name: holder.name });
 }

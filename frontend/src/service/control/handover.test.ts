@@ -2,7 +2,7 @@ import { expect, it } from "vitest";
 import type { HandoverRequest } from "../../wire/types";
 import { noticeOf, othersToGetControl } from "./handover";
 
-const WISH: HandoverRequest = {
+const REQUEST: HandoverRequest = {
   number: 7,
   name: "Vera",
   by: "Ana",
@@ -14,17 +14,17 @@ const WISH: HandoverRequest = {
 };
 
 function read(part: Partial<HandoverRequest>, me: string, holds = false): string {
-  const notice = noticeOf({ ...WISH, ...part }, me, holds);
+  const notice = noticeOf({ ...REQUEST, ...part }, me, holds);
   return notice === null ? "nothing" : `${notice.text} [${notice.actions.join()}]`;
 }
 
-it("tells the holder who asks and why, at the page in control whatever its person is called", () => {
+it("shows a request with its reason on the page in control, also under another name", () => {
   expect(read({}, "Ana", true)).toBe("Vera asks for control: “my sweep” [answer]");
   expect(read({ by: "another" }, "Ana", true)).toBe("Vera asks for control: “my sweep” [answer]");
   expect(read({}, "Oda")).toBe("nothing");
 });
 
-it("tells who asked what came of it", () => {
+it("shows the result of a request to the person who asked", () => {
   expect(read({}, "Vera")).toBe("You asked Ana for control. [withdraw]");
   expect(read({ standing: "declined", answer: "ten minutes" }, "Vera")).toBe(
     "Ana keeps control: “ten minutes” [read]",
@@ -35,7 +35,7 @@ it("tells who asked what came of it", () => {
   expect(read({ standing: "withdrawn" }, "Vera")).toBe("nothing");
 });
 
-it("lets an offer be taken or declined by one, and taken back by the other", () => {
+it("lets the recipient take or decline an offer, and its sender withdraw it", () => {
   const offered = { standing: "offered", offered: true } as const;
   expect(read(offered, "Vera")).toBe("Ana offers you control: “my sweep” [take,decline]");
   expect(read(offered, "Ana", true)).toBe(
@@ -46,7 +46,7 @@ it("lets an offer be taken or declined by one, and taken back by the other", () 
   );
 });
 
-it("hands control over to other operators alone", () => {
+it("lists only other operators for a handover", () => {
   const people = (["Ana", "Vera", "Vic (viewer)"] as const).map((name) => ({
     name,
     role: name.includes("viewer") ? ("viewer" as const) : ("operator" as const),

@@ -1,4 +1,4 @@
-/** Control that is asked for, offered and handed over between people. */
+/** Handover of the control lease between people: requests, offers, answers and notices. */
 
 import { useMutation } from "@tanstack/react-query";
 import { fillText } from "../../samples/texts";
@@ -7,22 +7,20 @@ import { postControl, takeHanded } from "../../wire/control";
 import type { HandoverRequest, State } from "../../wire/types";
 import { TEXTS } from "../texts";
 
-/** Control that is asked for and handed over: what is said of it, and what stands on this page of it. */
-
-/** What a person is about to say of control: asking the holder, offering it to somebody, answering who asks. */
+/** Form that is open: a request to the holder, an offer, or the answer to a request. */
 export type ControlForm =
   | { readonly kind: "ask" }
   | { readonly kind: "offer" }
   | { readonly kind: "answer"; readonly number: number };
 
-/** What a notice lets its reader do. */
+/** Action that a notice offers. */
 export type NoticeAction = "answer" | "withdraw" | "take" | "decline" | "read";
 
 export interface Notice {
   readonly wish: HandoverRequest;
   readonly text: string;
   readonly actions: readonly NoticeAction[];
-  /** Whether it wants something of its reader. */
+  /** Whether the notice requires an action. */
   readonly urgent: boolean;
 }
 
@@ -32,36 +30,40 @@ export function isRequested({ standing }: HandoverRequest): boolean {
   return standing === "asked";
 }
 
-/** Whether it waits for somebody. */
+/** Whether the request or offer is pending. */
 export function isOpen({ standing }: HandoverRequest): boolean {
   return standing === "asked" || standing === "offered" || standing === "handed";
 }
 
-/** The operators to whom control can be handed over. */
+/** Returns the names of the operators who can receive control. */
 export function othersToGetControl(people: State["people"], me: string | undefined): string[] {
   return people.filter(({ name, role }) => role === "operator" && name !== me).map(({ name }) => name);
 }
 
-/** What somebody reads of a request or an offer; null where it is none of theirs. `holds`: at the page in control. */
+/** Returns the notice of a request or offer; null if it does not concern this person. `holds`: page in control. */
 export function noticeOf(wish: HandoverRequest, me: string, holds: boolean): Notice | null {
   const [text, actions] =
-    wish.name === me ? forWho(wish) : holds || wish.by === me ? forBy(wish) : [null, []];
+    wish.name === me
+      ? noticeForRecipient(wish)
+      : holds || wish.by === me
+        ? noticeForHolder(wish)
+        : [null, []];
   if (text === null) return null;
   return { wish, text, actions, urgent: actions.includes("answer") || actions.includes("take") };
 }
 
 type NoticeText = readonly [string | null, readonly NoticeAction[]];
 
-function forWho({ standing, by, reason, answer, offered }: HandoverRequest): NoticeText {
+function noticeForRecipient({ standing, by, reason, answer, offered }: HandoverRequest): NoticeText {
   switch (standing) {
     case "asked":
       return [fillText(TEXTS.asked, { name: by }), ["withdraw"]];
     case "offered":
       return [fillText(TEXTS.offered, { name: by, reason }), ["take", "decline"]];
     case "handed":
-      return [because(TEXTS.handing, TEXTS.handingBecause, by, answer), ["take"]];
+      return [withAnswer(TEXTS.handing, TEXTS.handingBecause, by, answer), ["take"]];
     case "taken":
-      return [because(TEXTS.handed, TEXTS.handedBecause, by, answer), ["read"]];
+      return [withAnswer(TEXTS.handed, TEXTS.handedBecause, by, answer), ["read"]];
     case "declined":
       return offered ? [null, []] : [fillText(TEXTS.declined, { name: by, answer }), ["read"]];
     case "withdrawn":
@@ -75,7 +77,7 @@ function forWho({ standing, by, reason, answer, offered }: HandoverRequest): Not
   }
 }
 
-function forBy({ standing, name, reason, answer, offered }: HandoverRequest): NoticeText {
+function noticeForHolder({ standing, name, reason, answer, offered }: HandoverRequest): NoticeText {
   switch (standing) {
     case "asked":
       return [fillText(TEXTS.wishOfOther, { name, reason }), ["answer"]];
@@ -87,7 +89,7 @@ function forBy({ standing, name, reason, answer, offered }: HandoverRequest): No
       return [fillText(TEXTS.handedTo, { name }), ["read"]];
     case "declined":
       if (!offered) return [null, []];
-      return [because(TEXTS.offerDeclined, TEXTS.offerDeclinedBecause, name, answer), ["read"]];
+      return [withAnswer(TEXTS.offerDeclined, TEXTS.offerDeclinedBecause, name, answer), ["read"]];
     case "lapsed":
       return [offered ? fillText(TEXTS.offerNotTaken, { name }) : null, ["read"]];
     case "left":
@@ -98,8 +100,8 @@ function forBy({ standing, name, reason, answer, offered }: HandoverRequest): No
   }
 }
 
-/** The text with the answer where there is one. */
-function because(
+/** Returns the text, with the answer if there is one. */
+function withAnswer(
   plain: typeof TEXTS.handing | typeof TEXTS.handed | typeof TEXTS.offerDeclined,
   reasoned: typeof TEXTS.handingBecause | typeof TEXTS.handedBecause | typeof TEXTS.offerDeclinedBecause,
   name: string,
@@ -108,18 +110,18 @@ function because(
   return answer ? fillText(reasoned, { name, answer }) : fillText(plain, { name });
 }
 
-/** Requests of this page itself: what is handed over to them is taken at once. */
-const asked = new Set<number>();
+/** Numbers of the requests of this page: it takes the control lease as soon as the holder hands it over. */
+const ownRequests = new Set<number>();
 
 export function isRequestOfThisPage({ number, offered }: HandoverRequest): boolean {
-  return !offered && asked.has(number);
+  return !offered && ownRequests.has(number);
 }
 
 export function useRequestControl() {
   return useMutation({
     mutationFn: async (reason: string) => {
-      const wish = (await answeredBy(postControl("wishes", { reason }))) as HandoverRequest;
-      asked.add(wish.number);
+      const request = (await answeredBy(postControl("wishes", { reason }))) as HandoverRequest;
+      ownRequests.add(request.number);
     },
   });
 }
@@ -138,7 +140,7 @@ interface RequestAnswer {
 
 export function useAnswerRequest() {
   return useMutation({
-    mutationFn: ({ number, ...said }: RequestAnswer) => answeredBy(postControl(`wishes/${number}`, said)),
+    mutationFn: ({ number, ...body }: RequestAnswer) => answeredBy(postControl(`wishes/${number}`, body)),
   });
 }
 

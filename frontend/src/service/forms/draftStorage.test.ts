@@ -24,7 +24,7 @@ afterEach(() => {
 
 const read = (key: DraftKey) => parseDraft(storedDraft(key))?.value;
 
-it("stores a draft of one person and one form apart from all others", () => {
+it("stores the drafts of each person and each form separately", () => {
   storeDraft(KEY, { text: "a" });
   storeDraft(other({ person: "Vera" }), { text: "b" });
   storeDraft(other({ form: "experiment" }), { text: "c" });
@@ -52,13 +52,13 @@ it.each([
   "null",
   '{"format":2,"since":"2031-05-01T08:00:00Z","value":1}',
   '{"format":1,"since":"yesterday","value":1}',
-])("does not read what is no draft of this version: %s", (text) => {
+])("rejects a text that is no draft of this version: %s", (text) => {
   storeDraft(KEY, "a");
   localStorage.setItem(localStorage.key(0) ?? "", text);
   expect(parseDraft(storedDraft(KEY))).toBeNull();
 });
 
-it("holds a draft in memory where the browser stores nothing, and says so", () => {
+it("holds a draft in memory if the browser stores nothing, and reports this", () => {
   const refused = vi.spyOn(Storage.prototype, "setItem").mockImplementation(() => {
     throw new DOMException("The quota has been exceeded.", "QuotaExceededError");
   });
@@ -67,12 +67,12 @@ it("holds a draft in memory where the browser stores nothing, and says so", () =
   expect(isStored(KEY)).toBe(false);
   expect(localStorage).toHaveLength(0);
   refused.mockRestore();
-  storeDraft(KEY, "ab"); // stored again as soon as that works
+  storeDraft(KEY, "ab"); // stored again as soon as the browser permits it
   expect(isStored(KEY)).toBe(true);
   expect(localStorage).toHaveLength(1);
 });
 
-it("prefers the newer draft in memory to the one that was stored before", () => {
+it("prefers a newer draft in memory to the stored one", () => {
   storeDraft(KEY, "old");
   vi.spyOn(Storage.prototype, "setItem").mockImplementation(() => {
     throw new DOMException("The quota has been exceeded.", "QuotaExceededError");
@@ -81,7 +81,7 @@ it("prefers the newer draft in memory to the one that was stored before", () => 
   expect(read(KEY)).toBe("new");
 });
 
-it("claims for the person what was typed before the person was known", () => {
+it("claims a draft for the person that was typed before the person was known", () => {
   const unknown = other({ person: undefined });
   storeDraft(unknown, "a");
   expect(read(unknown)).toBe("a");
@@ -96,7 +96,7 @@ it("claims for the person what was typed before the person was known", () => {
   expect(read(KEY)).toBe("a"); // a draft of the person's own stays
 });
 
-it("goes with a person who takes another name, with its time, and replaces none", () => {
+it("moves drafts to the new name of a person, with their time, and replaces none", () => {
   storeDraft(KEY, "a");
   const since = parseDraft(storedDraft(KEY))?.since;
   storeDraft(other({ form: "experiment" }), "b");
@@ -104,18 +104,18 @@ it("goes with a person who takes another name, with its time, and replaces none"
   renameDrafts("Mara Stein", "Vera");
   expect(parseDraft(storedDraft(other({ person: "Vera" })))).toEqual({ value: "a", since });
   expect(read(other({ person: "Vera", form: "experiment" }))).toBe("c");
-  expect(read(other({ person: "Vera (2)" }))).toBe("a"); // the same name at another page
+  expect(read(other({ person: "Vera (2)" }))).toBe("a"); // the same name on another page
 });
 
-it("tells changes of this page and of another tab until it is stopped", () => {
-  const told = vi.fn();
-  const stop = watchDrafts(told);
+it("reports changes of this page and of another tab until it is stopped", () => {
+  const onChange = vi.fn();
+  const stop = watchDrafts(onChange);
   storeDraft(KEY, "a");
-  expect(told).toHaveBeenCalledTimes(1);
+  expect(onChange).toHaveBeenCalledTimes(1);
   window.dispatchEvent(new StorageEvent("storage"));
-  expect(told).toHaveBeenCalledTimes(2);
+  expect(onChange).toHaveBeenCalledTimes(2);
   stop();
   storeDraft(KEY, "b");
   window.dispatchEvent(new StorageEvent("storage"));
-  expect(told).toHaveBeenCalledTimes(2);
+  expect(onChange).toHaveBeenCalledTimes(2);
 });

@@ -2,9 +2,9 @@ import { BASE } from "../../wire/address";
 import { readStored, storedNames, storeText } from "../../wire/browserStorage";
 
 /**
- * Stores drafts in the browser: what a person has typed and not yet saved, sent or started. A draft survives leaving the
- * page and a reload. It belongs to one person at one station. Where the browser stores nothing, the draft is held in
- * memory: it survives leaving the page, not a reload.
+ * Stores drafts in the browser: inputs that a person has not yet saved, sent or started. A draft survives a change of the
+ * page and a reload. It belongs to one person at one station. If the browser stores nothing, the draft remains in
+ * memory: it survives a change of the page, but not a reload.
  */
 
 /** Version of the stored form. A draft of another version is not read. */
@@ -13,11 +13,11 @@ const PREFIX = "sinew-draft";
 
 interface StoredDraft {
   readonly value: unknown;
-  /** When the first change was made, as an ISO 8601 text. */
+  /** Time of the first change, as an ISO 8601 text. */
   readonly since: string;
 }
 
-/** Whose draft it is, and of which form. Until the person is known, a draft is held in memory. */
+/** Person and form of a draft. Until the person is known, the draft remains in memory. */
 export interface DraftKey {
   readonly person: string | undefined;
   readonly form: string;
@@ -26,7 +26,7 @@ export interface DraftKey {
 const inMemory = new Map<string, string>();
 const listeners = new Set<() => void>();
 
-/** The stored text of a draft, null where there is none. */
+/** Returns the stored text of a draft; null if there is none. */
 export function storedDraft(of: DraftKey): string | null {
   const unclaimed = inMemory.get(of.form) ?? null;
   if (of.person === undefined) return unclaimed;
@@ -39,13 +39,13 @@ export function isStored(of: DraftKey): boolean {
   return !inMemory.has(keyOf(of));
 }
 
-/** Store the draft that was typed before the person was known, unless the person has one. */
+/** Stores a draft that was typed before the person was known, unless the person has one. */
 export function claimDraft(of: DraftKey): void {
   if (of.person === undefined || !inMemory.has(of.form)) return;
-  put(of, storedDraft(of));
+  write(of, storedDraft(of));
 }
 
-/** Parse a stored draft. Returns null for none, for one of another version and for what is no draft. */
+/** Parses a stored draft. Returns null for none, for another version and for other data. */
 export function parseDraft(text: string | null): StoredDraft | null {
   if (text === null) return null;
   try {
@@ -57,13 +57,13 @@ export function parseDraft(text: string | null): StoredDraft | null {
   }
 }
 
-/** Store a draft; null removes it. A draft keeps the time of its first change. */
+/** Stores a draft; null removes it. The time of its first change does not change. */
 export function storeDraft(of: DraftKey, value: unknown): void {
   const since = parseDraft(storedDraft(of))?.since ?? new Date().toISOString();
-  put(of, value === null ? null : JSON.stringify({ format: FORMAT, since, value }));
+  write(of, value === null ? null : JSON.stringify({ format: FORMAT, since, value }));
 }
 
-/** Call `listener` when a draft changes, in this page or in another tab; returns how to stop that. */
+/** Calls `listener` when a draft changes, in this page or in another tab; returns a function that stops this. */
 export function watchDrafts(listener: () => void): () => void {
   listeners.add(listener);
   globalThis.addEventListener("storage", listener);
@@ -73,27 +73,27 @@ export function watchDrafts(listener: () => void): () => void {
   };
 }
 
-/** Give the drafts of a person to the name that the person has taken, but for forms of which that name has one. */
+/** Moves the drafts of a person to a new name, except for forms of which the new name has a draft. */
 export function renameDrafts(before: string, after: string): void {
-  const beginning = keyOf({ person: before, form: "" });
+  const prefix = keyOf({ person: before, form: "" });
   for (const key of [...storedNames("localStorage"), ...inMemory.keys()]) {
-    if (!key.startsWith(beginning)) continue;
-    const form = key.slice(beginning.length);
+    if (!key.startsWith(prefix)) continue;
+    const form = key.slice(prefix.length);
     const to = { person: after, form };
-    if (storedDraft(to) === null) put(to, storedDraft({ person: before, form }));
+    if (storedDraft(to) === null) write(to, storedDraft({ person: before, form }));
   }
 }
 
-function put(of: DraftKey, text: string | null): void {
+function write(of: DraftKey, text: string | null): void {
   const key = keyOf(of);
   inMemory.delete(of.form);
   inMemory.delete(key);
-  const isKept = of.person !== undefined && storeText("localStorage", key, text);
-  if (!isKept && text !== null) inMemory.set(key, text);
+  const isInBrowser = of.person !== undefined && storeText("localStorage", key, text);
+  if (!isInBrowser && text !== null) inMemory.set(key, text);
   for (const listener of listeners) listener();
 }
 
-/** Who is there twice has a number behind the name, which is another one the next time. */
+/** Returns the storage key, without the number that the service appends to a name in use; it may change. */
 function keyOf({ person, form }: DraftKey): string {
   return person === undefined ? form : `${PREFIX} ${BASE} ${person.replace(/ \(\d+\)$/, "")} ${form}`;
 }

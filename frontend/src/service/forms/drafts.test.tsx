@@ -9,7 +9,7 @@ describe("useSentValue", () => {
     refuse(reason: string): void;
   }
 
-  /** A service that answers only when it is told to. */
+  /** A service that answers only when the test calls `accept` or `refuse`. */
   function slowService() {
     const sent: Sending[] = [];
     const send = vi.fn(
@@ -21,13 +21,13 @@ describe("useSentValue", () => {
     return { sent, send };
   }
 
-  function start(inForce: number) {
+  function start(active: number) {
     const service = slowService();
-    const hook = renderHook(({ now }) => useSentValue(now, service.send), { initialProps: { now: inForce } });
+    const hook = renderHook(({ now }) => useSentValue(now, service.send), { initialProps: { now: active } });
     return { ...service, ...hook };
   }
 
-  it("sends on release only, and shows what came into force", async () => {
+  it("sends on release only, and shows the active value afterwards", async () => {
     const { sent, send, result, rerender } = start(0.5);
     act(() => result.current.edit(0.6));
     expect(send).not.toHaveBeenCalled();
@@ -38,7 +38,7 @@ describe("useSentValue", () => {
     expect(result.current).toMatchObject({ value: 0.59, pending: false, refusal: null });
   });
 
-  it("falls back to what is in force when refused, and says why", async () => {
+  it("reverts to the active value on a refusal, and gives its reason", async () => {
     const { sent, result } = start(0.5);
     act(() => result.current.commit(9));
     await act(async () => sent[0]?.refuse("too slow"));
@@ -46,7 +46,7 @@ describe("useSentValue", () => {
     expect(result.current.refusal?.message).toBe("too slow");
   });
 
-  it("has one value under way at a time and sends only the newest of those that waited", async () => {
+  it("sends one value at a time, and then only the newest of the waiting values", async () => {
     const { sent, send, result } = start(0.5);
     for (const value of [0.6, 0.7, 0.8, 0.9]) act(() => result.current.commit(value));
     expect(send).toHaveBeenCalledTimes(1);
@@ -55,7 +55,7 @@ describe("useSentValue", () => {
     expect(result.current).toMatchObject({ value: 0.9, pending: true });
   });
 
-  it("does not let a report overwrite what is being edited", () => {
+  it("does not overwrite an edited value with a report", () => {
     const { result, rerender } = start(0.5);
     act(() => result.current.edit(0.8));
     rerender({ now: 0.4 });
@@ -67,18 +67,18 @@ describe("draft", () => {
   const played = (...events: DraftEvent[]) => events.reduce(nextDraft, FOLLOWING);
 
   describe("draft", () => {
-    it("is not overwritten by reports while it is edited", () => {
+    it("is not overwritten by reports during editing", () => {
       const draft = played({ kind: "edit", value: 12 }, { kind: "read-back" });
       expect(shown(draft, 5)).toBe(12);
     });
 
-    it("stays in sight once sent, until the service reports what is in force", () => {
+    it("shows a sent value until the service reports the active one", () => {
       const sent = played({ kind: "edit", value: 12 }, { kind: "send", value: 12 });
       expect(shown(sent, 5)).toBe(12);
       expect(shown(nextDraft(sent, { kind: "read-back" }), 11.9)).toBe(11.9);
     });
 
-    it("falls back to what is in force when refused", () => {
+    it("reverts to the active value on a refusal", () => {
       expect(shown(played({ kind: "send", value: 99 }, { kind: "drop" }), 5)).toBe(5);
     });
   });

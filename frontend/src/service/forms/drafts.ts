@@ -1,11 +1,11 @@
-/** Values of forms that are being edited: drafts that survive a reload, and numbers sent on release. */
+/** Edited values of forms: drafts that survive a reload, and numbers that the page sends on release. */
 
 import { useQuery } from "@tanstack/react-query";
 import { useEffect, useMemo, useReducer, useRef, useState, useSyncExternalStore } from "react";
 import { sessionQuery } from "../api/session";
 import { claimDraft, isStored, parseDraft, storeDraft, storedDraft, watchDrafts } from "./draftStorage";
 
-/** A value that a person changes while the service may change it too. Pure. */
+/** A value that a person and the service may change at the same time. */
 
 type Draft =
   | { readonly kind: "following" }
@@ -21,8 +21,8 @@ export type DraftEvent =
 export const FOLLOWING: Draft = { kind: "following" };
 
 /**
- * What the control shows next. A value sent stays in sight until the service reports what is in force; one that is being
- * edited is not overwritten by reports.
+ * Returns the draft after an event. A sent value remains visible until the service reports the active one; reports do
+ * not overwrite an edited value.
  */
 export function nextDraft(draft: Draft, event: DraftEvent): Draft {
   switch (event.kind) {
@@ -37,20 +37,20 @@ export function nextDraft(draft: Draft, event: DraftEvent): Draft {
   }
 }
 
-export function shown(draft: Draft, inForce: number): number {
-  return draft.kind === "following" ? inForce : draft.value;
+export function shown(draft: Draft, active: number): number {
+  return draft.kind === "following" ? active : draft.value;
 }
 
-/** The values of a form that survive leaving the page and a reload, until they are saved, sent or discarded. */
+/** Values of a form that survive a change of the page and a reload, until they are saved, sent or discarded. */
 
 export interface FormDraft<T> {
-  /** The draft, or the initial value where there is none. */
+  /** The draft, or the initial value without one. */
   readonly value: T;
-  /** When the first change was made; null while the form shows the initial value. */
+  /** Time of the first change; null while the form shows the initial value. */
   readonly since: string | null;
   /** Whether the draft survives a reload. */
   readonly stored: boolean;
-  /** Takes a value, or a function of the newest one. The initial value is no draft. */
+  /** Sets a value, or the result of a function of the newest one. The initial value removes the draft. */
   set(next: T | ((before: T) => T)): void;
   discard(): void;
 }
@@ -66,11 +66,11 @@ export function useDraft<T>(form: string, initial: T, isValid: (value: unknown) 
   const of = { person, form };
   const text = useSyncExternalStore(watchDrafts, () => storedDraft(of));
   useEffect(() => claimDraft({ person, form }), [person, form]);
-  const kept = useMemo(() => parseDraft(text), [text]);
-  const isDraft = kept !== null && isValid(kept.value);
+  const draft = useMemo(() => parseDraft(text), [text]);
+  const isDraft = draft !== null && isValid(draft.value);
   return {
-    value: isDraft ? (kept.value as T) : initial,
-    since: isDraft ? kept.since : null,
+    value: isDraft ? (draft.value as T) : initial,
+    since: isDraft ? draft.since : null,
     stored: isStored(of),
     set: (next) => {
       const newest = parseDraft(storedDraft(of))?.value;
@@ -82,7 +82,7 @@ export function useDraft<T>(form: string, initial: T, isValid: (value: unknown) 
   };
 }
 
-/** Whether stored data is a record of plain values, as the settings of a form are. */
+/** Whether stored data is a record of plain values, such as the settings of a form. */
 export function isPlainRecord(value: unknown): value is Record<string, boolean | number | string> {
   return (
     typeof value === "object" &&
@@ -92,7 +92,7 @@ export function isPlainRecord(value: unknown): value is Record<string, boolean |
   );
 }
 
-/** A box of a number keeps a text that is no number yet. */
+/** Whether stored data is the value of a number box, which may contain text that is not a number yet. */
 export function isNumberOrText(value: unknown): value is number | string {
   return typeof value === "number" || typeof value === "string";
 }
@@ -101,25 +101,23 @@ export function isText(value: unknown): value is string {
   return typeof value === "string";
 }
 
-/** A number that is edited here, sent on release, and read back from the service. */
-
-/** Longest wait for the report after an accepted value that changed nothing. */
+/** Longest wait for the report after an accepted value [ms]: a value that changes nothing has no report. */
 const READ_BACK_MS = 1200;
 
 interface SentValue {
-  /** What to show: the draft while there is one, else what is in force. */
+  /** Value to show: the draft, or the active value without one. */
   readonly value: number;
   readonly editing: boolean;
   readonly pending: boolean;
-  /** Why the last value was refused; null once the next one is tried. */
+  /** Refusal of the last value; null after the service accepts another one. */
   readonly refusal: Error | null;
   edit(value: number): void;
   commit(value: number): void;
   cancel(): void;
 }
 
-export function useSentValue(inForce: number, send: (value: number) => Promise<unknown>): SentValue {
-  const [draft, happen] = useReducer(nextDraft, FOLLOWING);
+export function useSentValue(active: number, send: (value: number) => Promise<unknown>): SentValue {
+  const [draft, dispatch] = useReducer(nextDraft, FOLLOWING);
   const [refusal, setRefusal] = useState<Error | null>(null);
   const [pending, setPending] = useState(false);
   const busy = useRef(false);
@@ -127,12 +125,12 @@ export function useSentValue(inForce: number, send: (value: number) => Promise<u
 
   // biome-ignore lint/correctness/useExhaustiveDependencies: each report counts as read back, whatever its value
   useEffect(() => {
-    if (!busy.current) happen({ kind: "read-back" });
-  }, [inForce]);
+    if (!busy.current) dispatch({ kind: "read-back" });
+  }, [active]);
 
   useEffect(() => {
     if (draft.kind !== "sent" || pending) return;
-    const timer = window.setTimeout(() => happen({ kind: "read-back" }), READ_BACK_MS);
+    const timer = window.setTimeout(() => dispatch({ kind: "read-back" }), READ_BACK_MS);
     return () => window.clearTimeout(timer);
   }, [draft, pending]);
 
@@ -144,7 +142,7 @@ export function useSentValue(inForce: number, send: (value: number) => Promise<u
       setRefusal(null);
     } catch (error) {
       setRefusal(error instanceof Error ? error : new Error(String(error)));
-      if (waiting.current === null) happen({ kind: "drop" });
+      if (waiting.current === null) dispatch({ kind: "drop" });
     }
     busy.current = false;
     const next = waiting.current;
@@ -154,16 +152,16 @@ export function useSentValue(inForce: number, send: (value: number) => Promise<u
   }
 
   return {
-    value: shown(draft, inForce),
+    value: shown(draft, active),
     editing: draft.kind === "editing",
     pending,
     refusal,
-    edit: (value) => happen({ kind: "edit", value }),
+    edit: (value) => dispatch({ kind: "edit", value }),
     commit: (value) => {
-      happen({ kind: "send", value });
+      dispatch({ kind: "send", value });
       if (busy.current) waiting.current = value;
       else void deliver(value);
     },
-    cancel: () => happen({ kind: "drop" }),
+    cancel: () => dispatch({ kind: "drop" }),
   };
 }

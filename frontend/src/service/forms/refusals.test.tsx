@@ -62,7 +62,7 @@ const settings = (error: Error | null, about: unknown) => (
 const SENTENCE = "position steps: 120.321° is outside 0.572958 to 80.214°; choose a value between the two";
 const general = () => screen.getByRole("status", { name: "Refusal" });
 
-it("says a refusal whole at the field it speaks of, marks the field and goes there", () => {
+it("shows the text of a refusal at its field, and marks and focuses the field", () => {
   open(settings, refusal(["settings", "q_amplitude"], SENTENCE));
   const box = screen.getByLabelText("Position steps [°]");
   expect(box.getAttribute("aria-invalid")).toBe("true");
@@ -74,13 +74,13 @@ it("says a refusal whole at the field it speaks of, marks the field and goes the
   expect(screen.getAllByText(SENTENCE)).toHaveLength(1);
 });
 
-it("opens what hides the field", () => {
+it("opens the section that hides the field", () => {
   open(settings, refusal(["q_hold"], "position held: no"));
   expect(screen.getByRole("group").hasAttribute("open")).toBe(true);
   expect(document.activeElement).toBe(screen.getByLabelText("Position held [°]"));
 });
 
-it.each([undefined, ["seed"], []])("says it below the form where no field is to blame (%j)", (path) => {
+it.each([undefined, ["seed"], []])("shows a refusal without a field below the form (%j)", (path) => {
   open(settings, refusal(path, SENTENCE));
   expect(general().textContent).toBe(SENTENCE);
   for (const box of screen.getAllByRole("textbox", { hidden: true })) {
@@ -88,7 +88,7 @@ it.each([undefined, ["seed"], []])("says it below the form where no field is to 
   }
 });
 
-it("says it below the row of the part, and marks the one box", () => {
+it("shows a refusal below the row of the part, and marks only its box", () => {
   const parts = [0, 1, 2].map((q_ref) => ({ do: "step", q_ref, S_ref: 10, duration_s: 4 }));
   const composed = { ...SAMPLE, phases: [{ name: "all", title: "All", parts }] };
   const editor = (error: Error | null, about: unknown) => (
@@ -108,17 +108,17 @@ it("says it below the row of the part, and marks the one box", () => {
   expect(general().textContent).toBe("");
 });
 
-it("is over once what was refused is changed", () => {
+it("hides a refusal when the refused value changes", () => {
   let now_ms = 0;
   vi.spyOn(performance, "now").mockImplementation(() => now_ms);
   open(settings, refusal(["q_amplitude"], SENTENCE));
-  now_ms = 10_000; // long after the state that belongs to the refusal has come
+  now_ms = 10_000; // long after the state that belongs to the refusal has arrived
   fireEvent.click(screen.getByRole("button", { name: "change" }));
   expect(screen.queryByText(SENTENCE)).toBeNull();
   expect(screen.getByLabelText("Position steps [°]").getAttribute("aria-invalid")).not.toBe("true");
 });
 
-it("speaks of the last attempt only", () => {
+it("returns the refusal of the last attempt only", () => {
   const [first, second] = [new Error("first"), new Error("second")];
   const attempt = (error: Error | null, submittedAt: number) => ({ error, submittedAt });
   expect(lastRefusal(attempt(first, 1), attempt(second, 2))).toBe(second);

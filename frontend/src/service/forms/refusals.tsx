@@ -1,4 +1,4 @@
-/** Refusals of the service: how long one is shown, and at which field. */
+/** Refusals of the service: the time for which the page shows one, and its field. */
 
 import {
   createContext,
@@ -18,12 +18,10 @@ import { RequestError } from "../../wire/client";
 import { heldEpoch, watchHeld } from "../../wire/control";
 import { useAngleUnit } from "../api/preferences";
 
-/** How long a refusal stands: each has a cause, and the message goes when its cause does. Pure. */
-
-/** What a refusal is about, and so what ends it. */
+/** Cause of a refusal: the page hides the refusal when its cause no longer applies. */
 type Cause = "control" | "link" | "moment" | "value";
 
-/** A refusal with the circumstances in which it was given. */
+/** A refusal with its circumstances. */
 interface ShownError {
   readonly error: Error | null;
   readonly circumstances: string;
@@ -33,10 +31,10 @@ interface ShownError {
 
 const NO_ERROR: ShownError = { error: null, circumstances: "", since_ms: 0, over: true };
 
-/** The state that belongs to a refusal may come after it; what changes by then is no end. */
+/** The state that belongs to a refusal may arrive after it; changes within this time [ms] do not hide the refusal. */
 const SETTLE_MS = 600;
 
-/** Whether a request was refused for who holds control: taking control is the remedy. */
+/** Whether a request was refused because of the control lease: taking control is the remedy. */
 export function isAboutControl(error: Error | null): boolean {
   return error instanceof RequestError && error.problem?.code.startsWith("control_") === true;
 }
@@ -49,8 +47,8 @@ function causeOf(error: Error): Cause {
 }
 
 /**
- * What has to stay as it is for the refusal to hold. `epoch` is the control that this page holds, `about` what the
- * refused request would have changed, as it is in force.
+ * Returns the circumstances under which the refusal remains valid. `epoch` is that of this page's control lease, `about`
+ * the active value that the refused request would have changed.
  */
 function circumstances(error: Error, live: Live, epoch: number | null, about: unknown): string {
   const { state, link } = live;
@@ -74,7 +72,7 @@ function circumstances(error: Error, live: Live, epoch: number | null, about: un
   }
 }
 
-/** The refusal as it stands now; one that is over does not come back, whatever returns. */
+/** Returns the next state of a refusal; a hidden one remains hidden. */
 function nextShownError(before: ShownError, error: Error | null, now: string, now_ms: number): ShownError {
   if (error !== before.error) return { error, circumstances: now, since_ms: now_ms, over: error === null };
   if (before.over || now === before.circumstances) return before;
@@ -82,20 +80,18 @@ function nextShownError(before: ShownError, error: Error | null, now: string, no
   return { ...before, over: true };
 }
 
-/** A refusal for as long as its cause lasts. */
-
-/** `error` until what caused it is gone; `about` is what the request would have changed, as it is in force. */
+/** Returns `error` while its cause applies; `about` is the active value that the request would have changed. */
 export function useErrorLifetime(error: Error | null | undefined, about?: unknown): Error | null {
   const epoch = useSyncExternalStore(watchHeld, heldEpoch);
   const refused = error ?? null;
   const now = useLive((live) => (refused === null ? "" : circumstances(refused, live, epoch, about)));
-  const [before, keep] = useState(NO_ERROR);
-  const standing = nextShownError(before, refused, now, performance.now());
-  if (standing !== before) keep(standing);
-  return standing.over ? null : refused;
+  const [before, setBefore] = useState(NO_ERROR);
+  const current = nextShownError(before, refused, now, performance.now());
+  if (current !== before) setBefore(current);
+  return current.over ? null : refused;
 }
 
-/** Mantine names what describes its own inputs; here another element is named, for as long as there is one. */
+/** Adds an element to those that describe an input, beyond the ones that Mantine adds. */
 
 export function useDescribedBy(input: RefObject<HTMLElement | null>, id: string | undefined): void {
   useEffect(() => {
@@ -110,14 +106,14 @@ export function useDescribedBy(input: RefObject<HTMLElement | null>, id: string 
   }, [input, id]);
 }
 
-/** A refusal stands at the field it speaks of: each field of a form asks here whether it is the one. */
+/** Refusal of a form; each field compares its place with that of the refusal. */
 
 interface Refused {
-  /** Place of the field to blame: one that is on the page; null where there is none. */
+  /** Place of the refused field; null if no field of the page has that place. */
   readonly place: string | null;
   readonly text: string;
   readonly error: Error | null;
-  /** Whether the person asked for what was refused. */
+  /** Whether a person made the refused request. */
   readonly asked: boolean;
   readonly places: Set<string>;
 }
@@ -132,11 +128,11 @@ const Context = createContext<Refused>({
 
 interface RefusedFieldsProps {
   readonly error: Error | null | undefined;
-  /** A refusal that nobody asked for, as of a forecast: its field is marked, and whoever types is left where they are. */
+  /** A refusal of a request that the page made, such as a prediction: its field is marked, and the focus does not move. */
   readonly foreseen?: Error | null | undefined;
-  /** The one field there is: a refused value that names no field is its value. */
+  /** Place of the only field: a refused value without a place belongs to it. */
   readonly only?: string;
-  /** What the refused request would have changed: once that changes, the refusal is over. */
+  /** Value that the refused request would have changed: when it changes, the refusal is hidden. */
   readonly about?: unknown;
   readonly children: ReactNode;
 }
@@ -145,30 +141,30 @@ export function RefusedFields({ error, foreseen, about, only, children }: Refuse
   const places = useRef(new Set<string>()).current;
   const angles = useAngleUnit();
   const answered = useErrorLifetime(error, about);
-  const standing = answered ?? foreseen ?? null;
+  const shown = answered ?? foreseen ?? null;
   const refused = useMemo(() => {
-    const path = standing instanceof RequestError ? standing.problem?.path?.join(".") : undefined;
+    const path = shown instanceof RequestError ? shown.problem?.path?.join(".") : undefined;
     const place = path === undefined ? null : placeIn(path, places);
     return {
-      place: place ?? (only !== undefined && isOfValue(standing) ? only : null),
-      text: standing === null ? "" : localizeText(standing.message, angles),
-      error: standing,
+      place: place ?? (only !== undefined && isOfValue(shown) ? only : null),
+      text: shown === null ? "" : localizeText(shown.message, angles),
+      error: shown,
       asked: answered !== null,
       places,
     };
-  }, [standing, answered, only, angles, places]);
+  }, [shown, answered, only, angles, places]);
   return <Context value={refused}>{children}</Context>;
 }
 
 interface RefusedInput<Input extends HTMLElement> {
   readonly ref: RefObject<Input | null>;
-  /** Why the value is refused; null where it is not. */
+  /** Reason of the refusal of the value; null if it is not refused. */
   readonly said: string | null;
 }
 
 /**
- * What any input needs of the refusals of its form: the ref by which it is opened, gone to, and described by `messageId`,
- * the element that says why where the input does not say so itself. `place` as in "q_amplitude", "phases.0.parts.2.q_ref".
+ * Connects an input with the refusals of its form: the ref serves to show and focus the input, and to describe it by the
+ * element `messageId`, if that element shows the reason. `place` as in "q_amplitude", "phases.0.parts.2.q_ref".
  */
 export function useRefusedInput<Input extends HTMLElement>(
   place: string | undefined,
@@ -195,8 +191,8 @@ export function useRefusedInput<Input extends HTMLElement>(
 }
 
 /**
- * Why something within this place is refused, for what speaks for several fields; null where nothing is, and where it is
- * within one of those that speak for themselves.
+ * Returns the reason of a refusal within this place, for an element that shows it for several fields; null if there is
+ * none, or if it is within one of `others`, which show their own.
  */
 export function useRefusedWithin(place: string, others: readonly string[] = []): string | null {
   const { place: blamed, text } = useContext(Context);
@@ -204,18 +200,18 @@ export function useRefusedWithin(place: string, others: readonly string[] = []):
   return within(place) && !others.some(within) ? text : null;
 }
 
-/** Whether this refusal is told at a field already. */
+/** Whether a field shows this refusal. */
 export function useShownAtField(error: Error | null): boolean {
-  const { place, error: told } = useContext(Context);
-  return place !== null && error !== null && told === error;
+  const { place, error: refused } = useContext(Context);
+  return place !== null && error !== null && refused === error;
 }
 
-/** Whether it is a value that was refused, and not the moment, the person or the way to the service. */
+/** Whether the service refused a value, and not for its state, the person or the connection. */
 function isOfValue(error: Error | null): boolean {
   return error instanceof RequestError && [400, 413, 422].includes(error.status);
 }
 
-/** The field that a path speaks of: its own, or the list that it lies in. */
+/** Returns the field of a path, or the list that contains it. */
 function placeIn(path: string, places: ReadonlySet<string>): string | null {
   const names = path.split(".");
   for (let length = names.length; length > 0; length -= 1) {
@@ -232,7 +228,7 @@ interface Attempt {
   readonly submittedAt: number;
 }
 
-/** The refusal of the last attempt; one that went through ends the refusals before it. */
+/** Returns the refusal of the last attempt; null if it succeeded. */
 export function lastRefusal(...attempts: readonly Attempt[]): Error | null {
   return attempts.reduce((last, attempt) => (attempt.submittedAt > last.submittedAt ? attempt : last)).error;
 }
