@@ -3,7 +3,7 @@ import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, expect, it, vi } from "vitest";
 import { preferencesQuery } from "../service/api/preferences";
-import { look, shown, tones, useBrowser } from "../service/notifications/browser.fixture";
+import { setVisibility, shown, tones, useBrowser } from "../service/notifications/browser.fixture";
 import { TEXTS as SERVICE } from "../service/texts";
 import type { Preferences } from "../wire/types";
 import { NotificationMenu } from "./Header";
@@ -104,7 +104,7 @@ it("says where a browser has none at all", async () => {
 
 it("has a sound of its own, which is heard when it is switched on", async () => {
   const { asked } = useBrowser("default");
-  look(true);
+  setVisibility(true);
   await opened();
   await press("Sound");
   expect(tones).toHaveLength(1);

@@ -1,4 +1,4 @@
-/** Stand-ins for what a browser shares between tabs and with the desktop. */
+/** Simulated browser interfaces that tabs share: notifications, audio, visibility and locks. */
 
 import { vi } from "vitest";
 
@@ -9,11 +9,11 @@ interface Shown {
   close(): void;
 }
 
-/** Every notification that was shown, as the desktop has them: one of the same tag takes the place of the one before. */
+/** Every notification that was shown. */
 export const shown: Shown[] = [];
-/** The tones that were begun. */
+/** Frequencies of the tones that were started. */
 export const tones: number[] = [];
-/** Whether pages were clicked since they were loaded: only then audio goes on. */
+/** Whether pages were clicked since they were loaded: browsers play audio only afterwards. */
 export const clicked = { yet: true };
 
 export function useBrowser(permission: NotificationPermission, answer: NotificationPermission = permission) {
@@ -57,13 +57,13 @@ export function useBrowser(permission: NotificationPermission, answer: Notificat
   return { asked };
 }
 
-/** Whether this tab is looked at. */
-export function look(visible: boolean): void {
+/** Sets whether this tab is visible. */
+export function setVisibility(visible: boolean): void {
   vi.spyOn(document, "visibilityState", "get").mockReturnValue(visible ? "visible" : "hidden");
   document.dispatchEvent(new Event("visibilitychange"));
 }
 
-/** The browser's locks: those of one name exclude each other, but for shared ones. */
+/** The browser's locks: a request with `ifAvailable` gets none while its name is locked. */
 class FakeLocks {
   private readonly held: { name: string; mode: string }[] = [];
 

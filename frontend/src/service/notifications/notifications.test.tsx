@@ -1,16 +1,16 @@
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-import { clicked, look, shown, tones, useBrowser } from "./browser.fixture";
+import { clicked, setVisibility, shown, tones, useBrowser } from "./browser.fixture";
 import { announceVisibility, type PageNotification, showNotification } from "./notifications";
 
 const BOTH = { notification: true, sound: true };
 
-function told(tag = "sinew-run-3", open = () => undefined): PageNotification {
+function notificationOf(tag = "sinew-run-3", open = () => undefined): PageNotification {
   return { tag, title: "Tracking, run 3: completed", body: "Steps", open };
 }
 
 beforeEach(() => {
   vi.useFakeTimers();
-  look(false);
+  setVisibility(false);
 });
 
 afterEach(() => {
@@ -19,11 +19,11 @@ afterEach(() => {
   vi.unstubAllGlobals();
 });
 
-it("tells whoever does not look, with the words and the tag, and leads to the place on a click", async () => {
+it("shows a notification while the page is hidden, and opens its page on a click", async () => {
   useBrowser("granted");
   const focused = vi.spyOn(window, "focus").mockReturnValue();
   const open = vi.fn();
-  await showNotification(told("sinew-run-3", open), { notification: true, sound: false });
+  await showNotification(notificationOf("sinew-run-3", open), { notification: true, sound: false });
   expect(shown.map(({ title, options }) => [title, options.body, options.tag])).toEqual([
     ["Tracking, run 3: completed", "Steps", "sinew-run-3"],
   ]);
@@ -35,77 +35,77 @@ it("tells whoever does not look, with the words and the tag, and leads to the pl
   ).toEqual([1, 1, 1]);
 });
 
-it("tells nothing to whoever looks", async () => {
+it("shows no notification while the page is visible", async () => {
   useBrowser("granted");
-  look(true);
-  await showNotification(told(), BOTH);
+  setVisibility(true);
+  await showNotification(notificationOf(), BOTH);
   expect([shown, tones]).toEqual([[], []]);
 });
 
-it("tells nothing while another tab is looked at, and again when that is not", async () => {
+it("shows no notification while another tab is visible", async () => {
   useBrowser("granted");
-  look(true);
-  const end = announceVisibility(); // of the other tab
-  vi.spyOn(document, "visibilityState", "get").mockReturnValue("hidden"); // what this one has
-  await showNotification(told(), BOTH);
+  setVisibility(true);
+  const end = announceVisibility(); // the other tab
+  vi.spyOn(document, "visibilityState", "get").mockReturnValue("hidden"); // this tab
+  await showNotification(notificationOf(), BOTH);
   expect(shown).toEqual([]);
   end();
   await vi.advanceTimersByTimeAsync(1);
-  await showNotification(told(), BOTH);
+  await showNotification(notificationOf(), BOTH);
   expect(shown).toHaveLength(1);
 });
 
-it("tells one thing once, however many tabs hear of it, and another one too", async () => {
+it("shows each event once, for any number of tabs", async () => {
   useBrowser("granted");
   await Promise.all([
-    showNotification(told(), BOTH),
-    showNotification(told(), BOTH),
-    showNotification(told(), BOTH),
+    showNotification(notificationOf(), BOTH),
+    showNotification(notificationOf(), BOTH),
+    showNotification(notificationOf(), BOTH),
   ]);
   expect([shown.length, tones.length]).toEqual([1, 1]);
-  await showNotification(told("sinew-run-4"), BOTH);
+  await showNotification(notificationOf("sinew-run-4"), BOTH);
   expect(shown.map(({ options }) => options.tag)).toEqual(["sinew-run-3", "sinew-run-4"]);
 });
 
-it("has a sound without notifications, and neither where they are not allowed and it is off", async () => {
+it("plays a sound if notifications are denied, and neither if the sound is off too", async () => {
   useBrowser("denied");
-  await showNotification(told("sinew-run-3"), BOTH);
+  await showNotification(notificationOf("sinew-run-3"), BOTH);
   expect([shown.length, tones.length]).toEqual([0, 1]);
-  await showNotification(told("sinew-run-4"), { notification: true, sound: false });
+  await showNotification(notificationOf("sinew-run-4"), { notification: true, sound: false });
   expect([shown.length, tones.length]).toEqual([0, 1]);
 });
 
-/** Another tab of the same browser: with modules, and so audio, of its own. */
+/** Another tab of the same browser, with its own modules and audio. */
 async function tab(): Promise<typeof showNotification> {
   vi.resetModules();
   return (await import("./notifications")).showNotification;
 }
 
-it("sounds in a tab that was clicked, though one that was not hears of it first", async () => {
+it("plays the sound in a clicked tab, even if another tab detects the event first", async () => {
   useBrowser("granted");
   const [first, second, third] = [await tab(), await tab(), await tab()];
   clicked.yet = false;
-  const untouched = first(told(), BOTH);
+  const untouched = first(notificationOf(), BOTH);
   await vi.advanceTimersByTimeAsync(10);
   expect([shown.length, tones.length]).toEqual([1, 0]);
   clicked.yet = true;
-  await Promise.all([second(told(), BOTH), third(told(), BOTH)]);
+  await Promise.all([second(notificationOf(), BOTH), third(notificationOf(), BOTH)]);
   expect([shown.length, tones.length]).toEqual([1, 1]);
   await vi.advanceTimersByTimeAsync(2000);
   await untouched;
   expect([shown.length, tones.length]).toEqual([1, 1]);
 });
 
-it("begins no tone where it cannot be heard, at a later click neither", async () => {
+it("plays no tone without a click, and none after a later click", async () => {
   useBrowser("denied");
   const only = await tab();
   clicked.yet = false;
-  const telling = only(told(), BOTH);
+  const pending = only(notificationOf(), BOTH);
   await vi.advanceTimersByTimeAsync(2000);
-  await telling;
+  await pending;
   clicked.yet = true;
   await vi.advanceTimersByTimeAsync(60_000);
   expect(tones).toEqual([]);
-  await only(told("sinew-run-4"), BOTH);
+  await only(notificationOf("sinew-run-4"), BOTH);
   expect(tones).toHaveLength(1);
 });

@@ -8,22 +8,20 @@ const WHY_NOT: Readonly<Record<NotificationAccess, string>> = {
   missing: TEXTS.missing,
 };
 
-/** What keeps notifications from being shown here, and what to do; "" where nothing does. */
+/** Returns why the browser cannot show notifications, and the remedy; "" if it can. */
 export function whyNotNotified(allowed: NotificationAccess): string {
   return WHY_NOT[allowed];
 }
 
-/** Telling somebody who does not look at the page: the browser's notifications, and a sound; once for all open tabs. */
-
-/** What the browser says of notifications of this page; "insecure" and "missing" where it has none. */
+/** Permission for notifications; "insecure" and "missing" if the browser offers none here. */
 export type NotificationAccess = NotificationPermission | "insecure" | "missing";
 
 export interface PageNotification {
-  /** What happened, by its own name: the same in every tab. */
+  /** Name of the event, the same in every tab. */
   readonly tag: string;
   readonly title: string;
   readonly body: string;
-  /** Where whoever clicks is led. */
+  /** Opens the page of the event, on a click. */
   open(): void;
 }
 
@@ -32,10 +30,10 @@ export interface Channels {
   readonly sound: boolean;
 }
 
-const LOOKED_AT = "sinew-looked-at";
-/** Tabs hear of the same thing within seconds of each other. */
+const VISIBLE_LOCK = "sinew-looked-at";
+/** Time for which a tab locks an event [ms]: tabs detect the same event within seconds of each other. */
 const REMEMBERED_MS = 60_000;
-/** Audio that may play goes on within some tens of these [ms]. */
+/** Longest wait for audio to resume [ms]; permitted audio resumes within some tens of milliseconds. */
 const RESUMED_WITHIN_MS = 1000;
 const TONE_HZ = 880;
 const TONE_S = 0.25;
@@ -45,53 +43,53 @@ export function notificationAccess(): NotificationAccess {
   return "Notification" in globalThis ? Notification.permission : "missing";
 }
 
-/** Ask the person through the browser; only in answer to a click of theirs. */
+/** Asks the person for permission; browsers permit this only in response to a click. */
 export async function askForPermission(): Promise<NotificationAccess> {
   const now = notificationAccess();
   return now === "insecure" || now === "missing" ? now : await Notification.requestPermission();
 }
 
-/** Let other tabs know while this one is looked at; returns how to end that. */
+/** Announces the visibility of this tab to other tabs, by a shared lock; returns a function that stops this. */
 export function announceVisibility(): () => void {
-  let letGo: (() => void) | null = null;
-  function follow(): void {
+  let release: (() => void) | null = null;
+  function onVisibility(): void {
     if (document.visibilityState !== "visible") {
-      letGo?.();
-      letGo = null;
-    } else if (letGo === null) {
+      release?.();
+      release = null;
+    } else if (release === null) {
       const until = new Promise<void>((resolve) => {
-        letGo = resolve;
+        release = resolve;
       });
-      void navigator.locks?.request(LOOKED_AT, { mode: "shared" }, () => until);
+      void navigator.locks?.request(VISIBLE_LOCK, { mode: "shared" }, () => until);
     }
   }
-  follow();
-  document.addEventListener("visibilitychange", follow);
+  onVisibility();
+  document.addEventListener("visibilitychange", onVisibility);
   return () => {
-    document.removeEventListener("visibilitychange", follow);
-    letGo?.();
-    letGo = null;
+    document.removeEventListener("visibilitychange", onVisibility);
+    release?.();
+    release = null;
   };
 }
 
-/** Tell it in these ways, unless a tab of this page is looked at, or another one has told it. */
-export async function showNotification(told: PageNotification, ways: Channels): Promise<void> {
+/** Shows a notification through these channels, unless a tab is visible or another tab has shown it. */
+export async function showNotification(notification: PageNotification, channels: Channels): Promise<void> {
   if (await isAnyTabVisible()) return;
   await Promise.all([
-    ways.notification &&
+    channels.notification &&
       notificationAccess() === "granted" &&
-      once(`sinew-told-${told.tag}`, () => show(told)),
-    ways.sound && soundOnce(told.tag),
+      once(`sinew-told-${notification.tag}`, () => show(notification)),
+    channels.sound && soundOnce(notification.tag),
   ]);
 }
 
 async function isAnyTabVisible(): Promise<boolean> {
   if (document.visibilityState === "visible") return true;
   const { held = [] } = (await navigator.locks?.query()) ?? {};
-  return held.some(({ name }) => name === LOOKED_AT);
+  return held.some(({ name }) => name === VISIBLE_LOCK);
 }
 
-/** Do it in one of the tabs. Where they cannot agree all do: notifications of one tag are one all the same. */
+/** Acts in one of the tabs. Without locks all tabs act, and the browser merges notifications of the same tag. */
 async function once(name: string, act: () => void): Promise<void> {
   const { locks } = navigator;
   if (locks === undefined) {
@@ -107,9 +105,9 @@ async function once(name: string, act: () => void): Promise<void> {
   });
 }
 
-/** A tab that cannot play leaves it to those that can. */
+/** Plays the sound in one tab, among those that can play audio. */
 async function soundOnce(tag: string): Promise<void> {
-  const ready = await playing();
+  const ready = await runningAudio();
   if (ready === null || (await isAnyTabVisible())) return;
   await once(`sinew-heard-${tag}`, () => sound(ready));
 }
@@ -123,28 +121,28 @@ function show({ tag, title, body, open }: PageNotification): void {
       open();
     };
   } catch {
-    // a browser that takes them from installed pages only: the sound is left
+    // some browsers accept notifications from installed pages only: the sound remains
   }
 }
 
 let audio: AudioContext | null = null;
 
-/** What plays; null on a page that was not clicked since it was loaded, on which a browser plays nothing. */
-async function playing(): Promise<AudioContext | null> {
+/** Returns running audio; null if the page was not clicked since it was loaded: browsers play nothing then. */
+async function runningAudio(): Promise<AudioContext | null> {
   if (!("AudioContext" in globalThis)) return null;
   audio ??= new AudioContext();
   const mine = audio;
   if (mine.state !== "running") {
-    // without a click it is not refused: it waits for one
+    // without a click, `resume` is not refused: it waits for one
     const late = new Promise((over) => setTimeout(over, RESUMED_WITHIN_MS));
     await Promise.race([mine.resume().catch(() => undefined), late]);
   }
   return mine.state === "running" ? mine : null;
 }
 
-/** A short tone, at once or not at all. */
+/** Plays a short tone at once, if audio is available. */
 export async function playTone(): Promise<void> {
-  const ready = await playing();
+  const ready = await runningAudio();
   if (ready !== null) sound(ready);
 }
 

@@ -3,11 +3,11 @@ import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { Fault, Flight, Run, State, Task } from "../../wire/types";
-import { look, shown, useBrowser } from "./browser.fixture";
+import { setVisibility, shown, useBrowser } from "./browser.fixture";
 import { whyNotNotified } from "./notifications";
 import { describeRun, describeTrip, EventDetector, useNotifications } from "./useNotifications";
 
-// the REST client takes hold of fetch when it is made
+// the REST client binds fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);
@@ -20,7 +20,7 @@ vi.mock("../api/preferences", () => ({
 }));
 
 const NOW = Date.parse("2026-03-01T12:00:00Z");
-/** The service's clock is not the page's. */
+/** Difference between the service's clock and the page's. */
 const AHEAD_MS = 3_600_000;
 
 function state(part: object): State {
@@ -28,7 +28,7 @@ function state(part: object): State {
 }
 const FAULT = { code: "force_limit", tick: 5000, message: "Too hard.", remedy: "Reset." };
 
-/** A record of a trip so long before `NOW`. */
+/** A record of a trip `before_s` seconds before `NOW`. */
 function record(id: number, tick: number, before_s: number): Flight {
   const at = new Date(NOW + AHEAD_MS - 1000 * before_s).toISOString();
   return {
@@ -54,7 +54,7 @@ const asked = (path: string) =>
 beforeEach(() => {
   vi.useFakeTimers({ now: NOW });
   useBrowser("granted");
-  look(false);
+  setVisibility(false);
   went.mockReset();
   flights = [];
   answer = () => Response.json({ error: { code: "unknown", message: "no such run" } }, { status: 404 });
@@ -74,15 +74,15 @@ afterEach(() => {
   vi.restoreAllMocks();
 });
 
-const tell = (part: object) => act(async () => store.setState(state(part)));
+const report = (part: object) => act(async () => store.setState(state(part)));
 const pass = (ms: number) => act(() => vi.advanceTimersByTimeAsync(ms));
 const click = () => act(async () => shown[0]?.onclick?.());
 
-it("asks for no flight records until its notification is clicked, and leads to the one of the trip", async () => {
+it("fetches no flight records before a click, and then opens that of the trip", async () => {
   vi.spyOn(window, "focus").mockReturnValue();
-  // heard 40 s late: its own record is the newest by then, and one of an earlier loop has the same tick
+  // received 40 s late: the trip's record is the newest by then, and one of an earlier loop has the same tick
   flights = [record(8, 5000, 40), record(7, 5000, 90)];
-  await tell({ tick: 45_000, fault: FAULT });
+  await report({ tick: 45_000, fault: FAULT });
   await pass(1);
   expect(shown).toHaveLength(1);
   expect(asked("/api/flights")).toBe(0);
@@ -91,10 +91,10 @@ it("asks for no flight records until its notification is clicked, and leads to t
   expect(went.mock.calls).toEqual([["/flights/8"]]);
 });
 
-it("waits for the record of the trip, not taking that of an earlier loop, nor of a later one", async () => {
+it("waits for the record of the trip, and opens neither an earlier loop's nor a later one", async () => {
   vi.spyOn(window, "focus").mockReturnValue();
   flights = [record(7, 5000, 90)];
-  await tell({ tick: 5100, fault: FAULT });
+  await report({ tick: 5100, fault: FAULT });
   await pass(1);
   await click();
   await pass(2000);
@@ -104,11 +104,11 @@ it("waits for the record of the trip, not taking that of an earlier loop, nor of
   expect(went.mock.calls).toEqual([["/flights/8"]]);
 });
 
-it("goes by the state of the click where the tab had slept, and finds the record that trips share", async () => {
+it("uses the state at the click if the tab was suspended, and finds the record that trips share", async () => {
   vi.spyOn(window, "focus").mockReturnValue();
   flights = [record(8, 3000, 0)];
-  await tell({ tick: 5000, fault: FAULT }); // told by a message of a minute ago
-  await tell({ tick: 65_000, fault: FAULT });
+  await report({ tick: 5000, fault: FAULT }); // reported by a message that is a minute old
+  await report({ tick: 65_000, fault: FAULT });
   flights = [record(8, 3000, 62)];
   await pass(1);
   await click();
@@ -116,34 +116,34 @@ it("goes by the state of the click where the tab had slept, and finds the record
   expect(went.mock.calls).toEqual([["/flights/8"]]);
 });
 
-it("asks no more for a run that is not there", async () => {
-  await tell({ tick: 1, task: { run: 3 } });
-  await tell({ tick: 2 });
+it("does not repeat the request for a run that does not exist", async () => {
+  await report({ tick: 1, task: { run: 3 } });
+  await report({ tick: 2 });
   for (let tick = 3; tick < 20; tick++) {
     await pass(1000);
-    await tell({ tick });
+    await report({ tick });
   }
   expect(asked("/api/runs/3")).toBe(1);
 });
 
-it("pauses between tries while the service cannot say, and tells the run once it can", async () => {
+it("waits between attempts while the service is unavailable, and then reports the run", async () => {
   answer = () => Response.json({ error: { code: "unavailable", message: "busy" } }, { status: 503 });
-  await tell({ tick: 1, task: { run: 3 } });
+  await report({ tick: 1, task: { run: 3 } });
   for (let tick = 2; tick < 52; tick++) {
-    await tell({ tick });
+    await report({ tick });
     await pass(100);
   }
   expect(asked("/api/runs/3")).toBe(1);
   const run = { id: 3, kind: "step", title: "Steps", end_state: "completed", end_reason: "" };
   answer = () => Response.json(run);
   await pass(1000);
-  await tell({ tick: 60 });
+  await report({ tick: 60 });
   await pass(1);
   expect(asked("/api/runs/3")).toBe(2);
   expect(shown).toHaveLength(1);
 });
 
-describe("what has happened", () => {
+describe("events", () => {
   function fault(tick: number, code: Fault["code"] = "force_limit"): Fault {
     return {
       code,
@@ -154,7 +154,7 @@ describe("what has happened", () => {
     };
   }
 
-  interface LocalizedText {
+  interface StatePart {
     fault?: Fault;
     run?: number;
     phase?: Task["phase"];
@@ -162,7 +162,7 @@ describe("what has happened", () => {
     kind?: State["plant"]["kind"];
   }
 
-  function state(part: LocalizedText): State {
+  function state(part: StatePart): State {
     return {
       plant: { kind: part.kind ?? "simulator" },
       link: { starts: part.starts ?? 1 },
@@ -171,28 +171,28 @@ describe("what has happened", () => {
     } as State;
   }
 
-  /** What is heard in each of the states, one after the other. */
-  function heard(...parts: LocalizedText[]) {
-    const happenings = new EventDetector();
+  /** Events that the detector finds in each of the successive states. */
+  function detected(...parts: StatePart[]) {
+    const detector = new EventDetector();
     return parts.map((part) =>
-      happenings
+      detector
         .detect(state(part))
         .map((one) => (one.kind === "trip" ? `trip ${one.starts}:${one.fault.tick}` : `over ${one.run}`)),
     );
   }
 
-  describe("Happenings", () => {
-    it("has nothing of what was there when the page was opened", () => {
-      expect(heard({ fault: fault(10), run: 3 }, { fault: fault(10), run: 3 })).toEqual([[], []]);
+  describe("EventDetector", () => {
+    it("reports no events from before the page was opened", () => {
+      expect(detected({ fault: fault(10), run: 3 }, { fault: fault(10), run: 3 })).toEqual([[], []]);
     });
 
-    it("tells a trip once, and the next one again", () => {
-      const trips = heard({}, { fault: fault(10) }, { fault: fault(10) }, {}, { fault: fault(20) });
+    it("reports each trip once", () => {
+      const trips = detected({}, { fault: fault(10) }, { fault: fault(10) }, {}, { fault: fault(20) });
       expect(trips).toEqual([[], ["trip 1:10"], [], [], ["trip 1:20"]]);
     });
 
-    it("has nothing of a trip that is planned", () => {
-      expect(heard({}, { fault: { ...fault(10), expected: true } }, {}, { fault: fault(20) })).toEqual([
+    it("reports no expected trip", () => {
+      expect(detected({}, { fault: { ...fault(10), expected: true } }, {}, { fault: fault(20) })).toEqual([
         [],
         [],
         [],
@@ -200,46 +200,52 @@ describe("what has happened", () => {
       ]);
     });
 
-    it("takes the same tick of another start of the loop for another trip", () => {
-      expect(heard({ fault: fault(10) }, { fault: fault(10), starts: 2 })).toEqual([[], ["trip 2:10"]]);
+    it("reports a trip at the same tick of another start of the loop", () => {
+      expect(detected({ fault: fault(10) }, { fault: fault(10), starts: 2 })).toEqual([[], ["trip 2:10"]]);
     });
 
-    it("tells each run of an order that is over, when the next begins and when none does", () => {
-      expect(heard({}, { run: 3 }, { run: 4 }, { run: 4 }, {})).toEqual([[], [], ["over 3"], [], ["over 4"]]);
+    it("reports the end of each run of a series, with and without a next run", () => {
+      expect(detected({}, { run: 3 }, { run: 4 }, { run: 4 }, {})).toEqual([
+        [],
+        [],
+        ["over 3"],
+        [],
+        ["over 4"],
+      ]);
     });
 
-    it("tells a run that is over when its order is paused, and not again when that goes on or ends there", () => {
+    it("reports the end of a run in a pause once, also when the series resumes or ends", () => {
       const [three, paused] = [{ run: 3 }, { run: 3, phase: "paused" }] as const;
-      expect(heard(three, paused, paused, { run: 4 }, {})).toEqual([[], ["over 3"], [], [], ["over 4"]]);
-      expect(heard(three, paused, { run: 3, phase: "evaluation" }, {})).toEqual([[], ["over 3"], [], []]);
+      expect(detected(three, paused, paused, { run: 4 }, {})).toEqual([[], ["over 3"], [], [], ["over 4"]]);
+      expect(detected(three, paused, { run: 3, phase: "evaluation" }, {})).toEqual([[], ["over 3"], [], []]);
     });
 
-    it("has nothing of a run that was over in a pause when the page was opened", () => {
+    it("does not report a run that ended before the page was opened in a pause", () => {
       const paused = { run: 3, phase: "paused" } as const;
-      expect(heard(paused, paused, { run: 4 }, {})).toEqual([[], [], [], ["over 4"]]);
+      expect(detected(paused, paused, { run: 4 }, {})).toEqual([[], [], [], ["over 4"]]);
     });
 
-    it("tells a run whose pause is the first that is heard of it", () => {
-      expect(heard({}, { run: 3, phase: "paused" }, { run: 4 })).toEqual([[], [], ["over 3"]]);
+    it("reports a run whose pause is its first state", () => {
+      expect(detected({}, { run: 3, phase: "paused" }, { run: 4 })).toEqual([[], [], ["over 3"]]);
     });
 
-    it("tells a run that was under way when the page was opened", () => {
-      expect(heard({ run: 3 }, {})).toEqual([[], ["over 3"]]);
+    it("reports the end of a run that was in progress when the page was opened", () => {
+      expect(detected({ run: 3 }, {})).toEqual([[], ["over 3"]]);
     });
 
-    it("tells a trip and the run that it has ended", () => {
-      expect(heard({ run: 3 }, { fault: fault(10) })).toEqual([[], ["trip 1:10", "over 3"]]);
+    it("reports a trip and the end of its run", () => {
+      expect(detected({ run: 3 }, { fault: fault(10) })).toEqual([[], ["trip 1:10", "over 3"]]);
     });
 
-    it("has nothing of what a recording plays", () => {
-      expect(heard({ kind: "replay", run: 3 }, { kind: "replay", fault: fault(10) })).toEqual([[], []]);
+    it("reports no events of a replay", () => {
+      expect(detected({ kind: "replay", run: 3 }, { kind: "replay", fault: fault(10) })).toEqual([[], []]);
     });
   });
 
-  describe("the words", () => {
+  describe("texts", () => {
     const run = { id: 12, kind: "motor_identification", title: "Motor A", end_state: "completed" } as Run;
 
-    it("are kind, number and end of a run", () => {
+    it("state the kind, number and end state of a run", () => {
       const { tag, title, body } = describeRun({ ...run, end_reason: "" }, "deg");
       expect([tag, title, body]).toEqual([
         "sinew-run-12",
@@ -248,25 +254,25 @@ describe("what has happened", () => {
       ]);
     });
 
-    it("say why a run ended otherwise", () => {
-      const told = describeRun({ ...run, end_state: "tripped", end_reason: "the joint left ±1 rad" }, "rad");
-      expect(told.title).toBe("Motor identification, run 12: tripped");
-      expect(told.body).toBe("Motor A · the joint left ±1 rad");
+    it("state the reason of an incomplete run", () => {
+      const text = describeRun({ ...run, end_state: "tripped", end_reason: "the joint left ±1 rad" }, "rad");
+      expect(text.title).toBe("Motor identification, run 12: tripped");
+      expect(text.body).toBe("Motor A · the joint left ±1 rad");
     });
 
-    it("are cause and remedy of a trip, whatever its message says", () => {
-      const told = describeTrip({ kind: "trip", fault: fault(10), starts: 2 }, "deg");
-      expect(told.tag).toBe("sinew-trip-2-10");
-      expect(told.title).toBe("Tripped: force limit");
-      expect(told.body).toBe("A tendon pulled harder than its limit. Reset.");
+    it("state the cause and remedy of a trip", () => {
+      const text = describeTrip({ kind: "trip", fault: fault(10), starts: 2 }, "deg");
+      expect(text.tag).toBe("sinew-trip-2-10");
+      expect(text.title).toBe("Tripped: force limit");
+      expect(text.body).toBe("A tendon pulled harder than its limit. Reset.");
     });
 
-    it("call a STOP a stop", () => {
+    it("describe STOP as a stop", () => {
       const stop = { ...fault(10, "stop_pressed"), message: "STOP was pressed." };
       expect(describeTrip({ kind: "trip", fault: stop, starts: 1 }, "deg").title).toBe("Stopped");
     });
 
-    it("tell of each reason what to do", () => {
+    it("state a remedy for each reason without notifications", () => {
       for (const reason of ["default", "denied", "insecure", "missing"] as const) {
         expect(whyNotNotified(reason)).toMatch(/[Aa]llow them|Open the page there|Use another browser/);
       }

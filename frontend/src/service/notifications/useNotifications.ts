@@ -1,4 +1,4 @@
-/** Tells the person what has happened while the page was not looked at, as they have chosen. */
+/** Notifies the person of events while the page is hidden, according to the preferences. */
 
 import { useEffect, useEffectEvent } from "react";
 import { useLocation } from "wouter";
@@ -13,12 +13,10 @@ import { usePreferences } from "../api/preferences";
 import { TEXTS } from "../texts";
 import { announceVisibility, type PageNotification, showNotification } from "./notifications";
 
-/** What has happened since the page was opened, by what the service tells of its state. Pure. */
-
 interface Trip {
   readonly kind: "trip";
   readonly fault: Fault;
-  /** Which start of the loop the fault's tick counts from. */
+  /** Number of the start of the loop from which the fault's tick counts. */
   readonly starts: number;
 }
 
@@ -26,10 +24,10 @@ type PageEvent = Trip | { readonly kind: "over"; readonly run: Task["run"] };
 
 export class EventDetector {
   private before: State | null = null;
-  /** The run whose end was told last: in the pause behind it it is over, and stays what the state names. */
+  /** The run whose end was reported last: the state still names it during the pause that follows. */
   private over: Task["run"] | null = null;
 
-  /** What is new in a state; nothing in the first one, which is of before, and nothing of what a recording plays. */
+  /** Returns the events of a state; none for the first state, and none during a replay. */
   detect(state: State): PageEvent[] {
     const { before } = this;
     this.before = state;
@@ -56,21 +54,19 @@ function isSame(before: State, state: State): boolean {
   return before.link.starts === state.link.starts && before.fault?.tick === state.fault?.tick;
 }
 
-/** Which flight record a trip is in, told by its tick and its time: ticks begin anew with each loop process. Pure. */
-
-/** Clocks that were compared by a header of whole seconds, and the way of that answer, agree within this [ms]. */
+/** Largest error of the clock comparison [ms]: the header has whole seconds, and the answer takes time. */
 const NEAR_MS = 3000;
 const PERIOD_MS = 1000 * PERIOD_S;
 
-/** How long ago a trip was [ms], by a state told since; null where the loop was started anew meanwhile. */
+/** Returns the age of a trip [ms] at a later state; null if the loop has restarted since. */
 function ageOf({ fault, starts }: Trip, state: State | null): number | null {
   if (state === null || state.link.starts !== starts || state.tick < fault.tick) return null;
   return (state.tick - fault.tick) * PERIOD_MS;
 }
 
 /**
- * The record of a trip at `at_ms` by the service's clock. Trips that follow each other share the record of the first;
- * of another loop's trip at such a tick, which was at another time, it is not.
+ * Returns the record of a trip at `at_ms` by the service's clock. Successive trips share the record of the first one.
+ * The time excludes records of other loop processes, whose ticks restart.
  */
 function recordOf(flights: readonly Flight[], { fault }: Trip, at_ms: number): Flight | undefined {
   const apart = flights.flatMap((flight) => {
@@ -82,11 +78,9 @@ function recordOf(flights: readonly Flight[], { fault }: Trip, at_ms: number): F
   return apart.filter(({ ms }) => ms <= NEAR_MS).sort((a, b) => a.ms - b.ms)[0]?.flight;
 }
 
-/** The words of notifications, from what the service says by type. Pure. */
-
 type EventText = Omit<PageNotification, "open">;
 
-/** A run that is over: its kind, its number, how it ended; what it was, and why it ended so. */
+/** Describes a finished run: its kind, number, end state and title, and the reason of an incomplete run. */
 export function describeRun({ id, kind, title, end_state, end_reason }: Run, angles: AngleUnit): EventText {
   const more = end_state === "completed" ? [title] : [title, end_reason];
   return {
@@ -98,7 +92,7 @@ export function describeRun({ id, kind, title, end_state, end_reason }: Run, ang
 
 const STOP: Fault["code"] = "stop_pressed";
 
-/** A trip, with its cause and what to do. Somebody who presses STOP makes no trip of it in words. */
+/** Describes a trip with its cause and remedy. A STOP is called a stop, not a trip. */
 export function describeTrip({ fault, starts }: Trip, angles: AngleUnit): EventText {
   return {
     tag: `sinew-trip-${starts}-${fault.tick}`,
@@ -107,10 +101,10 @@ export function describeTrip({ fault, starts }: Trip, angles: AngleUnit): EventT
   };
 }
 
-/** A flight record is there once the seconds after its trip are over. */
-const LOOKS = 20;
-const LOOK_MS = 500;
-/** A run whose last samples are being stored is asked for again after so long [ms], one that could not be had later. */
+/** A flight record becomes available after the seconds that follow its trip. */
+const POLLS = 20;
+const POLL_MS = 500;
+/** Time until the next request for a run [ms]: while its last samples are being stored, and after a failure. */
 const AGAIN_MS = 500;
 const AFTER_FAILURE_MS = 5000;
 
@@ -119,24 +113,24 @@ export function useNotifications(): void {
   const { preferences } = usePreferences();
   const { notify, sound, angles } = preferences;
   const [, go] = useLocation();
-  const ways = { notification: notify, sound };
+  const channels = { notification: notify, sound };
   const wanted = notify || sound;
 
   const notifyOfTrip = useEffectEvent((trip: Trip) => {
     if (!wanted) return;
     const received_ms = Date.now() - (ageOf(trip, store.snapshot().state) ?? 0);
     const open = () => {
-      const age_ms = ageOf(trip, store.snapshot().state); // of now: a tab that slept has heard of it late
+      const age_ms = ageOf(trip, store.snapshot().state); // the state at the click: a suspended tab received the trip late
       void openFlight(trip, age_ms === null ? received_ms : Date.now() - age_ms, go);
     };
-    void showNotification({ ...describeTrip(trip, angles), open }, ways);
+    void showNotification({ ...describeTrip(trip, angles), open }, channels);
   });
-  /** Whether there is nothing more to be told of a run. */
+  /** Notifies of the end of a run; returns false if the run has not ended yet. */
   const notifyOfRun = useEffectEvent(async (id: number): Promise<boolean> => {
     if (!wanted) return true;
     const run = await answered(api.GET("/api/runs/{id}", { params: { path: { id } } }));
     if (run.end_state === "running") return false; // its last samples are being stored
-    await showNotification({ ...describeRun(run, angles), open: () => go(`/runs/${id}`) }, ways);
+    await showNotification({ ...describeRun(run, angles), open: () => go(`/runs/${id}`) }, channels);
     return true;
   });
 
@@ -149,7 +143,7 @@ export function useNotifications(): void {
 
     function checkRun(id: number): void {
       if (performance.now() < (notBefore.get(id) ?? 0)) return;
-      notBefore.set(id, Number.POSITIVE_INFINITY); // while it is asked for
+      notBefore.set(id, Number.POSITIVE_INFINITY); // during the request
       const again = (in_ms: number) => notBefore.set(id, performance.now() + in_ms);
       notifyOfRun(id)
         .then((done) => (done ? over.delete(id) : again(AGAIN_MS)))
@@ -174,25 +168,25 @@ export function useNotifications(): void {
   }, [store]);
 }
 
-/** Whether asking again would be answered the same: it is not there, or not for this person. */
+/** Whether a further request would fail in the same way: the object does not exist, or is not permitted. */
 function isFinal(error: unknown): boolean {
   return error instanceof RequestError && error.status >= 400 && error.status < 500 && error.status !== 429;
 }
 
-/** Flight records, and by how much the service's clock is ahead of this page's [ms]. */
+/** Fetches the flight records, and the lead of the service's clock over this page's [ms]. */
 async function flightsNow(): Promise<{ flights: readonly Flight[]; ahead_ms: number }> {
   const from_ms = Date.now();
   const request = api.GET("/api/flights");
   const { flights } = await answered(request);
   const date = Date.parse((await request).response.headers.get("Date") ?? "");
-  // of a header in whole seconds, and at some time of the way there and back
+  // the header has whole seconds, and the time of the answer lies between request and response
   const ahead_ms = Number.isNaN(date) ? 0 : date + 500 - (from_ms + Date.now()) / 2;
   return { flights, ahead_ms };
 }
 
-/** Leads to the record of a trip at `at_ms` by the page's clock; to the log where there is none. */
+/** Opens the record of a trip at `at_ms` by the page's clock; the log if there is none. */
 async function openFlight(trip: Trip, at_ms: number, go: (path: string) => void): Promise<void> {
-  for (let look = 0; look < LOOKS; look++) {
+  for (let poll = 0; poll < POLLS; poll++) {
     try {
       const { flights, ahead_ms } = await flightsNow();
       const flight = recordOf(flights, trip, at_ms + ahead_ms);
@@ -203,7 +197,7 @@ async function openFlight(trip: Trip, at_ms: number, go: (path: string) => void)
     } catch (error) {
       if (isFinal(error)) break;
     }
-    await new Promise((later) => setTimeout(later, LOOK_MS));
+    await new Promise((later) => setTimeout(later, POLL_MS));
   }
   go("/log");
 }
