@@ -1,4 +1,4 @@
-/** Commands to the actuator: mode, references, pushes, contact, wall. */
+/** Commands to the actuator: mode, references, pushes, contact, obstacle. */
 
 import { useMutation } from "@tanstack/react-query";
 import { useLiveStore } from "../../live/react";

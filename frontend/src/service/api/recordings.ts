@@ -35,7 +35,8 @@ export function showFlightMoment(id: number, t: number) {
 
 /** Returns the flight record that contains a fault: successive trips share one record. */
 export function flightOf(flights: readonly Flight[], fault: Pick<Fault, "tick"> | null): Flight | undefined {
-  const newest = flights.find(({ kind }) => kind === "trip"); // ticks restart with each loop process: older records may belong to an earlier one
+  // ticks restart with each loop process: older records may belong to an earlier one
+  const newest = flights.find(({ kind }) => kind === "trip");
   if (newest === undefined || fault === null) return undefined;
   const after_s = (fault.tick - newest.tick) / 1000;
   return after_s >= 0 && after_s <= newest.after_s ? newest : undefined;

@@ -93,7 +93,7 @@ it("claims a draft for the person that was typed before the person was known", (
   expect(read(other({ person: "Vera" }))).toBeUndefined();
   storeDraft(unknown, "b");
   claimDraft(KEY);
-  expect(read(KEY)).toBe("a"); // a draft of the person's own stays
+  expect(read(KEY)).toBe("a"); // the person's own draft remains
 });
 
 it("moves drafts to the new name of a person, with their time, and replaces none", () => {

@@ -30,7 +30,7 @@ export interface Channels {
   readonly sound: boolean;
 }
 
-const VISIBLE_LOCK = "sinew-looked-at";
+const VISIBLE_LOCK = "sinew-visible";
 /** Time for which a tab locks an event [ms]: tabs detect the same event within seconds of each other. */
 const REMEMBERED_MS = 60_000;
 /** Longest wait for audio to resume [ms]; permitted audio resumes within some tens of milliseconds. */
@@ -78,7 +78,7 @@ export async function showNotification(notification: PageNotification, channels:
   await Promise.all([
     channels.notification &&
       notificationAccess() === "granted" &&
-      once(`sinew-told-${notification.tag}`, () => show(notification)),
+      once(`sinew-notified-${notification.tag}`, () => show(notification)),
     channels.sound && soundOnce(notification.tag),
   ]);
 }
@@ -109,7 +109,7 @@ async function once(name: string, act: () => void): Promise<void> {
 async function soundOnce(tag: string): Promise<void> {
   const ready = await runningAudio();
   if (ready === null || (await isAnyTabVisible())) return;
-  await once(`sinew-heard-${tag}`, () => sound(ready));
+  await once(`sinew-sounded-${tag}`, () => sound(ready));
 }
 
 function show({ tag, title, body, open }: PageNotification): void {
