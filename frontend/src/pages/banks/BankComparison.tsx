@@ -13,7 +13,7 @@ import pageStyles from "../Page.module.css";
 import { changeOf, entryName, LOOPS, type Loop, nameOf } from "./BankTable";
 import { TEXTS } from "./texts";
 
-/** Models, gains and robustness before and after a change of entries; what stays the same is grey. */
+/** Models, gains and robustness before and after a change of operating points; unchanged values are grey. */
 
 const FIGURES = [
   { name: "K", unit: "" },
@@ -103,7 +103,7 @@ function Cell({ before, after }: { before: string | undefined; after: string | u
   );
 }
 
-/** What using this bank in place of another one changes. */
+/** Shows the effects of using this bank instead of another one. */
 
 export function BankComparison({ bank, all }: { bank: Bank; all: readonly Bank[] }) {
   const others = all.filter((other) => other.id !== bank.id);

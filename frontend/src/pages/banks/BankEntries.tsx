@@ -1,4 +1,4 @@
-/** The entries of one bank: models, gains and M_s at the λ in force, and the way back to the raw samples. */
+/** Operating points of one bank: models, gains and M_s at the active λ, and links to the raw samples. */
 
 import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
@@ -88,7 +88,7 @@ export function BankEntries({ bank }: { bank: Bank }) {
                   </Table.Td>
                   {loop === "position" && (
                     <Table.Td rowSpan={2}>
-                      <CameFrom
+                      <Source
                         identification={entry.identification}
                         lineage={detail.data?.entries[index]?.lineage ?? null}
                       />
@@ -104,7 +104,7 @@ export function BankEntries({ bank }: { bank: Bank }) {
   );
 }
 
-/** `why` says why a gain is not known. */
+/** `why` is the reason of an unknown gain. */
 function Figures({ figures, why }: { figures: Partial<LoopFigures>; why: string }) {
   const unstable = figures.M_s === null;
   return (
@@ -131,7 +131,7 @@ function Figures({ figures, why }: { figures: Partial<LoopFigures>; why: string 
   );
 }
 
-/** On a phone, where the head of the column is not there. */
+/** Label for narrow screens, on which the column has no header. */
 function Label({ name }: { name: string }) {
   return (
     <span className={page.cardLabel} aria-hidden="true">
@@ -140,7 +140,7 @@ function Label({ name }: { name: string }) {
   );
 }
 
-/** How good one model of an entry is: of its own identification, not of the bank. */
+/** Shows the fit of one model, from its own identification. */
 function Fit({ fit }: { fit: ChannelFit | undefined }) {
   if (fit === undefined) return <span className={page.dim}>{TEXTS.unknown}</span>;
   const errors = fillText(TEXTS.standardErrors, {
@@ -155,8 +155,8 @@ function Fit({ fit }: { fit: ChannelFit | undefined }) {
   );
 }
 
-/** Entry, identification, run, parameters: each step of the way is there to be followed. */
-function CameFrom({ identification, lineage }: { identification: number | null; lineage: Lineage }) {
+/** Shows the source of an operating point, with links to its identification, run and parameters. */
+function Source({ identification, lineage }: { identification: number | null; lineage: Lineage }) {
   if (identification === null) return <span className={page.dim}>{TEXTS.imported}</span>;
   return (
     <>

@@ -4,7 +4,7 @@ import { changeOf } from "./BankTable";
 import { TEXTS } from "./texts";
 
 describe("changeOf", () => {
-  it("tells what changed, what is new and what is gone", () => {
+  it("describes changed, added and removed values", () => {
     expect(changeOf("0.342", "0.450")).toEqual({ text: "0.342 → 0.450", changed: true });
     expect(changeOf(undefined, "0.450")).toEqual({
       text: fillText(TEXTS.added, { value: "0.450" }),
@@ -16,7 +16,7 @@ describe("changeOf", () => {
     });
   });
 
-  it("writes what stays the same once", () => {
+  it("shows an unchanged value once", () => {
     expect(changeOf("0.342", "0.342")).toEqual({ text: "0.342", changed: false });
   });
 });

@@ -1,4 +1,4 @@
-/** All versions of all banks, and which one is in use. */
+/** Table of all versions of all banks, with the active one. */
 
 import { Button, Table } from "@mantine/core";
 import { Link } from "wouter";
@@ -12,17 +12,17 @@ import type { Bank } from "../../wire/types";
 import page from "../Page.module.css";
 import { TEXTS } from "./texts";
 
-/** How an entry is called, its fit is told, and a change of a figure is written. Pure. */
+/** Loops with a model in each operating point. */
 
 export const LOOPS = ["position", "stiffness"] as const;
 export type Loop = (typeof LOOPS)[number];
 
-/** An entry goes by its tension; where that is not known, by its stiffness. */
+/** Returns the name of an operating point: its tension, or its stiffness if the tension is unknown. */
 export function entryName(entry: { S_nominal: number; tension_N: number | null }): string {
   return entry.tension_N === null ? `${fixed(entry.S_nominal, 2)} N·m/rad` : `${short(entry.tension_N)} N`;
 }
 
-/** How good a model is: "98.2 %", or that it was not measured. */
+/** Formats a fit: "98.2 %", or that it was not measured. */
 export function percent(value: number | null): string {
   return value === null ? NOT_MEASURED : `${significant(value, 3)} %`;
 }
@@ -32,7 +32,7 @@ interface Change {
   readonly changed: boolean;
 }
 
-/** Figures as they are shown: a difference that no one could read is none. */
+/** Compares formatted values: a difference below their precision is no change. */
 export function changeOf(before: string | undefined, after: string | undefined): Change {
   if (before === undefined)
     return {

@@ -32,22 +32,21 @@ import { BankTable } from "./BankTable";
 import defaultGainsCardStyles from "./DefaultGainsCard.module.css";
 import { TEXTS } from "./texts";
 
-/** Brings a bank in from a file that was exported here or elsewhere. */
+const MESSAGE_ID = "refusal-of-bank-file";
 
-const SAID_AT = "refusal-of-bank-file";
-
+/** Imports a bank from an exported file. */
 export function BankImport() {
-  const bring = useImportBank();
+  const importBank = useImportBank();
   const [, go] = useLocation();
   const [problem, setProblem] = useState<string | null>(null);
-  const error = problem === null ? bring.error : null;
+  const error = problem === null ? importBank.error : null;
 
   async function read(file: File | null): Promise<void> {
     if (file === null) return;
     setProblem(null);
     try {
       const document = JSON.parse(await file.text()) as BankFile;
-      bring.mutate(document, { onSuccess: (bank) => go(`/banks/${bank.id}`) });
+      importBank.mutate(document, { onSuccess: (bank) => go(`/banks/${bank.id}`) });
     } catch {
       setProblem(fillText(TEXTS.notJson, { file: file.name }));
     }
@@ -56,8 +55,8 @@ export function BankImport() {
   return (
     <RefusedFields error={error} only="file">
       <div className={pageStyles.actions}>
-        <Refusal id={SAID_AT} error={error} text={problem} forFields />
-        <FileChoice reading={bring.isPending} odd={problem !== null} onChange={read} />
+        <Refusal id={MESSAGE_ID} error={error} text={problem} forFields />
+        <FileChoice reading={importBank.isPending} odd={problem !== null} onChange={read} />
       </div>
     </RefusedFields>
   );
@@ -65,14 +64,14 @@ export function BankImport() {
 
 interface FileChoiceProps {
   readonly reading: boolean;
-  /** Whether the file that was chosen is none. */
+  /** Whether the chosen file is no bank. */
   readonly odd: boolean;
   onChange(file: File | null): void;
 }
 
 function FileChoice({ reading, odd, onChange }: FileChoiceProps) {
-  const { ref, said } = useRefusedInput<HTMLButtonElement>("file", SAID_AT);
-  useDescribedBy(ref, odd ? SAID_AT : undefined);
+  const { ref, said } = useRefusedInput<HTMLButtonElement>("file", MESSAGE_ID);
+  useDescribedBy(ref, odd ? MESSAGE_ID : undefined);
   const refused = odd || said !== null;
   return (
     <FileButton accept="application/json,.json" onChange={onChange}>
@@ -94,8 +93,7 @@ function FileChoice({ reading, odd, onChange }: FileChoiceProps) {
   );
 }
 
-/** What the gains in force come from, with the ways back: to geometry, and to before the last change. */
-
+/** Shows the source of the active gains, with buttons for geometric gains, undo and redo. */
 export function ActiveGains({ banks }: { banks: readonly Bank[] }) {
   const state = useLive((live) => live.state);
   const geometry = useActivateGeometry();
@@ -133,13 +131,12 @@ export function ActiveGains({ banks }: { banks: readonly Bank[] }) {
   );
 }
 
-/** What the loops do while no bank is in force, and how a bank comes to be. */
-
 const LOOPS = [
   { loop: "position", lam: "lam_q", symbol: "λ_q", hue: HUES.q },
   { loop: "stiffness", lam: "lam_S", symbol: "λ_S", hue: HUES.S },
 ] as const;
 
+/** Shows the loops with geometric gains, and the steps to build a bank. */
 export function DefaultGainsCard() {
   const tuning = useLive((live) => live.state?.tuning);
   return (
@@ -193,7 +190,7 @@ function FromGeometry({ tuning }: { tuning: Tuning }) {
   );
 }
 
-/** Banks of controllers: versions, entries with gains and robustness, where each came from, and what a change does. */
+/** Page of banks: versions, operating points with gains and robustness, their sources, and the effect of a change. */
 
 export default function BanksPage() {
   const { id } = useParams();

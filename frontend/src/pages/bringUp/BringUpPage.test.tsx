@@ -3,7 +3,7 @@ import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { cleanup, fireEvent, render, screen, waitFor, within } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 
-// the REST client takes hold of fetch when it is made
+// the REST client binds fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);
@@ -58,8 +58,8 @@ beforeEach(() => {
   answerOf = () => null;
   fetched.mockReset().mockImplementation(async (request) => {
     const path = new URL(request.url).pathname;
-    const told = request.method === "POST" ? answerOf(path) : null;
-    if (told !== null) return told;
+    const answer = request.method === "POST" ? answerOf(path) : null;
+    if (answer !== null) return answer;
     if (path === "/api/session") return Response.json({ name: "A. Operator", role });
     if (path === "/api/control")
       return Response.json({ epoch: 1, page: "k".repeat(16), name: "A. Operator" });
@@ -100,7 +100,7 @@ const asked = (path: string) =>
 const card = (name: string) => within(screen.getByRole("region", { name }));
 const start = (name: string) => screen.getByRole("button", { name });
 
-it("says in a sentence why there is nothing to do, and offers nothing", async () => {
+it("states why commissioning is not needed, and offers no steps", async () => {
   view = {
     applies: false,
     why_not: "A simulator has no wires: there is nothing to bring up.",
@@ -114,7 +114,7 @@ it("says in a sentence why there is nothing to do, and offers nothing", async ()
   expect(screen.queryByRole("button")).toBeNull();
 });
 
-it("shows the steps in order, each with how it stands, and the readings at the next one to do", async () => {
+it("shows the steps in order with their status, and the readings at the next step", async () => {
   await open([
     step("wiring_test", "Wiring test", { state: "current", result: RESULT }),
     step("tare", "Tare", { state: "out_of_date", why: "done 40 days ago", result: RESULT }),
@@ -137,7 +137,7 @@ it("shows the steps in order, each with how it stands, and the readings at the n
   expect(card("2. Tare").getByRole("region", { name: TEXTS.readings }).textContent).not.toContain("q");
 });
 
-it("does not start what is blocked, and says why", async () => {
+it("does not start a blocked step, and states the reason", async () => {
   await open([step("zero", "Zero", { blocked: "The load cells have to be tared first." })]);
   expect(card("1. Zero").getByText("The load cells have to be tared first.")).toBeTruthy();
   expect(
@@ -152,7 +152,7 @@ it.each([
   ["deg", "Largest travel [°]", "0.573 to 5.72", "6", 6 * (Math.PI / 180)],
   ["rad", "Largest travel [rad]", "0.01 to 0.1", "0.08", 0.08],
 ] as const)(
-  "sends what the boxes show, angles typed in %s as radians",
+  "sends the values of the boxes, with angles typed in %s as radians",
   async (angles, label, range, typed, sent) => {
     await open([step("calibrate", "Calibrate", { inputs: [WEIGHT, TURN] })], angles);
     expect(document.body.textContent).toContain(range);
@@ -166,7 +166,7 @@ it.each([
   },
 );
 
-it("sends nothing while a value is no number", async () => {
+it("sends nothing while a value is not a number", async () => {
   await open([step("calibrate", "Calibrate", { inputs: [WEIGHT] })]);
   fireEvent.change(screen.getByLabelText("First weight [N]"), { target: { value: "ten" } });
   fireEvent.click(start(fillText(TEXTS.startStep, { action: TEXTS.start, step: "calibrate" })));
@@ -174,7 +174,7 @@ it("sends nothing while a value is no number", async () => {
   expect(asked("/api/bring-up/calibrate")).toEqual([]);
 });
 
-it("shows a refusal at the box of the value that was refused", async () => {
+it("shows a refusal at the box of the refused value", async () => {
   await open([step("calibrate", "Calibrate", { inputs: [WEIGHT] })]);
   const message = "first weight 99 N is above 50 N";
   answerOf = () =>
@@ -189,15 +189,18 @@ it("shows a refusal at the box of the value that was refused", async () => {
   expect(document.body.textContent).toContain(message);
 });
 
-it.each(["rig", "virtual_card"] as const)("says who does what is asked: %s", async (kind) => {
-  store.setState({ link: { starts: 1 }, plant: { kind } } as unknown as State);
-  const running = { phase: "wiring", elapsed_s: 1, confirm: "Turn the joint by hand, and confirm" };
-  await open([step("wiring_test", "Wiring test", { running })]);
-  const asked = await screen.findByRole("status", { name: TEXTS.whatToDo });
-  expect(asked.textContent?.includes(TEXTS.confirmSimulates)).toBe(kind === "virtual_card");
-});
+it.each(["rig", "virtual_card"] as const)(
+  "states whether the virtual card simulates the requested action: %s",
+  async (kind) => {
+    store.setState({ link: { starts: 1 }, plant: { kind } } as unknown as State);
+    const running = { phase: "wiring", elapsed_s: 1, confirm: "Turn the joint by hand, and confirm" };
+    await open([step("wiring_test", "Wiring test", { running })]);
+    const asked = await screen.findByRole("status", { name: TEXTS.whatToDo });
+    expect(asked.textContent?.includes(TEXTS.confirmSimulates)).toBe(kind === "virtual_card");
+  },
+);
 
-it("shows the step under way with what a person is asked, and confirms or cancels it", async () => {
+it("shows the request of a running step, and confirms or cancels it", async () => {
   const running = { phase: "turn the joint by 0.1\u202frad", elapsed_s: 3.2, confirm: "" };
   await open([step("wiring_test", "Wiring test", { state: "current" }), step("tare", "Tare", { running })]);
   const group = within(screen.getByRole("group", { name: fillText(TEXTS.stepRunning, { step: "Tare" }) }));
@@ -225,7 +228,7 @@ it("shows the step under way with what a person is asked, and confirms or cancel
   await waitFor(() => expect(asked("/api/bring-up/cancel")).toHaveLength(1));
 });
 
-it("says that the drives are off, and switches them on when somebody presses it", async () => {
+it("shows that the drives are off, and switches them on by the button", async () => {
   await open([step("zero", "Zero")], "deg", false);
   const drives = () => within(screen.getByRole("region", { name: TEXTS.drives }));
   expect(drives().getByText(TEXTS.drivesOff)).toBeTruthy();
@@ -238,18 +241,18 @@ it("says that the drives are off, and switches them on when somebody presses it"
   expect(drives().getByRole("button", { name: TEXTS.switchOff })).toBeTruthy();
 });
 
-it("says who left the drives off before the service was started", async () => {
+it("names the person who left the drives off before the service started", async () => {
   await open([step("zero", "Zero")], "deg", false);
   view = { ...view, drives_left: { who: "A. Operator", at: "2026-11-22T10:00:00Z" } };
   cleanup();
   show();
   const drives = within(await screen.findByRole("region", { name: TEXTS.drives }));
-  const told = fillText(TEXTS.drivesLeft, { person: "A. Operator", time: dateTime("2026-11-22T10:00:00Z") });
-  expect(drives.getByText(told, { exact: false })).toBeTruthy();
+  const text = fillText(TEXTS.drivesLeft, { person: "A. Operator", time: dateTime("2026-11-22T10:00:00Z") });
+  expect(drives.getByText(text, { exact: false })).toBeTruthy();
   expect(drives.getByRole("button", { name: TEXTS.switchOn })).toBeTruthy();
 });
 
-it("calls for no hands where a reset brings the drives back", async () => {
+it("shows no drive lockout if Reset enables the drives", async () => {
   await open([step("zero", "Zero")], "deg", false, false);
   const drives = within(screen.getByRole("region", { name: TEXTS.drives }));
   expect(drives.getByText(TEXTS.untilReset, { exact: false })).toBeTruthy();
@@ -259,7 +262,7 @@ it("calls for no hands where a reset brings the drives back", async () => {
   expect(await asked("/api/bring-up/drives")[0]?.clone().json()).toEqual({ on: false });
 });
 
-it("offers no switch of the drives while a step is under way", async () => {
+it("shows no switch of the drives during a step", async () => {
   const running = { phase: "waiting", elapsed_s: 1, confirm: "Turn motor A." };
   await open([step("wiring_test", "Wiring test", { running })], "deg", false);
   expect(screen.getByRole("region", { name: TEXTS.drives }).textContent).toContain(TEXTS.drivesOff);
@@ -267,7 +270,7 @@ it("offers no switch of the drives while a step is under way", async () => {
   expect(screen.queryByRole("button", { name: TEXTS.switchOff })).toBeNull();
 });
 
-it("keeps what was typed for the next time", async () => {
+it("keeps typed values for the next execution of a step", async () => {
   const calibrate = step("calibrate", "Calibrate", { inputs: [WEIGHT] });
   await open([calibrate]);
   fireEvent.change(screen.getByLabelText("First weight [N]"), { target: { value: "12.5" } });
@@ -279,7 +282,7 @@ it("keeps what was typed for the next time", async () => {
   await waitFor(() => expect(screen.getByLabelText<HTMLInputElement>("First weight [N]").value).toBe("12.5"));
 });
 
-it("shows a result with its figures as they are read, who and when, and none that was not measured", async () => {
+it("shows a result with its values, person and time, and omits values that were not measured", async () => {
   await open([step("tare", "Tare", { state: "current", result: RESULT })]);
   const result = card("1. Tare").getByRole("region", { name: TEXTS.result });
   expect(result.textContent).toContain("Both load cells answer along a line.");
@@ -290,7 +293,7 @@ it("shows a result with its figures as they are read, who and when, and none tha
   expect(document.body.textContent).toContain(fillText(TEXTS.allDone, { count: 1 }));
 });
 
-it("offers a viewer nothing to press", async () => {
+it("shows a viewer no buttons", async () => {
   role = "viewer";
   const running = { phase: "waiting", elapsed_s: 1, confirm: "Hang the weight on." };
   await open([step("tare", "Tare", { running }), step("zero", "Zero", { inputs: [WEIGHT] })]);

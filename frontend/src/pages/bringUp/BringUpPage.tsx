@@ -15,19 +15,18 @@ import bringUpStyles from "./BringUp.module.css";
 import { StepCard } from "./StepCard";
 import { TEXTS } from "./texts";
 
-/** Whether the drives are on, and their switch: after hands were at the rig they stay off until somebody says otherwise. */
-
 interface DrivesProps {
-  /** How the line is at this moment. */
+  /** Whether the drives are on now. */
   readonly on: boolean;
-  /** Whether the loop keeps them off; without it a reset brings back what a watchdog or a fault took away. */
+  /** Whether the drive lockout is active; without it, Reset enables drives that a watchdog or a fault disabled. */
   readonly locked: boolean;
-  /** Who left them off before this service was started, where nobody has switched them since. */
+  /** Person who left the drives off before the service started, if nobody has switched them since. */
   readonly left: BringUp["drives_left"];
-  /** While a step is under way the drives are the step's. */
+  /** Whether a step is running: it controls the drives. */
   readonly stepUnderWay: boolean;
 }
 
+/** Shows whether the drives are on, and their switch: a drive lockout lasts until a person ends it. */
 export function Drives({ on, locked, left, stepUnderWay }: DrivesProps) {
   const command = useStepCommand();
   const switchOn = locked && !on;
@@ -60,7 +59,7 @@ export function Drives({ on, locked, left, stepUnderWay }: DrivesProps) {
   );
 }
 
-/** Bringing a rig up, step by step: from drives off and a turn by hand to a safety module that was seen to trip. */
+/** Page of the commissioning steps, from the wiring test with the drives off to the test of the safety module. */
 
 export default function BringUpPage() {
   const { data, error } = useQuery(bringUpQuery);
@@ -124,7 +123,7 @@ function Steps({ view }: { view: BringUp }) {
   );
 }
 
-/** The step to look at: the one that runs, or else the first that is not done; -1 for none. */
+/** Returns the index of the running step, or of the first one that is not done; -1 for none. */
 function atStep(steps: BringUp["steps"]): number {
   const running = steps.findIndex((step) => step.running !== null);
   return running >= 0 ? running : steps.findIndex(({ state }) => state !== "current");

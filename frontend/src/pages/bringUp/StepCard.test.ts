@@ -4,7 +4,7 @@ import { movement, signalsOf } from "./StepCard";
 
 const PERIOD_S = 0.001;
 
-/** A window of one signal that follows `value(t)` for `ticks` ticks. */
+/** Returns a window of one signal with `ticks` samples of `value(t)`. */
 function recorded(name: string, ticks: number, value: (t: number) => number): SampleWindow {
   const window = new SampleWindow([name]);
   const column = Float32Array.from({ length: ticks }, (_, tick) => value(tick * PERIOD_S));
@@ -14,7 +14,7 @@ function recorded(name: string, ticks: number, value: (t: number) => number): Sa
   return window;
 }
 
-/** Noise of a load cell, 0.05 N, without a random number: two sines that do not repeat within the window. */
+/** Noise of a load cell, 0.05 N, without random numbers: two sines that do not repeat within the window. */
 const noise = (t: number) => 0.05 * (Math.sin(4321 * t) + Math.sin(2777 * t));
 
 it.each([
@@ -24,11 +24,11 @@ it.each([
   ["F_A", (t: number) => 0.1 + noise(t), "still"],
   ["F_B", (t: number) => 5 * t + noise(t), "rising"],
   ["F_B", (t: number) => 20 - 5 * t + noise(t), "falling"],
-] as const)("tells a hand from noise: %s %#", (name, value, expected) => {
+] as const)("distinguishes a movement by hand from noise: %s %#", (name, value, expected) => {
   expect(movement(recorded(name, 1000, value), name, PERIOD_S)).toBe(expected);
 });
 
-it("says nothing of what it has too few samples of, or of a sensor that gives no number", () => {
+it("returns unknown for too few samples and for NaN", () => {
   expect(
     movement(
       recorded("q", 200, () => 0),
@@ -45,7 +45,7 @@ it("says nothing of what it has too few samples of, or of a sensor that gives no
   ).toBe("unknown");
 });
 
-it("shows the sensors while the motors are off, and the voltages where they are not", () => {
+it("selects sensor signals while the motors are off, and voltages in steps with motors", () => {
   expect(signalsOf("wiring_test")).toEqual(["q", "theta_A", "theta_B", "F_A", "F_B"]);
   expect(signalsOf("calibrate")).toEqual(["F_A", "F_B", "V_A", "V_B"]);
   expect(signalsOf("direction")).toContain("u_A");

@@ -41,15 +41,13 @@ import pageStyles from "../Page.module.css";
 import bringUpStyles from "./BringUp.module.css";
 import { TEXTS } from "./texts";
 
-/** Which signals matter in which step of the bring-up, and whether one moves. Pure. */
-
 type StepId = BringUpStep["id"];
 
 const ANGLES = ["q", "theta_A", "theta_B"] as const;
 const FORCES = ["F_A", "F_B"] as const;
 const VOLTAGES = ["u_A", "u_B"] as const;
 
-/** What the card converts: beside the newtons that are only being calibrated. */
+/** Measured voltages, shown with the forces while these are being calibrated. */
 const VOLTS = ["V_A", "V_B"] as const;
 
 const SIGNALS: Readonly<Record<StepId, readonly Signal[]>> = {
@@ -63,20 +61,20 @@ const SIGNALS: Readonly<Record<StepId, readonly Signal[]>> = {
   safety_module: [...FORCES, ...VOLTAGES],
 };
 
-/** What to look at during a step. */
+/** Returns the signals that a step shows. */
 export function signalsOf(step: StepId): readonly Signal[] {
   return SIGNALS[step];
 }
 
 type Movement = "rising" | "falling" | "still" | "unknown";
 
-/** A change within `OVER_S` that a hand makes and noise does not: three counts of the joint's encoder, a tenth of a pull. */
+/** Smallest change within `OVER_S` that counts as a movement by unit: above the noise, below a movement by hand. */
 const MOVES: Readonly<Record<string, number>> = { rad: 0.005, N: 0.5, V: 0.02 };
 const OVER_S = 0.4;
-/** Part at either end of it that is averaged, which takes the noise of a load cell down tenfold. */
+/** Averaging time at both ends of that interval, which reduces the noise of a load cell tenfold. */
 const AVERAGED_S = 0.1;
 
-/** Where a signal goes at present; "unknown" while there are too few samples, or one of them is no number. */
+/** Returns the direction of a signal; "unknown" for too few samples or NaN. */
 export function movement(window: SampleWindow, name: string, period_s: number): Movement {
   const span = Math.round(OVER_S / period_s);
   const part = Math.round(AVERAGED_S / period_s);
@@ -93,11 +91,9 @@ function mean(window: SampleWindow, name: string, from: number, count: number): 
   return sum / count;
 }
 
-/** What the sensors say now of what matters in a step, large enough to be read from beside the machine. */
-
 const DECIMALS: Readonly<Record<string, number>> = { V: 3 };
 const USUAL = 2;
-const LOOK_MS = 100;
+const UPDATE_MS = 100;
 
 const WORDS: Record<Movement, string> = {
   rising: TEXTS.rising,
@@ -106,13 +102,14 @@ const WORDS: Record<Movement, string> = {
   unknown: "",
 };
 
+/** Shows the current values of the signals of a step, large enough to be read at the rig. */
 function StepReadings({ step }: { step: BringUpStep["id"] }) {
   const store = useLiveStore();
   const angles = useAngleUnit();
   const names = signalsOf(step);
   const period_s = useLive((live) => live.layout?.period_s ?? 0.001);
   const old_s = useSampleAge();
-  useNow(LOOK_MS);
+  useNow(UPDATE_MS);
   return (
     <section className={bringUpStyles.readings} aria-label={TEXTS.readings} data-stale={old_s !== null}>
       <dl>
@@ -153,8 +150,6 @@ function symbolOf(name: string): string {
   return FIELDS.find((field) => field.name === name)?.symbol ?? name;
 }
 
-/** One step of the bring-up: how it stands, what to do, its start, what is asked while it runs, what came of it. */
-
 type StepStatus = BringUpStep["state"] | "running";
 
 const STEP_STATUS: Record<StepStatus, { word: string; Icon: IconType }> = {
@@ -165,13 +160,13 @@ const STEP_STATUS: Record<StepStatus, { word: string; Icon: IconType }> = {
   running: { word: TEXTS.running, Icon: TbPlayerPlay },
 };
 
-/** What was typed into the boxes of a step, by name; text where it is no number. */
+/** Typed values of a step by name; text if a value is not a number. */
 type Typed = Readonly<Record<string, number | string>>;
 
 interface StepCardProps {
   readonly step: BringUpStep;
   readonly number: number;
-  /** Whether it is the one to look at now: it runs, or it is the next to do. */
+  /** Whether the step is running, or the next one to do. */
   readonly open: boolean;
 }
 
@@ -181,22 +176,23 @@ function isTyped(value: unknown): value is Typed {
   return isPlainRecord(value) && !Object.values(value).some((one) => typeof one === "boolean");
 }
 
+/** Shows one commissioning step: status, instruction, start, requests during the step, and result. */
 export function StepCard({ step, number, open }: StepCardProps) {
   const { id, title, instruction, state, why, result, running } = step;
-  // outlives the run of the step: whoever does it again finds the numbers that they typed
+  // persists after the step, so that a repetition starts from the typed values
   const { value: changed, set: setChanged } = useDraft<Typed>(
     `numbers of bring-up step ${id}`,
     NOTHING,
     isTyped,
   );
-  const standing: StepStatus = running === null ? state : "running";
-  const { word, Icon } = STEP_STATUS[standing];
+  const status: StepStatus = running === null ? state : "running";
+  const { word, Icon } = STEP_STATUS[status];
   return (
     <Card
       title={fillText(TEXTS.stepTitle, { number, title })}
       className={bringUpStyles.step}
       aside={
-        <span className={bringUpStyles.standing} data-standing={standing}>
+        <span className={bringUpStyles.status} data-standing={status}>
           <Icon size={17} aria-hidden="true" />
           <Explained of={`step:${state}`} quiet>
             {word}
@@ -210,7 +206,7 @@ export function StepCard({ step, number, open }: StepCardProps) {
             <LocalizedText text={instruction} />
           </p>
           {why !== "" && state !== "never" && (
-            <p className={bringUpStyles.why} data-standing={standing}>
+            <p className={bringUpStyles.why} data-standing={status}>
               <LocalizedText text={capital(why)} />
             </p>
           )}
@@ -291,7 +287,7 @@ function Start({ step, prominent, changed, onChange }: StartProps) {
   );
 }
 
-/** The values as numbers; null where one of them is none. */
+/** Returns the values as numbers; null if one of them is not a number. */
 function numbersIn(values: Record<string, number | string>): Record<string, number> | null {
   const all = Object.entries(values);
   return all.every((entry): entry is [string, number] => typeof entry[1] === "number")
@@ -299,14 +295,14 @@ function numbersIn(values: Record<string, number | string>): Record<string, numb
     : null;
 }
 
-/** Nothing in it moves when something is asked: whoever goes for Cancel must not meet Confirm there. */
+/** Shows a running step. Its buttons do not move on a request, so that a click on Cancel never reaches Confirm. */
 function UnderWay({ running, title }: { running: BringUpRunning; title: string }) {
   const { phase, elapsed_s, confirm } = running;
   const command = useStepCommand();
   const asked = confirm !== "";
   const virtual = useLive((live) => live.state?.plant.kind === "virtual_card");
   return (
-    // biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form
+    // biome-ignore lint/a11y/useSemanticElements: the buttons act at once and form no fieldset
     <div
       className={bringUpStyles.running}
       role="group"
