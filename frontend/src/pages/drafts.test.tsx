@@ -1,4 +1,4 @@
-/** What is typed into boxes that send nothing yet is there after the page was left, until it is saved or left on purpose. */
+/** Values typed into boxes survive a change of the page, until they are saved or discarded. */
 
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
@@ -19,7 +19,7 @@ import { TUNING } from "./refusals.fixture";
 import { NoteCard } from "./runs/RunDetail";
 import { TriggerCard } from "./system/TriggerCard";
 
-// the REST client takes hold of fetch when it is made
+// the REST client binds fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);
@@ -90,7 +90,7 @@ const BOXES: [string, ReactNode, string][] = [
   ["Expression (signals in SI)", <FormulaEditor key="formula" />, "F_A + F_B"],
 ];
 
-it.each(BOXES)("keeps what is typed into %s while its page is away", async (label, what, text) => {
+it.each(BOXES)("keeps the text typed into %s while its page is closed", async (label, what, text) => {
   open(what);
   const typed = await box(label);
   expect(typed.value).not.toBe(text);
@@ -101,7 +101,7 @@ it.each(BOXES)("keeps what is typed into %s while its page is away", async (labe
   await waitFor(async () => expect((await box(label)).value).toBe(text));
 });
 
-it("marks a note that is not saved, and discards it on demand", async () => {
+it("marks an unsaved note, and discards it on request", async () => {
   open(<NoteCard run={RUN} />);
   fireEvent.change(await box("Note"), { target: { value: "typed" } });
   fireEvent.click(await screen.findByRole("button", { name: "Discard the draft of the note" }));
@@ -109,7 +109,7 @@ it("marks a note that is not saved, and discards it on demand", async () => {
   expect((await box("Note")).value).toBe("saved");
 });
 
-it("forgets a remark that is left on purpose", async () => {
+it("discards a cancelled remark", async () => {
   open(<RemarkForm entry={ENTRY} onDone={onDone} />);
   fireEvent.change(await box("Note of the event"), { target: { value: "typed" } });
   fireEvent.click(screen.getByRole("button", { name: LOG.cancel }));

@@ -1,4 +1,4 @@
-/** The documents of Sinew, read where one works, with a search over all of them. */
+/** Page of the documents of Sinew, with a search over all of them. */
 
 import { TextInput } from "@mantine/core";
 import { useMediaQuery } from "@mantine/hooks";
@@ -68,7 +68,7 @@ export default function DocsPage() {
   );
 }
 
-/** On a phone out of the way once something is read. */
+/** Lists the documents; on narrow screens the list is closed while a document is open. */
 function Contents({ here, chosen }: { here: string; chosen: boolean }) {
   const narrow = useMediaQuery(NARROW, false, { getInitialValueInEffect: false });
   return (
@@ -143,7 +143,7 @@ function Reading({ document, part }: { document: Document; part: string | null }
 }
 
 function Section({ document, part }: { document: Document; part: Document["parts"][number] }) {
-  // the page has the heading of the first order
+  // the page contains the only h1
   const Heading = part.depth <= 1 ? "h2" : part.depth === 2 ? "h3" : "h4";
   return (
     <>

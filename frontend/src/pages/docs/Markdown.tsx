@@ -1,4 +1,4 @@
-/** A document as elements of the page: what was read stays text, nothing of it becomes markup of its own. */
+/** Renders a document as elements; the text of the document never becomes HTML. */
 
 import type { Token, Tokens } from "marked";
 import { Fragment, type ReactNode } from "react";
@@ -9,7 +9,7 @@ import { plain, routeOf } from "./documents";
 import { TEXTS } from "./texts";
 
 interface MarkdownProps {
-  /** Name of the document, for where its links lead. */
+  /** Name of the document, which resolves its relative links. */
   readonly of: string;
   readonly tokens: readonly Token[];
 }
@@ -24,7 +24,7 @@ function drawn(of: string, token: Token): ReactNode {
   switch (token.type) {
     case "space":
     case "def":
-    case "html": // a comment for who writes it
+    case "html": // a comment for the authors
       return null;
     case "paragraph":
       return <p>{within}</p>;
@@ -44,7 +44,7 @@ function drawn(of: string, token: Token): ReactNode {
       return <code>{token.text}</code>;
     case "code":
       return (
-        // biome-ignore lint/a11y/noNoninteractiveTabindex: what is wider than the page is scrolled with the keyboard too
+        // biome-ignore lint/a11y/noNoninteractiveTabindex: the keyboard scrolls content that is wider than the page
         <pre tabIndex={0}>
           <code>{token.text}</code>
         </pre>
@@ -59,7 +59,7 @@ function drawn(of: string, token: Token): ReactNode {
       return token.text;
     case "text":
       return within ?? token.text;
-    default: // a kind that no document has: its text, as it was written
+    default: // a kind that no document contains: its source text
       return token.raw;
   }
 }
@@ -78,7 +78,7 @@ function table(of: string, { header, rows }: Tokens.Table): ReactNode {
   return (
     <section
       className={styles.wide}
-      // biome-ignore lint/a11y/noNoninteractiveTabindex: what is wider than the page is scrolled with the keyboard too
+      // biome-ignore lint/a11y/noNoninteractiveTabindex: the keyboard scrolls content that is wider than the page
       tabIndex={0}
       aria-label={fillText(TEXTS.table, { columns: header.map((cell) => plain(cell.tokens)).join(", ") })}
     >
@@ -111,7 +111,7 @@ function table(of: string, { header, rows }: Tokens.Table): ReactNode {
   );
 }
 
-/** To a document or a page of the dashboard; an address outside in a tab of its own; what is neither stays words. */
+/** Renders a link to a document or page, an external address in a new tab, or the text of any other target. */
 function link(of: string, { href }: Tokens.Link, within: ReactNode): ReactNode {
   if (href.startsWith("#/")) return <Link href={href.slice(1)}>{within}</Link>;
   const route = routeOf(of, href);

@@ -12,7 +12,7 @@ import {
   search,
 } from "./documents";
 
-/** All tokens, with those within others. */
+/** Returns all tokens, including nested ones. */
 function everything(tokens: readonly Token[]): Token[] {
   return tokens.flatMap((token) => {
     const { tokens: within, items, header, rows } = token as unknown as Record<string, unknown>;
@@ -31,8 +31,8 @@ const TOKENS = DOCUMENTS.map((one) => ({
   tokens: everything(one.parts.flatMap((part) => part.tokens)),
 }));
 
-describe("the documents", () => {
-  it("are all of them, the first hour first", () => {
+describe("documents", () => {
+  it("are complete, and start with the first hour", () => {
     expect(DOCUMENTS.length).toBeGreaterThan(60);
     expect(DOCUMENTS[0]?.name).toBe("first-hour");
     expect(DOCUMENTS.map((one) => one.name)).toEqual(
@@ -41,7 +41,7 @@ describe("the documents", () => {
     expect(DOCUMENTS.filter((one) => one.title === one.name)).toEqual([]);
   });
 
-  it("have one name and one purpose each", () => {
+  it("have unique names, and a purpose by folder", () => {
     const names = DOCUMENTS.map((one) => one.name);
     expect(new Set(names).size).toBe(names.length);
     expect(purposeOf(documentOf("docs/how-to/x.md", "# X"))).toBe("how-to");
@@ -50,7 +50,7 @@ describe("the documents", () => {
     expect([...used].sort()).toEqual(Object.keys(PURPOSES).sort());
   });
 
-  it("have nothing that is not drawn", () => {
+  it("contain only tokens that the page renders", () => {
     const known = new Set(
       "space def paragraph strong em del br hr blockquote codespan code list table link escape text list_item".split(
         " ",
@@ -64,7 +64,7 @@ describe("the documents", () => {
     expect(unknown).toEqual([]);
   });
 
-  it("lead only to what is there", () => {
+  it("contain only links with existing targets", () => {
     const lost = TOKENS.flatMap(({ name, tokens }) =>
       tokens
         .filter((token) => token.type === "link" && !/^(https?:|#\/)/.test(token.href))
@@ -81,7 +81,7 @@ describe("the documents", () => {
     expect(lost).toEqual([]);
   });
 
-  it("are cut at their headings, each with an address of its own", () => {
+  it("are split at their headings, each with a unique address", () => {
     const { title, parts } = documentOf(
       "docs/x.md",
       "# Of `S` and λ_q\n\nFirst.\n\n## Why?\n\nSo.\n\n## Why?\n\nAgain.\n",
@@ -95,15 +95,15 @@ describe("the documents", () => {
   });
 });
 
-describe("the first hour", () => {
-  it("tells how for each step of the set-up", () => {
+describe("first hour", () => {
+  it("has a part for each step of the setup", () => {
     const parts = documentNamed("first-hour")?.parts.map((part) => part.id);
     for (const { told } of Object.values(STEPS)) expect(parts).toContain(told);
   });
 });
 
-describe("a link", () => {
-  it("leads to a document by its file, and to a part of it", () => {
+describe("link", () => {
+  it("resolves a file to a document, and a fragment to its part", () => {
     expect(routeOf("rig", "../reference/faults.md#a-card-and-its-wires")).toBe(
       "/docs/faults/a-card-and-its-wires",
     );
@@ -116,14 +116,14 @@ describe("a link", () => {
     expect(routeOf("faults", "#a-card-and-its-wires")).toBe("/docs/faults/a-card-and-its-wires");
   });
 
-  it("that leads outside, or to a file of the sources, is none of the dashboard's", () => {
+  it("has no route if it is external or a source file", () => {
     expect(routeOf("rig", "https://example.org/a.md")).toBeNull();
     expect(routeOf("rig", "../../backend/faults.py")).toBeNull();
   });
 });
 
-describe("the search", () => {
-  it("finds the parts with all words, whatever their case", () => {
+describe("search", () => {
+  it("finds the parts that contain all words, in any case", () => {
     const found = search("RELAXATION homing");
     for (const { document, part } of found) {
       const all = `${document.title} ${part.title} ${part.text}`.toLowerCase();
@@ -135,7 +135,7 @@ describe("the search", () => {
     for (const { line } of many) expect(line.length).toBeLessThanOrEqual(202);
   });
 
-  it("begins with what has the word in its title, and finds nothing for nothing", () => {
+  it("lists matches in titles first, and finds nothing for an empty text", () => {
     expect(search("notation")[0]?.part.title.toLowerCase()).toContain("notation");
     expect(search("  ")).toEqual([]);
     expect(search("qqqq-there-is-no-such-word")).toEqual([]);

@@ -1,21 +1,21 @@
-/** The documents that come with Sinew, as they stand beside its sources: their names, parts, and what leads where. Pure. */
+/** Documents of Sinew from its source tree: names, parts, links and search. Pure. */
 
 import { Lexer, type Token, type TokensList } from "marked";
 import { TEXTS } from "./texts";
 
 interface Part {
-  /** As a link spells it: small letters, hyphens for blanks. */
+  /** Name in links: lower case, with hyphens for spaces. */
   readonly id: string;
   readonly title: string;
   readonly depth: number;
   readonly tokens: readonly Token[];
-  /** What stands in it, as it was written. */
+  /** Source text of the part. */
   readonly text: string;
 }
 
 export interface Document {
   readonly name: string;
-  /** File below the root of the sources. */
+  /** Path relative to the root of the sources. */
   readonly path: string;
   readonly title: string;
   readonly parts: readonly Part[];
@@ -24,7 +24,7 @@ export interface Document {
 export interface Found {
   readonly document: Document;
   readonly part: Part;
-  /** A line in which one of the words stands. */
+  /** A line that contains one of the words. */
   readonly line: string;
 }
 
@@ -76,7 +76,7 @@ export function documentNamed(name: string): Document | undefined {
   return DOCUMENTS.find((one) => one.name === name);
 }
 
-/** Name in addresses: "rig" of `docs/how-to/rig.md`, "decisions/0001-x", "changelog". A purpose is no part of it. */
+/** Returns the name in addresses: "rig" for `docs/how-to/rig.md`, "decisions/0001-x", "changelog". */
 function nameOf(path: string): string {
   const name = path
     .replace(/^docs\//, "")
@@ -85,7 +85,7 @@ function nameOf(path: string): string {
   return path.startsWith("docs/") ? name : name.toLowerCase();
 }
 
-/** Purpose of a document by its folder; null for decisions, architecture, change log and index. */
+/** Returns the purpose of a document by its folder; null for decisions, architecture, change log and index. */
 export function purposeOf({ path }: Document): Purpose | null {
   const folder = path.split("/")[1] ?? "";
   return folder in PURPOSES ? (folder as Purpose) : null;
@@ -131,7 +131,7 @@ function idOf(title: string): string {
     .replace(/\s/g, "-");
 }
 
-/** What tokens say, without how it looks. */
+/** Returns the text of tokens, without formatting. */
 export function plain(tokens: readonly Token[]): string {
   return tokens
     .map((token) =>
@@ -141,8 +141,8 @@ export function plain(tokens: readonly Token[]): string {
 }
 
 /**
- * Where a link of a document leads: to a page of the dashboard, as a route; null for what is no document of these, as an
- * address outside or a file beside the sources.
+ * Returns the route of a link in a document; null if its target is no document, such as an external address or a source
+ * file.
  */
 export function routeOf(from: string, href: string): string | null {
   if (/^[a-z]+:/i.test(href)) return null;
@@ -155,14 +155,14 @@ export function routeOf(from: string, href: string): string | null {
   return part === undefined ? `/docs/${found.name}` : `/docs/${found.name}/${part}`;
 }
 
-/** The name and the part of an address below `/docs/`. */
+/** Splits an address below `/docs/` into the name and the part of a document. */
 export function addressed(rest: string): { name: string; part: string | null } {
   const names = DOCUMENTS.map((one) => one.name).filter((one) => rest === one || rest.startsWith(`${one}/`));
   const name = names.sort((a, b) => b.length - a.length)[0] ?? rest;
   return { name, part: rest.length > name.length ? rest.slice(name.length + 1) : null };
 }
 
-/** The parts of all documents in which every word stands, those with a word in their title first. */
+/** Returns the parts of all documents that contain every word, those with a word in their title first. */
 export function search(words: string): readonly Found[] {
   const wanted = words.toLowerCase().split(/\s+/).filter(Boolean);
   if (wanted.length === 0) return [];

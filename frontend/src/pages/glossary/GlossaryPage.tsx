@@ -1,4 +1,4 @@
-/** All words that the page explains, to be looked up. */
+/** Page of all terms, with a search. */
 
 import { TextInput } from "@mantine/core";
 import { useState } from "react";
