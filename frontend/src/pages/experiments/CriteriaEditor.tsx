@@ -11,12 +11,10 @@ import type { Bound, Value } from "./document";
 import styles from "./SequenceEditor.module.css";
 import { TEXTS } from "./texts";
 
-/** A number of a part, or an expression of the experiment's settings, which counts in SI. What is left out is empty. */
-
 interface ExpressionFieldProps {
   readonly words: string;
   readonly unit: string;
-  /** Whose it is, for those who do not see where it stands: "of part 1.2". */
+  /** Owner of the field, for screen readers: "of part 1.2". */
   readonly whose: string;
   readonly value: Value | undefined;
   readonly place: string;
@@ -59,11 +57,9 @@ export function ExpressionField(props: ExpressionFieldProps) {
   );
 }
 
-/** Bounds of an own experiment that its runs are judged by. */
-
 interface CriteriaEditorProps {
   readonly criteria: readonly Bound[];
-  /** What the last preview measured: these can be bounded. */
+  /** Metrics of the last preview, for which bounds can be set. */
   readonly metrics: readonly Metric[];
   onChange(criteria: readonly Bound[]): void;
 }
@@ -76,7 +72,7 @@ export function CriteriaEditor({ criteria, metrics, onChange }: CriteriaEditorPr
       <legend>{TEXTS.criteria}</legend>
       {criteria.map((bound, index) => (
         <Row
-          // biome-ignore lint/suspicious/noArrayIndexKey: a criterion is its place in the list
+          // biome-ignore lint/suspicious/noArrayIndexKey: a criterion is identified by its position in the list
           key={index}
           index={index}
           bound={bound}

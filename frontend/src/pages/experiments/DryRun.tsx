@@ -19,15 +19,14 @@ import { RunSummary } from "./ExperimentForm";
 import { Figures } from "./ExperimentRuns";
 import { TEXTS } from "./texts";
 
-/** What an experiment would give, as the simulator played it. */
-
 interface DryRunResultProps {
   readonly dryRun: ReturnType<typeof useDryRun>;
   readonly kinds: readonly ExperimentKind[];
-  /** The form that is open tells its own refusal; what another one had asked for is told here. */
+  /** Name of the open form, which shows its own refusal; this card shows refusals of other forms. */
   readonly openForm: string | undefined;
 }
 
+/** Shows the result of a dry run. */
 export function DryRunResult({ dryRun, kinds, openForm }: DryRunResultProps) {
   const { variables, error, isIdle } = dryRun;
   if (variables === undefined || isIdle || (error !== null && variables.name === openForm)) return null;
@@ -41,7 +40,7 @@ interface ShownProps extends Pick<DryRunResultProps, "dryRun" | "kinds"> {
 function ShownDryRun({ dryRun, kinds, name }: ShownProps) {
   const { data, error, reset } = dryRun;
   const card = useRef<HTMLDivElement>(null);
-  // the button stands in another column: the result comes into sight by itself
+  // the button is in another column: scroll to the result
   useEffect(() => {
     if (data !== undefined || error !== null) card.current?.scrollIntoView?.({ block: "nearest" });
   }, [data, error]);
@@ -95,11 +94,11 @@ function Played({ name, title, result }: PlayedProps) {
 interface CurvesProps {
   readonly samples: NonNullable<DryRun["samples"]>;
   readonly duration_s: number;
-  /** Of the pictures and files that are saved. */
+  /** Name of saved images and files. */
   readonly name: string;
 }
 
-/** With a time axis of their own for each length: a view that was zoomed into a shorter one hides the rest. */
+/** Shows curves with a new time axis for each duration: a zoom of a shorter one would hide the rest. */
 export function DryRunCurves(props: CurvesProps) {
   return <CurvesOfOneLength key={props.duration_s} {...props} />;
 }
@@ -134,8 +133,7 @@ const DRY_RUN = { of: TEXTS.dryRunNotStored, plant: plantWord("simulator"), bank
 const NO_LIMITS: readonly never[] = [];
 const NO_MARKS: readonly never[] = [];
 
-/** What an experiment that was made of a run does not repeat. */
-
+/** Lists the parts of a run that the experiment created from it does not repeat. */
 export function LeftOut({ of }: { of: readonly string[] }) {
   if (of.length === 0) return null;
   return (

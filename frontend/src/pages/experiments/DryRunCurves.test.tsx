@@ -24,7 +24,7 @@ import { DryRunCurves } from "./DryRun";
 
 afterEach(cleanup);
 
-it("shows the whole of each preview, also where the one before it was shorter or zoomed", () => {
+it("shows the whole of each preview, also if the previous one was shorter or zoomed", () => {
   const samples = {} as NonNullable<DryRun["samples"]>;
   const { rerender } = render(<DryRunCurves samples={samples} duration_s={6} name="preview" />);
   const shown = () => screen.getByRole("button", { name: / s to / }).textContent;
@@ -33,7 +33,7 @@ it("shows the whole of each preview, also where the one before it was shorter or
   expect(shown()).toBe("10 s to 10 s");
   screen.getByRole("button", { name: / s to / }).click();
   rerender(<DryRunCurves samples={{ ...samples }} duration_s={10} name="preview" />);
-  expect(shown()).toBe("1 s to 2 s"); // a zoom stays while the length does
+  expect(shown()).toBe("1 s to 2 s"); // a zoom persists while the duration does not change
   rerender(<DryRunCurves samples={samples} duration_s={4} name="preview" />);
   expect(shown()).toBe("4 s to 4 s");
 });

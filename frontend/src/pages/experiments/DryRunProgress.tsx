@@ -1,4 +1,4 @@
-/** How far a dry run is, and a button that ends it. */
+/** Progress of a dry run, and a button that cancels it. */
 
 import { Button, Progress } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
@@ -28,12 +28,12 @@ export function DryRunProgress({ onCancel }: { onCancel: () => void }) {
   );
 }
 
-function describeProgress(told: DryRunNews | undefined): string {
-  if (!told?.under_way || told.doing === "starting") return TEXTS.waitingForSimulator;
-  if (told.doing === "pretension") return TEXTS.applyingPretension;
-  if (told.doing === "evaluation") return TEXTS.evaluating;
+function describeProgress(news: DryRunNews | undefined): string {
+  if (!news?.under_way || news.doing === "starting") return TEXTS.waitingForSimulator;
+  if (news.doing === "pretension") return TEXTS.applyingPretension;
+  if (news.doing === "evaluation") return TEXTS.evaluating;
   return fillText(TEXTS.progress, {
-    simulated: duration(told.played_s),
-    total: duration(told.duration_s),
+    simulated: duration(news.played_s),
+    total: duration(news.duration_s),
   });
 }

@@ -3,7 +3,7 @@ import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 
-// the REST client takes hold of fetch when it is made, and so do the charts of the screen's density
+// the REST client binds fetch when it is created, and the charts read the pixel density
 const fetched = vi.hoisted(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
@@ -73,7 +73,7 @@ function shown(): string {
   return screen.queryByRole("region", { name: TEXTS.dryRun })?.textContent ?? "";
 }
 
-it("says what was played, and keeps no result beside another that is being played", async () => {
+it("names the simulated experiment, and hides its result when another simulation starts", async () => {
   expect(shown()).toBe("");
   fireEvent.click(screen.getByText("tracking"));
   await waitFor(() => expect(shown()).toContain(fillText(TEXTS.simulating, { experiment: TRACKING })));
@@ -83,10 +83,10 @@ it("says what was played, and keeps no result beside another that is being playe
   await waitFor(() => expect(shown()).toContain(fillText(TEXTS.simulating, { experiment: "Own sequence" })));
   expect(shown()).not.toContain("Tracking");
   answers[1]?.(Response.json({ error: { message: "no", code: "busy" } }, { status: 429 }));
-  await waitFor(() => expect(shown()).toBe("")); // the form that is open tells it
+  await waitFor(() => expect(shown()).toBe("")); // the open form shows the refusal
 });
 
-it("tells what was refused of a form that is not open any more", async () => {
+it("shows the refusal of a form that is no longer open", async () => {
   fireEvent.click(screen.getByText("tracking"));
   await waitFor(() => expect(answers).toHaveLength(1));
   answers[0]?.(Response.json({ error: { message: "the worker died", code: "died" } }, { status: 500 }));
@@ -95,7 +95,7 @@ it("tells what was refused of a form that is not open any more", async () => {
   );
 });
 
-it("says how far it is, and is cancelled: its connection ends and the card goes", async () => {
+it("shows the progress; Cancel ends the connection and removes the card", async () => {
   fireEvent.click(screen.getByText("tracking"));
   await waitFor(() =>
     expect(shown()).toContain(fillText(TEXTS.progress, { simulated: "3.0 s", total: "12.0 s" })),
@@ -105,20 +105,20 @@ it("says how far it is, and is cancelled: its connection ends and the card goes"
   fireEvent.click(screen.getByRole("button", { name: TEXTS.cancelDryRun }));
   await waitFor(() => expect(aborted).toBe(1));
   expect(shown()).toBe("");
-  fireEvent.click(screen.getByText("tracking")); // and can be asked for again
+  fireEvent.click(screen.getByText("tracking")); // a new dry run is possible
   await waitFor(() => expect(answers).toHaveLength(2));
   answers[1]?.(Response.json({ ...RESULT, status: "completed" }));
   await waitFor(() => expect(shown()).toContain(SIMULATED));
 });
 
-it("ends with the page that asked for it", async () => {
+it("ends the dry run when its page closes", async () => {
   fireEvent.click(screen.getByText("tracking"));
   await waitFor(() => expect(answers).toHaveLength(1));
   cleanup();
   expect(aborted).toBe(1);
 });
 
-it("comes into sight once there is a result", async () => {
+it("scrolls to the card when the result arrives", async () => {
   const scrolled = vi.fn();
   Element.prototype.scrollIntoView = scrolled;
   fireEvent.click(screen.getByText("tracking"));

@@ -11,7 +11,7 @@ import type { ExperimentKind, State } from "../../wire/types";
 import { describeChanges, ExperimentForm, hasChoice, tuningChanges } from "./ExperimentForm";
 import { TEXTS } from "./texts";
 
-// the REST client takes hold of fetch when it is made
+// the REST client binds fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);
@@ -52,7 +52,7 @@ const LENT = {
 
 type Tuned = typeof GEOMETRY | typeof CHOSEN;
 
-/** The declarations as the service gave them when it had just started: their defaults may be long out of force. */
+/** Returns the declaration of a setting; its default may differ from the active value. */
 function setting(name: string, fallback: boolean | number | string, unit = "1") {
   const bounds = typeof fallback === "number" ? { minimum: 0, maximum: 100 } : {};
   return { name, symbol: "", meaning: `what ${name} is`, unit, default: fallback, ...bounds };
@@ -112,7 +112,7 @@ function answer(request: Request): Response {
   return Response.json({ id: 12 }, { status: 202 });
 }
 
-/** Bodies of what was sent to a path. */
+/** Returns the bodies of the requests to a path. */
 async function sentTo(path: string): Promise<unknown[]> {
   const requests = fetched.mock.calls.map(([request]) => request);
   const mine = requests.filter(({ url, method }) => method === "POST" && new URL(url).pathname === path);
@@ -138,8 +138,8 @@ function Form({ why_not }: { why_not: string }) {
   return <ExperimentForm kind={{ ...KIND, why_not }} onStarted={() => undefined} dryRun={useDryRun()} />;
 }
 
-/** What stands in the boxes, read as a person would. */
-function standing(): Record<string, unknown> {
+/** Returns the values that the boxes show. */
+function shownValues(): Record<string, unknown> {
   const number = (label: string) => Number((screen.getByLabelText(label) as HTMLInputElement).value);
   return {
     q_duration_s: number("What q_duration_s is [s]"),
@@ -169,7 +169,7 @@ afterEach(() => {
   localStorage.clear();
 });
 
-it("says of each of its fields what it is for and what is accepted, without a further stop of the Tab key", async () => {
+it("describes each field and its accepted values, without a further stop of the Tab key", async () => {
   open(stateOf(CHOSEN));
   const controls = [...document.querySelectorAll<HTMLElement>("form input, form select")];
   const explained = controls.map((control) => {
@@ -179,7 +179,7 @@ it("says of each of its fields what it is for and what is accepted, without a fu
   });
   const accepted: Record<string, string> = {
     q_duration_s: "0 to 100 s",
-    // what the state offers now, in place of what was declared
+    // the ranges of the state replace the declared ones
     lam_q: "0.3 to 10 s",
     lam_S: "0.25 to 10 s",
     lam_motor: "0.05 to 0.2 s",
@@ -189,7 +189,7 @@ it("says of each of its fields what it is for and what is accepted, without a fu
   };
   expect(explained).toEqual(KIND.settings.map(({ name }) => [[name, accepted[name] ?? "0 to 100"]]));
   closeExplanation();
-  expect(document.querySelectorAll("form [tabindex='0']")).toHaveLength(1); // the words of the form, as before
+  expect(document.querySelectorAll("form [tabindex='0']")).toHaveLength(1); // the explained terms of the form
 });
 
 const LOOP_SETTINGS = TEXTS.loopSettings.split("{")[0] ?? "";
@@ -204,32 +204,32 @@ it.each([
   ["fresh", stateOf(GEOMETRY), GEOMETRY],
   ["bank active", stateOf(CHOSEN), CHOSEN],
   ["a run has a tuning of its own", stateOf(LENT, CHOSEN), CHOSEN],
-] as const)("shows what it sends, from what is in force: %s", async (_name, state, expected) => {
+] as const)("shows and sends the active tuning: %s", async (_name, state, expected) => {
   open(state);
-  await waitFor(() => expect(standing()).toEqual(orderWith(expected)));
+  await waitFor(() => expect(shownValues()).toEqual(orderWith(expected)));
   for (const [button, path] of BUTTONS) {
     fireEvent.click(screen.getByRole("button", { name: button }));
     await waitFor(async () =>
-      expect(await sentTo(path)).toEqual([{ name: "tracking", settings: standing() }]),
+      expect(await sentTo(path)).toEqual([{ name: "tracking", settings: shownValues() }]),
     );
   }
 });
 
-it("follows the tuning in force, but for what a person has changed", async () => {
+it("follows the active tuning, except for values that a person has changed", async () => {
   const store = open(stateOf(CHOSEN));
   fireEvent.change(screen.getByLabelText("What lam_q is [s]"), { target: { value: "0.4" } });
   act(() => store.setState(stateOf(GEOMETRY)));
-  expect(standing()).toEqual({ ...orderWith(GEOMETRY), lam_q: 0.4 });
+  expect(shownValues()).toEqual({ ...orderWith(GEOMETRY), lam_q: 0.4 });
   expect(
     screen.getByText(`0.3 to 10; ${fillText(TEXTS.changedFrom, { origin: TEXTS.active, value: "0.5" })}`),
   ).toBeTruthy();
   fireEvent.click(screen.getByRole("button", { name: START }));
   await waitFor(async () =>
-    expect(await sentTo("/api/experiments")).toEqual([{ name: "tracking", settings: standing() }]),
+    expect(await sentTo("/api/experiments")).toEqual([{ name: "tracking", settings: shownValues() }]),
   );
 });
 
-it("lets geometry be chosen while a bank is in force, and sends it", async () => {
+it("sends geometric gains if they are chosen while a bank is active", async () => {
   open(stateOf(CHOSEN));
   await screen.findByText("bank lab v2");
   fireEvent.change(screen.getByLabelText(TEXTS.gainSource), { target: { value: "0" } });
@@ -246,7 +246,7 @@ it("lets geometry be chosen while a bank is in force, and sends it", async () =>
   );
 });
 
-it("offers only the dry run of what the plant cannot play, and says why", async () => {
+it("offers only the dry run if the plant cannot run the experiment, and states the reason", async () => {
   open(stateOf(GEOMETRY), "nothing here pushes the joint by command");
   const start = await screen.findByRole<HTMLButtonElement>("button", { name: START });
   expect(start.ariaDisabled).toBe("true");
@@ -255,7 +255,7 @@ it("offers only the dry run of what the plant cannot play, and says why", async 
   expect(screen.getByRole("form").textContent).toContain("Nothing here pushes the joint by command.");
 });
 
-it("gives a viewer no reason why a start is refused that is not offered", async () => {
+it("shows a viewer no reason for a start that is not offered", async () => {
   fetched.mockImplementation(async (request) =>
     new URL(request.url).pathname === "/api/session"
       ? Response.json({ name: "V. Viewer", role: "viewer" })
@@ -271,7 +271,7 @@ it("gives a viewer no reason why a start is refused that is not offered", async 
   expect(screen.getByRole("form").textContent).toContain("Pretension");
 });
 
-it.each(["5-3", "", "1e"])("sends nothing while a box holds %j", async (text) => {
+it.each(["5-3", "", "1e"])("sends nothing while a box contains %j", async (text) => {
   open(stateOf(GEOMETRY));
   fireEvent.change(screen.getByLabelText("What b is"), { target: { value: text } });
   for (const [button] of BUTTONS) fireEvent.click(screen.getByRole("button", { name: button }));
@@ -281,7 +281,7 @@ it.each(["5-3", "", "1e"])("sends nothing while a box holds %j", async (text) =>
   expect(fetched.mock.calls.filter(([request]) => request.method === "POST")).toEqual([]);
 });
 
-describe("order", () => {
+describe("description of an order", () => {
   const KIND = {
     name: "tracking",
     settings: [
@@ -294,7 +294,7 @@ describe("order", () => {
     ],
   } as unknown as ExperimentKind;
 
-  it("tells what a waiting experiment changes in words and the unit of who reads it, by no name of the code", () => {
+  it("describes the changed settings of a queued experiment in the reader's unit, without names of the code", () => {
     const changed = {
       q_hold: 0.2,
       pushes: 5,
@@ -314,7 +314,7 @@ describe("order", () => {
     expect(describeChanges({ q_hold: 0, hold_s: 4 }, KIND, "deg")).toBe(TEXTS.defaultSettings);
   });
 
-  it("tells what of a tuning differs from the one in force, and that the plan is off", () => {
+  it("describes the differences from the active tuning, and omits a voltage limit without effect", () => {
     const setting = (name: string, symbol: string, unit: string) => ({ name, symbol, unit, meaning: name });
     const kind = {
       name: "tracking",
@@ -327,17 +327,17 @@ describe("order", () => {
     } as unknown as ExperimentKind;
     const change = (symbol: string, value: string, active: string) =>
       fillText(TEXTS.tuningChange, { symbol, value, active });
-    const inForce = { lam_q: 0.5, motion: "time-optimal", u_plan: 8.5 };
-    expect(tuningChanges({ q_hold: 0.2, ...inForce }, inForce, kind, "deg")).toBe("");
-    expect(tuningChanges({ lam_q: 0.8, motion: "lambda", u_plan: 6 }, inForce, kind, "deg")).toBe(
+    const active = { lam_q: 0.5, motion: "time-optimal", u_plan: 8.5 };
+    expect(tuningChanges({ q_hold: 0.2, ...active }, active, kind, "deg")).toBe("");
+    expect(tuningChanges({ lam_q: 0.8, motion: "lambda", u_plan: 6 }, active, kind, "deg")).toBe(
       `${change("λ_q", "0.8 s", "0.5 s")}, ${change("motion", "lambda", "time-optimal")}`,
     );
-    expect(tuningChanges({ lam_q: 0.5, motion: "time-optimal", u_plan: 6 }, inForce, kind, "deg")).toBe(
+    expect(tuningChanges({ lam_q: 0.5, motion: "time-optimal", u_plan: 6 }, active, kind, "deg")).toBe(
       change("U_plan", "6 V", "8.5 V"),
     );
   });
 
-  it("offers no field where there is nothing to choose", () => {
+  it("has no choice between equal bounds", () => {
     const setting = (minimum: number | null, maximum: number | null) =>
       ({ name: "seed", minimum, maximum }) as unknown as ExperimentKind["settings"][number];
     expect(hasChoice(setting(0, 0))).toBe(false);

@@ -30,12 +30,10 @@ import pageStyles from "../Page.module.css";
 import { DryRunProgress } from "./DryRunProgress";
 import { TEXTS } from "./texts";
 
-/** From what is in force and what a person changed to what an experiment's form shows, which is what it sends. Pure. */
-
 type Value = boolean | number | string;
 type Values = Record<string, Value>;
 
-/** Of the loop, the same for every kind. */
+/** Tuning parameters, the same for every kind. */
 const TUNING = ["lam_q", "lam_S", "lam_motor", "b", "interpolate", "motion", "u_plan", "k_ext"] as const;
 const OF_THE_LOOP = new Set<string>([...TUNING, "bank", "seed"]);
 
@@ -43,22 +41,22 @@ export function isOfTheLoop(setting: Setting): boolean {
   return OF_THE_LOOP.has(setting.name);
 }
 
-/** Whether there is more than one value to choose from: the seed of a service that runs is settled. */
+/** Whether a setting has more than one value: the seed of a running service is fixed. */
 export function hasChoice({ minimum, maximum }: Setting): boolean {
   return minimum == null || maximum == null || minimum < maximum;
 }
 
-/** One setting as the form shows it. */
+/** One setting of the form. */
 interface Shown {
   readonly setting: Setting;
   readonly value: Value;
-  /** Where the value comes from, for the person who reads it. */
+  /** Description of the source of the value. */
   readonly origin: string;
 }
 
 /**
- * Every setting of a kind: what a person changed, else the operator's tuning in force, else the default. While a run
- * has a tuning of its own, the operator's is what comes back after it.
+ * Returns every setting of a kind: the value that a person changed, else that of the operator's tuning, else the default.
+ * While a temporary tuning is active, the operator's tuning is the one that will be restored.
  */
 function shownSettings(
   kind: ExperimentKind,
@@ -66,12 +64,12 @@ function shownSettings(
   changed: Values,
   angles: AngleUnit,
 ): Shown[] {
-  const inForce = tuningOf(state);
+  const active = tuningOf(state);
   return kind.settings.map((setting) => {
-    const standing = inForce[setting.name];
-    const start = standing ?? offeredDefault(setting.default ?? "", setting, angles);
+    const tuned = active[setting.name];
+    const start = tuned ?? offeredDefault(setting.default ?? "", setting, angles);
     const value = changed[setting.name] ?? start;
-    const word = standing === undefined ? TEXTS.byDefault : TEXTS.active;
+    const word = tuned === undefined ? TEXTS.byDefault : TEXTS.active;
     const origin =
       value === start
         ? word
@@ -81,12 +79,12 @@ function shownSettings(
 }
 
 interface Order {
-  /** Null while a number box holds something else. */
+  /** Null while a number box contains other text. */
   readonly order: { readonly name: string; readonly settings: Values } | null;
   readonly problem: string | null;
 }
 
-/** All that is shown, to be sent. */
+/** Builds the request from the shown values. */
 function orderOf(kind: ExperimentKind, shown: readonly Shown[]): Order {
   for (const { setting, value } of shown) {
     if (typeof setting.default === "number" && typeof value !== "number") {
@@ -103,7 +101,7 @@ function orderOf(kind: ExperimentKind, shown: readonly Shown[]): Order {
   return { order: { name: kind.name, settings }, problem: null };
 }
 
-/** What differs from a kind's defaults, the loop's settings aside: "joint position held: 11.5°" */
+/** Describes the differences from the defaults of a kind, without the tuning: "joint position held: 11.5°". */
 export function describeChanges(
   settings: Readonly<Record<string, unknown>>,
   kind: ExperimentKind,
@@ -115,7 +113,7 @@ export function describeChanges(
     .map((setting) => {
       const { name, unit, meaning } = setting;
       const value = settings[name];
-      const [words = ""] = meaning.split("; "); // what follows explains
+      const [words = ""] = meaning.split("; "); // the rest is an explanation
       return fillText(TEXTS.settingValue, {
         setting: words,
         value:
@@ -127,21 +125,21 @@ export function describeChanges(
   return parts.length === 0 ? TEXTS.defaultSettings : parts.join("; ");
 }
 
-/** Whether a value is the default, or what a form offers as such. */
+/** Whether a value is the default, or the rounded default of the form. */
 function isUsual(setting: Setting, value: unknown): boolean {
   return value === setting.default || value === offeredDefault(setting.default, setting, "deg");
 }
 
-/** What of an order's tuning differs from the one in force: "λ_q 0.8 s (in force 0.5 s)"; "" where nothing does. */
+/** Describes the differences of a tuning from the active one: "λ_q 0.8 s (active 0.5 s)"; "" without any. */
 export function tuningChanges(
   settings: Readonly<Record<string, unknown>>,
-  inForce: Values,
+  active: Values,
   kind: ExperimentKind,
   angles: AngleUnit,
 ): string {
   return kind.settings
-    .filter(({ name }) => settings[name] !== undefined && inForce[name] !== undefined)
-    .filter(({ name }) => settings[name] !== inForce[name])
+    .filter(({ name }) => settings[name] !== undefined && active[name] !== undefined)
+    .filter(({ name }) => settings[name] !== active[name])
     .filter(({ name }) => name !== "u_plan" || settings.motion === "time-optimal")
     .map((setting) => {
       const { name, symbol, unit } = setting;
@@ -152,13 +150,13 @@ export function tuningChanges(
       return fillText(TEXTS.tuningChange, {
         symbol,
         value: words(settings[name] as Value),
-        active: words(inForce[name] as Value),
+        active: words(active[name] as Value),
       });
     })
     .join(", ");
 }
 
-/** Choices of a bank: geometry, and every bank there is. */
+/** Returns the choices of the gain source: geometry, and every bank. */
 function bankChoices(banks: readonly Bank[]): { value: string; label: string }[] {
   return [0, ...banks.map(({ id }) => id)].map((id) => ({
     value: String(id),
@@ -166,7 +164,7 @@ function bankChoices(banks: readonly Bank[]): { value: string; label: string }[]
   }));
 }
 
-/** The operator's tuning as the settings of an order; empty while nothing is known of it. */
+/** Returns the operator's tuning as settings; empty before the first state. */
 export function tuningOf(state: State | null): Values {
   if (state === null) return {};
   const tuning = state.own_tuning ?? state.tuning;
@@ -174,7 +172,7 @@ export function tuningOf(state: State | null): Values {
   return { ...Object.fromEntries(parts), bank: tuning.bank?.id ?? 0 };
 }
 
-/** Settings of the loop whose range depends on the plant in use. */
+/** Tuning parameters whose range depends on the plant. */
 const OF_THE_PLANT = ["lam_q", "lam_S", "lam_motor", "u_plan"] as const;
 
 function withRange(setting: Setting, state: State | null): Setting {
@@ -193,14 +191,12 @@ function sentence(text: string): string {
   return text.charAt(0).toUpperCase() + text.slice(1);
 }
 
-/** Set-up of one kind of experiment: start it, queue it, or play it on a simulator first. What it shows is what it sends. */
-
 const NO_CHANGES: Values = {};
 
 interface ExperimentFormProps {
   readonly kind: ExperimentKind;
   onStarted(id: number): void;
-  /** The page's: its result is shown beside whichever form is open by then. */
+  /** Dry run of the page, which shows its result next to any open form. */
   readonly dryRun: ReturnType<typeof useDryRun>;
 }
 
@@ -314,7 +310,7 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
 
 interface FieldProps {
   readonly shown: Shown;
-  /** Of a bank: what there is to choose from. */
+  /** Choices of the gain source; null for other settings. */
   readonly choices: readonly { value: string; label: string }[] | null;
   onChange(value: SettingValue): void;
 }
@@ -342,22 +338,21 @@ function Field({ shown: { setting, value, origin }, choices, onChange }: FieldPr
   );
 }
 
-/** All that an experiment is run with, or was, in two lines: its own settings, and the tuning. */
-
 interface RunSummaryProps {
   readonly name: string;
   readonly settings: Readonly<Record<string, unknown>>;
-  /** Of an order that waits: the tuning in force, to which it is compared. */
-  readonly inForce?: Values;
+  /** Active tuning, with which the tuning of a queued experiment is compared. */
+  readonly active?: Values;
 }
 
-export function RunSummary({ name, settings, inForce }: RunSummaryProps) {
+/** Shows the settings and the tuning of an experiment, in two lines. */
+export function RunSummary({ name, settings, active }: RunSummaryProps) {
   const angles = useAngleUnit();
   const { data: kinds = [] } = useQuery(experimentKindsQuery);
   const { data: banks = [] } = useQuery(banksQuery);
   const kind = kinds.find((one) => one.name === name || one.name.startsWith(`${name}@`));
   const changes =
-    kind === undefined || inForce === undefined ? "" : tuningChanges(settings, inForce, kind, angles);
+    kind === undefined || active === undefined ? "" : tuningChanges(settings, active, kind, angles);
   const tuning = describeTuning(settings, banks);
   return (
     <span className={pageStyles.dim}>

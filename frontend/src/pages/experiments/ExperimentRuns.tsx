@@ -20,8 +20,7 @@ import { RunCharts } from "../runs/RunCharts";
 import { RunSummary } from "./ExperimentForm";
 import { TEXTS } from "./texts";
 
-/** Experiments done before. */
-
+/** Lists earlier experiments. */
 export function ExperimentRuns({
   runs,
   selected,
@@ -70,15 +69,14 @@ export function ExperimentRuns({
   );
 }
 
-/** Criteria with pass or fail, and metrics, as tables. */
-
 interface FiguresProps {
   readonly criteria: readonly Criterion[];
   readonly metrics: readonly Metric[];
-  /** LocalizedText in the names of the tables where it is not the experiment itself. */
+  /** Source of the values in the names of the tables, if it is not the experiment itself. */
   readonly of?: string;
 }
 
+/** Shows criteria with pass or fail, and metrics, as tables. */
 export function Figures({ criteria, metrics, of }: FiguresProps) {
   const angles = useAngleUnit();
   return (
@@ -157,7 +155,7 @@ export function Figures({ criteria, metrics, of }: FiguresProps) {
   );
 }
 
-/** A figure in SI as the person reads its unit. */
+/** Formats a value in SI in the person's unit. */
 function figure(
   { value, unit }: { value: number | null; unit: string },
   digits: number,
@@ -182,10 +180,10 @@ function CriterionOutcome({ passed }: { passed: boolean | null }) {
   );
 }
 
-/** What a figure that was not seen whole is, by the relation to its bound. */
+/** Description of a bounded value, by its relation to the bound. */
 export const SEEN: Record<string, string> = { "<": TEXTS.atLeast, ">": TEXTS.atMost };
 
-/** Why there is no figure, or why it is that of a part only; `seen` says what it is then. */
+/** Shows why a value is missing or incomplete; `seen` describes an incomplete value. */
 export function Reason({ text, seen }: { text: string; seen?: string | undefined }) {
   const angles = useAngleUnit();
   if (text === "") return null;
@@ -197,8 +195,7 @@ export function Reason({ text, seen }: { text: string; seen?: string | undefined
   );
 }
 
-/** One experiment: progress while it runs, then pass or fail per criterion, metrics, curves and downloads. */
-
+/** Shows one experiment: its progress, then its criteria, metrics, curves and downloads. */
 export function ExperimentResult({ id }: { id: number }) {
   const { data, error } = useQuery(experimentQuery(id));
   if (data === undefined) {

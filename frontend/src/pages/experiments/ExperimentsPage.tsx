@@ -1,4 +1,4 @@
-/** Experiments: set one up, play it dry, queue it, run it; their progress and results. */
+/** Page of experiments: setup, dry run, queue, start, progress and results. */
 
 import { NativeSelect } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
@@ -18,7 +18,7 @@ import { OwnExperiments } from "./OwnExperiments";
 import { QueueCard } from "./QueueCard";
 import { TEXTS } from "./texts";
 
-/** Kinds of runs that no experiment on offer has: lists of segments are taken by HTTP and command line alone. */
+/** Kinds of runs without a form: only HTTP and the command line accept lists of segments. */
 const DEPRECATED = ["sequence"];
 
 export default function ExperimentsPage() {
@@ -58,7 +58,7 @@ export default function ExperimentsPage() {
                 value={kind.name}
                 onChange={(event) => {
                   chosen.set(event.currentTarget.value);
-                  // a refusal is of what stood in the form that is left
+                  // a refusal belongs to the previous form
                   if (dryRun.isError) dryRun.reset();
                 }}
               />

@@ -13,14 +13,14 @@ const version = (number: number, who: string): OwnExperiment => ({
 });
 const OPENED = { ...NOTHING_OPENED, name: "mine", newest: 2 };
 
-it("asks where somebody has kept another version since, and not else", () => {
+it("asks only if somebody has saved another version since", () => {
   expect(savedMeanwhile(OPENED, "mine", [version(2, "Mara"), version(1, "Mara")])).toBeNull();
   const asked = savedMeanwhile(OPENED, "mine", [version(3, "Vera"), version(2, "Mara")]);
   expect(asked).toContain(fillText(TEXTS.savedMeanwhile, { person: "Vera", version: 3, name: "mine" }));
   expect(asked).toContain(fillText(TEXTS.saveAdds, { problem: "", next: 4, version: 3 }).trim());
 });
 
-it("asks where the name is taken by another experiment", () => {
+it("asks if another experiment has the name", () => {
   expect(savedMeanwhile(NOTHING_OPENED, "mine", [version(1, "Vera")])).toContain(
     fillText(TEXTS.nameTaken, { name: "mine", person: "Vera", version: 1 }),
   );
@@ -30,7 +30,7 @@ it("asks where the name is taken by another experiment", () => {
   expect(savedMeanwhile(OPENED, "new", [])).toBeNull();
 });
 
-it("takes what it has stored, and nothing else", () => {
+it("accepts its own stored data only", () => {
   expect(isOpened(NOTHING_OPENED)).toBe(true);
   expect(isOpened(JSON.parse(JSON.stringify(OPENED)))).toBe(true);
   for (const other of [null, 1, {}, { ...OPENED, newest: "2" }, { ...OPENED, document: { phases: 1 } }]) {

@@ -38,11 +38,9 @@ import { describeCheck, Preview, useComposedPreview } from "./Preview";
 import { SequenceEditor } from "./SequenceEditor";
 import { TEXTS } from "./texts";
 
-/** What differs between two experiments, in words: parts that came and went, values that changed. Pure. */
-
 const MOST_DIFFERENCES = 6;
 
-/** From one to the other; empty where nothing differs. */
+/** Describes the differences between two experiments: added, removed and changed parts; empty without any. */
 export function differences(from: Document, to: Document, angles: AngleUnit): string[] {
   const words = [
     ...(from.title === to.title ? [] : [fillText(TEXTS.titleChanged, { from: from.title, to: to.title })]),
@@ -61,7 +59,7 @@ export function differences(from: Document, to: Document, angles: AngleUnit): st
       ];
 }
 
-/** Each part with the loops that it lies in. */
+/** Returns one line for each part, indented by its loops. */
 function lines(document: Document, angles: AngleUnit): string[] {
   const of = (parts: readonly Part[], indent: string): string[] =>
     parts.flatMap((part) => [
@@ -80,7 +78,7 @@ function boundLine({ figure, below, above }: Bound): string {
     : fillText(TEXTS.boundBelow, { metric: figure, bound: below });
 }
 
-/** What is left out of one list and what is new in the other, by their longest common run. */
+/** Describes removed and added lines of two lists, by their longest common subsequence. */
 function ofLists(from: readonly string[], to: readonly string[]): string[] {
   const common: number[][] = Array.from({ length: from.length + 1 }, () => new Array(to.length + 1).fill(0));
   const held = (i: number, j: number) => common[i]?.[j] ?? 0;
@@ -101,23 +99,22 @@ function ofLists(from: readonly string[], to: readonly string[]): string[] {
   return words;
 }
 
-/** What the composer was opened with, and whether somebody has saved another version since. Pure. */
-
+/** Experiment that was opened in the editor. */
 interface Opened {
   readonly text: string;
-  /** What the text says as plain data, as the service read it; null where the text is JSON or nothing. */
+  /** Content of the text as plain data, parsed by the service; null if the text is JSON or empty. */
   readonly document: unknown;
-  /** Name of the own experiment; empty for anything else. */
+  /** Name of an own experiment; otherwise empty. */
   readonly name: string;
-  /** Newest version under this name when it was opened. */
+  /** Newest version of this name at that time. */
   readonly newest: number;
-  /** Of a run that was made an experiment: what of it the experiment does not repeat. */
+  /** Parts of a run that the experiment created from it does not repeat. */
   readonly leftOut: readonly string[];
 }
 
 export const NOTHING_OPENED: Opened = { text: "", document: null, name: "", newest: 0, leftOut: [] };
 
-/** Whether stored data is what this version of the page stores. */
+/** Whether stored data has the format of this version of the page. */
 export function isOpened(value: unknown): value is Opened {
   if (typeof value !== "object" || value === null) return false;
   const { text, document, name, newest, leftOut } = value as Record<string, unknown>;
@@ -130,7 +127,7 @@ export function isOpened(value: unknown): value is Opened {
   );
 }
 
-/** What to ask before a text is kept under a name; null where nobody has kept another version since it was opened. */
+/** Returns the question before a text is saved; null if nobody has saved another version since it was opened. */
 export function savedMeanwhile(
   opened: Opened,
   name: string,
@@ -145,12 +142,10 @@ export function savedMeanwhile(
   return fillText(TEXTS.saveAdds, { problem, next: version + 1, version });
 }
 
-/** Versions of an own experiment: who kept each and when, what differs from what stands here, and back to an older one. */
-
 interface VersionsProps {
   readonly name: string;
   readonly document: Document | null;
-  /** Opens one; kept again it is the newest. */
+  /** Opens a version; saving it creates the newest version. */
   onOpen(name: string): void;
 }
 
@@ -211,21 +206,20 @@ function Versions({ name, document, onOpen }: VersionsProps) {
   );
 }
 
-/** Own experiments, as a sequence or as a text: begun with one there is or a file, looked over, kept, taken elsewhere. */
-
 const NEW = "sample sequence";
 const FILES = ".yaml,.yml,.json,application/yaml,application/json";
 
 interface OwnExperimentsProps {
   readonly kinds: readonly ExperimentKind[];
-  /** The run whose references are to be made an experiment of. */
+  /** Run from whose references to create an experiment. */
   readonly asRun: number | null;
-  /** The run of the address is being opened: a reload opens the draft, not the run again. */
+  /** Called when the run of the address opens; a reload then opens the draft instead of the run. */
   onRunOpened(): void;
-  /** LocalizedText the name of what was kept: it can be run now. */
+  /** Receives the name of the saved experiment, which can be run now. */
   onSaved(name: string): void;
 }
 
+/** Editor of own experiments, as a sequence or a text: opens, checks, saves and exports them. */
 export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperimentsProps) {
   const opened = useDraft("opened experiment", NOTHING_OPENED, isOpened);
   const draft = useDraft("experiment", opened.value.text, isText);
@@ -236,7 +230,7 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperi
   const [problem, setProblem] = useState<string | null>(null);
   const texts = useQueryClient();
   const check = useCheckExperiment();
-  const keep = useSaveExperiment();
+  const store = useSaveExperiment();
   const named = /^\s*"?name"?:\s*"?([A-Za-z]\w*)/m.exec(text)?.[1] ?? "experiment";
 
   const preview = useComposedPreview(shown === "sequence" ? text : "");
@@ -248,7 +242,7 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperi
     setProblem(null);
     setMeanwhile(null);
     check.reset();
-    keep.reset();
+    store.reset();
   }
 
   function change(next: string): void {
@@ -320,28 +314,28 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperi
     const question = savedMeanwhile(opened.value, named, before);
     setMeanwhile(question);
     if (question !== null) return;
-    keep.mutate(text, {
-      onSuccess: (kept) => {
-        opened.set({ ...NOTHING_OPENED, text, document, name: kept.name, newest: kept.version });
+    store.mutate(text, {
+      onSuccess: (stored) => {
+        opened.set({ ...NOTHING_OPENED, text, document, name: stored.name, newest: stored.version });
         draft.discard();
-        onSaved(`${kept.name}@${kept.version}`);
+        onSaved(`${stored.name}@${stored.version}`);
       },
     });
   }
 
-  /** None where they cannot be read: then the service refuses the text as well, and says why. */
+  /** Returns no versions if the request fails: the service then also refuses the text, and states the reason. */
   function versionsOf(name: string) {
     return texts.fetchQuery({ ...experimentVersionsQuery(name), staleTime: 0 }).catch(() => []);
   }
 
-  const failure = lastRefusal(check, keep);
+  const failure = lastRefusal(check, store);
   const box = useRef<HTMLTextAreaElement>(null);
   useEffect(() => {
     const line = failure instanceof RequestError ? failure.problem?.line : null;
     if (box.current !== null && line != null) markLine(box.current, line);
   }, [failure]);
-  const told =
-    check.data && !keep.data ? describeCheck(check.data) : keep.data ? describeSaved(keep.data) : "";
+  const outcome =
+    check.data && !store.data ? describeCheck(check.data) : store.data ? describeSaved(store.data) : "";
   return (
     <Card
       title={TEXTS.ownExperiments}
@@ -416,7 +410,7 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperi
           </p>
         )}
         {shown === "sequence" && composed !== null && (
-          <RefusedFields error={keep.error} foreseen={preview.error} about={text}>
+          <RefusedFields error={store.error} foreseen={preview.error} about={text}>
             <SequenceEditor
               document={composed}
               played={preview.current ? (preview.checked?.parts ?? []) : []}
@@ -468,7 +462,7 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperi
               <Button
                 size="sm"
                 disabled={text === ""}
-                loading={keep.isPending}
+                loading={store.isPending}
                 onClick={() => void save(meanwhile !== null)}
               >
                 {meanwhile === null ? TEXTS.save : TEXTS.saveAnyway}
@@ -479,7 +473,7 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperi
             error={failure ?? (shown === "sequence" ? preview.error : null)}
             about={text}
             text={problem ?? meanwhile}
-            hint={told}
+            hint={outcome}
           />
         </div>
         <Versions name={named} document={composed} onOpen={begin} />
@@ -488,7 +482,7 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperi
   );
 }
 
-/** Shows where a text is refused: its line is selected, and in sight. */
+/** Selects the refused line of a text, and scrolls to it. */
 function markLine(box: HTMLTextAreaElement, line: number): void {
   const lines = box.value.split("\n");
   const start = lines.slice(0, line - 1).reduce((sum, one) => sum + one.length + 1, 0);
@@ -501,6 +495,6 @@ function isShownAs(value: unknown): value is "sequence" | "text" {
   return value === "sequence" || value === "text";
 }
 
-function describeSaved(kept: { readonly name: string; readonly version: number }): string {
-  return fillText(TEXTS.saved, { name: kept.name, version: kept.version });
+function describeSaved(stored: { readonly name: string; readonly version: number }): string {
+  return fillText(TEXTS.saved, { name: stored.name, version: stored.version });
 }

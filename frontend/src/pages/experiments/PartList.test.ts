@@ -7,7 +7,7 @@ import { TEXTS } from "./texts";
 
 const RAD = Math.PI / 180;
 
-test("a ramp says where it goes, and from where and how fast once it is laid out", () => {
+test("describes the target of a ramp, and its start and speed once it is scheduled", () => {
   const ramp = { do: "ramp", q_ref: 60 * RAD, duration_s: 4 };
   expect(describePart(ramp, "deg")).toBe("Ramp q to 60° in 4 s");
   const played = {
@@ -24,12 +24,12 @@ test("a ramp says where it goes, and from where and how fast once it is laid out
   expect(describePlayed(ramp, played, "deg")).toBe("t = 6 to 10 s, q from −60°, 30°/s");
 });
 
-test("a sine says its turns and how fast it is at most, a·2π/T", () => {
+test("describes the cycles of a sine and its largest speed, a·2π/T", () => {
   const sine = { do: "sine", q_amplitude: 0.5, period_s: 4, duration_s: 8 };
   expect(describePart(sine, "rad")).toBe("Sine on q: ±0.5 rad, period 4 s, 8 s (2 cycles), max 0.785 rad/s");
 });
 
-test("a sine may say its crest, and a motion the push beside it", () => {
+test("describes the crest of a sine, and the push during a motion", () => {
   const sine = { do: "sine", q_ref: -0.1, S_ref: 12, period_s: 4, duration_s: 4, F_push: -3 };
   expect(describePart(sine, "rad")).toBe(
     "Sine on q: crest at −0.1 rad, S: crest at 12 N·m/rad, period 4 s, 4 s (1 cycle), " +
@@ -43,7 +43,7 @@ test("a sine may say its crest, and a motion the push beside it", () => {
   );
 });
 
-test("where a step went is no crest of the sine that takes its place", () => {
+test("does not convert the target of a step to the crest of a sine", () => {
   const step = { do: "step", q_ref: 0.2, S_ref: 12, duration_s: 4, F_push: 2 };
   const sine = partOf("sine", step);
   expect(sine).toMatchObject({ do: "sine", duration_s: 4, period_s: 4, F_push: 2 });
@@ -52,13 +52,13 @@ test("where a step went is no crest of the sine that takes its place", () => {
   expect(partOf("ramp", crest)).toEqual({ do: "ramp", q_ref: 0.2, S_ref: 12, duration_s: 4 });
 });
 
-test("an expression stands as it is written", () => {
+test("shows an expression as written", () => {
   expect(describePart({ do: "hold", duration_s: "2 * hold_s" }, "deg")).toBe(
     fillText(TEXTS.describeHold, { time: "2 * hold_s" }),
   );
 });
 
-test("versions differ by what came, what went and what has to hold", () => {
+test("describes added and removed parts and criteria between versions", () => {
   const [phase] = SAMPLE.phases;
   const next = {
     ...SAMPLE,

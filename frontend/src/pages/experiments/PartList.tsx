@@ -12,13 +12,11 @@ import { innerOf, numberOf, type Part, type Place, type Value } from "./document
 import styles from "./SequenceEditor.module.css";
 import { TEXTS } from "./texts";
 
-/** The parts that an experiment may have, as forms: which boxes each has, and how a new one begins. Pure. */
-
 interface Box {
   readonly name: string;
   readonly words: string;
   readonly unit: string;
-  /** May be left out: what it names stays as it is, or is as usual. */
+  /** Whether the value may be omitted: the quantity then does not change, or has its default. */
   readonly optional?: boolean;
   readonly choices?: readonly string[];
 }
@@ -26,7 +24,7 @@ interface Box {
 interface PartForm {
   readonly words: string;
   readonly boxes: readonly Box[];
-  /** What a new one has. */
+  /** Values of a new part. */
   readonly begins: Readonly<Record<string, Value | Part[]>>;
 }
 
@@ -149,46 +147,46 @@ export const PART_FORMS: Readonly<Record<string, PartForm>> = {
   },
 };
 
-/** A new part of a kind; of another one it keeps what both have, so that a step becomes a ramp to the same place. */
+/** Creates a part of a kind; it takes over the common values of `other`, so a step becomes a ramp to the same target. */
 export function partOf(kind: string, other?: Part): Part {
   const form = PART_FORMS[kind];
-  const kept = Object.fromEntries(
+  const common = Object.fromEntries(
     Object.entries(other ?? {}).filter(
       ([name]) =>
         name !== "do" &&
         form?.boxes.some((one) => one.name === name) &&
-        // where another motion goes is no crest of a sine
+        // the target of another motion is no crest of a sine
         !(kind === "sine" && other?.do !== "sine" && AIM.some((one) => one.name === name)),
     ),
   );
   const begins = form?.begins ?? {};
   const inner = other === undefined ? undefined : innerOf(other)[0]?.[1];
   const parts = "parts" in begins && inner !== undefined ? { parts: [...inner] } : {};
-  // a reference that the other leaves as it is is none that a new one would move
-  const aims = "q_ref" in kept || "S_ref" in kept ? { ...begins, q_ref: undefined } : begins;
-  // a sine that was something else is one whole period as long as that
+  // a reference that `other` does not move stays unmoved
+  const aims = "q_ref" in common || "S_ref" in common ? { ...begins, q_ref: undefined } : begins;
+  // a sine from another kind of part is one period with the duration of that part
   const period =
-    kind === "sine" && !("period_s" in kept) && "duration_s" in kept ? { period_s: kept.duration_s } : {};
-  return stripped({ do: kind, ...aims, ...kept, ...period, ...parts });
+    kind === "sine" && !("period_s" in common) && "duration_s" in common
+      ? { period_s: common.duration_s }
+      : {};
+  return stripped({ do: kind, ...aims, ...common, ...period, ...parts });
 }
 
-/** A part without what is left out. */
+/** Returns a part without undefined values. */
 function stripped(part: Part): Part {
   return Object.fromEntries(Object.entries(part).filter(([, value]) => value !== undefined)) as Part;
 }
 
-/** What a part will do, in words: from what is written, and from what the service has laid out of it. Pure. */
-
-/** A number with its unit as it is read; an expression as it is written; null for what is left out. */
-function said(part: Part, name: string, unit: string, angles: AngleUnit): string | null {
+/** Formats a number with its unit, or returns an expression as written; null for an omitted value. */
+function formatValue(part: Part, name: string, unit: string, angles: AngleUnit): string | null {
   const value = part[name];
   if (typeof value === "number") return formatWithUnit(value, unit, angles);
   return typeof value === "string" ? value : null;
 }
 
 function aim(part: Part, angles: AngleUnit): string {
-  const q = said(part, "q_ref", "rad", angles);
-  const S = said(part, "S_ref", "N·m/rad", angles);
+  const q = formatValue(part, "q_ref", "rad", angles);
+  const S = formatValue(part, "S_ref", "N·m/rad", angles);
   const named = [
     q === null ? null : fillText(TEXTS.referenceTo, { symbol: "q", value: q }),
     S === null ? null : fillText(TEXTS.referenceTo, { symbol: "S", value: S }),
@@ -197,15 +195,15 @@ function aim(part: Part, angles: AngleUnit): string {
 }
 
 function swing(part: Part, angles: AngleUnit): string {
-  const q = part.q_amplitude === 0 ? null : said(part, "q_amplitude", "rad", angles);
-  const S = part.S_amplitude === 0 ? null : said(part, "S_amplitude", "N·m/rad", angles);
-  const q_crest = said(part, "q_ref", "rad", angles);
-  const S_crest = said(part, "S_ref", "N·m/rad", angles);
+  const q = part.q_amplitude === 0 ? null : formatValue(part, "q_amplitude", "rad", angles);
+  const S = part.S_amplitude === 0 ? null : formatValue(part, "S_amplitude", "N·m/rad", angles);
+  const q_crest = formatValue(part, "q_ref", "rad", angles);
+  const S_crest = formatValue(part, "S_ref", "N·m/rad", angles);
   const named = [oscillation("q", q, q_crest), oscillation("S", S, S_crest)].filter((one) => one !== null);
   return named.length === 0 ? TEXTS.noReference : named.join(", ");
 }
 
-/** Amplitude and crest of q or S; null where it has neither. */
+/** Describes the amplitude and crest of q or S; null without either. */
 function oscillation(symbol: string, amplitude: string | null, crest: string | null): string | null {
   const values = [
     amplitude === null ? null : fillText(TEXTS.amplitude, { value: amplitude }),
@@ -214,16 +212,16 @@ function oscillation(symbol: string, amplitude: string | null, crest: string | n
   return values.length === 0 ? null : fillText(TEXTS.oscillation, { symbol, values: values.join(", ") });
 }
 
-/** The push beside a motion; "" where there is none. */
+/** Describes the push during a motion; "" without one. */
 function push(part: Part, angles: AngleUnit): string {
-  const force = part.F_push === 0 ? null : said(part, "F_push", "N", angles);
+  const force = part.F_push === 0 ? null : formatValue(part, "F_push", "N", angles);
   return force === null ? "" : fillText(TEXTS.withPush, { force });
 }
 
-/** What is written. */
+/** Describes a part from its values. */
 export function describePart(part: Part, angles: AngleUnit): string {
-  const time = said(part, "duration_s", "s", angles) ?? "";
-  const of = (name: string, unit: string) => said(part, name, unit, angles) ?? TEXTS.missing;
+  const time = formatValue(part, "duration_s", "s", angles) ?? "";
+  const of = (name: string, unit: string) => formatValue(part, name, unit, angles) ?? TEXTS.missing;
   switch (part.do) {
     case "hold":
       return fillText(TEXTS.describeHold, { time });
@@ -291,7 +289,7 @@ export function describePart(part: Part, angles: AngleUnit): string {
       return fillText(TEXTS.describeCalibrate, { time: time || TEXTS.usualCalibration });
     case "until_contact":
       return fillText(TEXTS.describeUntilContact, {
-        force: said(part, "contact_N", "N", angles) ?? TEXTS.usualContact,
+        force: formatValue(part, "contact_N", "N", angles) ?? TEXTS.usualContact,
       });
     case "repeat":
       return fillText(TEXTS.describeRepeat, {
@@ -313,7 +311,7 @@ function cycles({ duration_s, period_s }: Part): string {
   });
 }
 
-/** The largest rate of a sine of q, a·2π/T. */
+/** Describes the largest rate of a sine of q, a·2π/T. */
 function fastest({ q_amplitude, period_s }: Part, angles: AngleUnit): string {
   if (typeof q_amplitude !== "number" || typeof period_s !== "number" || period_s <= 0 || q_amplitude === 0)
     return "";
@@ -336,7 +334,7 @@ function tuning(part: Part, angles: AngleUnit): string {
         ? value
           ? TEXTS.yes
           : TEXTS.no
-        : said(part, name, units[name] ?? "1", angles);
+        : formatValue(part, name, units[name] ?? "1", angles);
     return fillText(TEXTS.tuningValue, { symbol: words[name] ?? name, value: String(shown) });
   });
   return parts.length === 0
@@ -344,7 +342,7 @@ function tuning(part: Part, angles: AngleUnit): string {
     : fillText(TEXTS.describeTuning, { changes: parts.join(", ") });
 }
 
-/** What the service has laid out of it: when, and how fast a ramp is. */
+/** Describes the schedule of a part, and the speed of a ramp, as the service computed them. */
 export function describePlayed(part: Part, played: PartPlayed, angles: AngleUnit): string {
   const words = [
     fillText(TEXTS.scheduled, {
@@ -374,16 +372,14 @@ function rate(value: number, unit: string, angles: AngleUnit): string {
   );
 }
 
-/** Parts one after the other: the boxes of each, what it will do in words, what moves it. A loop has its parts within. */
-
-/** What a row may ask of the editor it stands in. */
+/** Actions that a row requests from its editor. */
 export interface Composing {
-  /** By place; empty while what the service has laid out is of another text. */
+  /** Schedule by place; empty while the schedule belongs to another text. */
   readonly played: ReadonlyMap<string, PartPlayed>;
   replace(place: Place, part: Part): void;
   insert(place: Place, part: Part): void;
   remove(place: Place): void;
-  /** By one place, into loops and out of them; the button that asked keeps the focus. */
+  /** Moves a part by one place, into and out of loops; the pressed button keeps the focus. */
   shift(place: Place, by: -1 | 1): void;
   canShift(place: Place, by: -1 | 1): boolean;
   drag(from: Place, event: DragEvent): void;
@@ -396,14 +392,14 @@ interface PartListProps {
   readonly composing: Composing;
 }
 
-/** With a place to drop a part and to add one at their end. */
+/** Lists parts with their boxes, descriptions and buttons, and a target to drop or add a part at the end. */
 export function PartList({ place, parts, composing }: PartListProps) {
   const end = [...place, parts.length];
   return (
     <ol className={styles.list}>
       {parts.map((part, index) => (
         <PartRow
-          // biome-ignore lint/suspicious/noArrayIndexKey: a part is its place in the sequence
+          // biome-ignore lint/suspicious/noArrayIndexKey: a part is identified by its position in the sequence
           key={index}
           part={part}
           place={[...place, index]}
@@ -472,7 +468,7 @@ function PartRow({ part, place, alone, composing }: PartRowProps) {
       }}
     >
       <div className={styles.head}>
-        {/* biome-ignore lint/a11y/noStaticElementInteractions: the buttons beside it do the same by keyboard */}
+        {/* biome-ignore lint/a11y/noStaticElementInteractions: the adjacent buttons offer the same actions by keyboard */}
         <span
           className={styles.grip}
           draggable
@@ -569,7 +565,7 @@ function PartRow({ part, place, alone, composing }: PartRowProps) {
         at={key}
         inner={innerOf(part).map(([inner]) => `${key}.${inner.join(".")}`)}
         id={messageId}
-        said={said}
+        reason={said}
       />
       {innerOf(part).map(([inner, parts]) => (
         <PartList key={inner.join(".")} place={[...place, ...inner]} parts={parts} composing={composing} />
@@ -580,16 +576,16 @@ function PartRow({ part, place, alone, composing }: PartRowProps) {
 
 interface RowRefusalProps {
   readonly at: string;
-  /** Where its inner parts are, which say for themselves what is refused in them. */
+  /** Places of the inner parts, which show their own refusals. */
   readonly inner: readonly string[];
   readonly id: string;
-  readonly said: string | null;
+  readonly reason: string | null;
 }
 
-/** Below the row, as the boxes are too narrow for a sentence. */
-function RowRefusal({ at, inner, id, said }: RowRefusalProps) {
+/** Shows a refusal below the row, because the boxes are too narrow for a sentence. */
+function RowRefusal({ at, inner, id, reason }: RowRefusalProps) {
   const within = useRefusedWithin(at, inner);
-  const text = said ?? within;
+  const text = reason ?? within;
   return text === null ? null : (
     <div id={id} role="alert" className={styles.refused}>
       {text}

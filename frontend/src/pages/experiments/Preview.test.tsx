@@ -8,7 +8,7 @@ import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import { useComposedPreview } from "./Preview";
 
-// the REST client takes hold of fetch when it is made
+// the REST client binds fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);
@@ -22,9 +22,9 @@ interface Asked {
 }
 
 let everything: Asked[] = [];
-/** What is to be played, and what is looked over only. */
-const played = () => everything.filter(({ play }) => play);
-const looked = () => everything.filter(({ play }) => !play);
+/** Requests with and without a simulation. */
+const simulated = () => everything.filter(({ play }) => play);
+const checked = () => everything.filter(({ play }) => !play);
 
 beforeEach(() => {
   vi.useFakeTimers();
@@ -58,9 +58,9 @@ function start(text: string) {
 }
 
 const pass = (ms: number) => act(() => vi.advanceTimersByTimeAsync(ms));
-const texts = () => played().map(({ text }) => text);
+const texts = () => simulated().map(({ text }) => text);
 
-it("asks once a text has come to rest", async () => {
+it("requests a preview when the text has not changed for a while", async () => {
   const { rerender } = start("a");
   await pass(300);
   rerender("b");
@@ -70,7 +70,7 @@ it("asks once a text has come to rest", async () => {
   expect(texts()).toEqual(["b"]);
 });
 
-it("has one under way at a time, and after it the newest text", async () => {
+it("simulates one text at a time, and then the newest", async () => {
   const { result, rerender } = start("a");
   await pass(700);
   for (const text of ["b", "c", "d"]) {
@@ -78,22 +78,22 @@ it("has one under way at a time, and after it the newest text", async () => {
     await pass(2000);
   }
   expect(texts()).toEqual(["a"]);
-  played()[0]?.answer({ title: "A", busy: false });
+  simulated()[0]?.answer({ title: "A", busy: false });
   await pass(10);
   expect(result.current).toMatchObject({ checked: { title: "A" }, current: false, error: null });
   await pass(700);
   expect(texts()).toEqual(["a", "d"]);
-  played()[1]?.answer({ title: "D", busy: false });
+  simulated()[1]?.answer({ title: "D", busy: false });
   await pass(10);
   expect(result.current).toMatchObject({ checked: { title: "D" }, current: true });
   await pass(5000);
   expect(texts()).toEqual(["a", "d"]);
 });
 
-it("tells a refusal of the text that stands there alone, and goes on with the next one", async () => {
+it("shows a refusal of the current text only, and continues with the next text", async () => {
   const { result, rerender } = start("a");
   await pass(700);
-  played()[0]?.answer({ error: { code: "out_of_range", message: "too far" } }, 422);
+  simulated()[0]?.answer({ error: { code: "out_of_range", message: "too far" } }, 422);
   await pass(10);
   expect(result.current).toMatchObject({ current: false, error: { message: "too far" } });
   rerender("b");
@@ -102,15 +102,15 @@ it("tells a refusal of the text that stands there alone, and goes on with the ne
   expect(texts()).toEqual(["a", "b"]);
 });
 
-it("asks again while there is no place, and not for an earlier text", async () => {
+it("repeats the request while the simulator is busy, but not for an earlier text", async () => {
   const { result, rerender } = start("a");
   await pass(700);
-  played()[0]?.answer({ title: "A", busy: true });
+  simulated()[0]?.answer({ title: "A", busy: true });
   await pass(10);
   expect(result.current.current).toBe(false);
   await pass(1600);
   expect(texts()).toEqual(["a", "a"]);
-  played()[1]?.answer({ title: "A", busy: true });
+  simulated()[1]?.answer({ title: "A", busy: true });
   await pass(10);
   rerender("b");
   await pass(700);
@@ -119,17 +119,17 @@ it("asks again while there is no place, and not for an earlier text", async () =
   expect(texts()).toEqual(["a", "a", "b"]);
 });
 
-it("tells at once what is refused, whatever is being played", async () => {
+it("shows a refusal at once, also during a simulation", async () => {
   const { result, rerender } = start("a");
   await pass(700);
   expect(texts()).toEqual(["a"]);
   rerender("b");
   await pass(400);
-  expect(looked().map(({ text }) => text)).toEqual(["a", "b"]);
-  looked()[1]?.answer({ error: { code: "out_of_range", message: "too far" } }, 422);
+  expect(checked().map(({ text }) => text)).toEqual(["a", "b"]);
+  checked()[1]?.answer({ error: { code: "out_of_range", message: "too far" } }, 422);
   await pass(10);
   expect(result.current).toMatchObject({ current: false, error: { message: "too far" } });
-  played()[0]?.answer({ title: "A", busy: false });
+  simulated()[0]?.answer({ title: "A", busy: false });
   await pass(10);
   expect(result.current).toMatchObject({
     checked: { title: "A" },

@@ -13,15 +13,14 @@ import { Figures } from "./ExperimentRuns";
 import styles from "./SequenceEditor.module.css";
 import { TEXTS } from "./texts";
 
-/** What an experiment that is being composed would give on the simulator, and whether that is of what stands there now. */
-
 interface PreviewProps {
   readonly checked: CheckedExperiment | null;
-  /** It is of the text that stands there now. */
+  /** Whether the preview belongs to the current text. */
   readonly current: boolean;
   readonly problem: string | null;
 }
 
+/** Shows the simulated result of an edited experiment, and whether it is current. */
 export function Preview({ checked, current, problem }: PreviewProps) {
   return (
     <section aria-label={TEXTS.preview} className={page.fields} aria-busy={!current && problem === null}>
@@ -57,7 +56,7 @@ function stateOf(checked: CheckedExperiment | null, current: boolean, problem: s
   return checked?.busy ? TEXTS.previewWaits : TEXTS.previewCurrent;
 }
 
-/** What a check came to, in a sentence or two. */
+/** Describes the result of a check. */
 export function describeCheck(checked: CheckedExperiment): string {
   const parts = [duration(checked.duration_s), countThings(checked.parts.length, TEXTS.partCount)];
   if (checked.changes_of_tuning > 0)
@@ -80,26 +79,26 @@ function describePeaks(checked: CheckedExperiment): string {
 }
 
 /**
- * The preview of a text that is being edited: asked for when it comes to rest, told from one of an earlier text. What is
- * refused is told at once, whatever is being played meanwhile. One is played at a time, and to its end: ending it would end the process that plays, which takes far longer to be there again.
- * After it comes the text that stands there then, whatever stood there in between.
+ * Preview of an edited text. The page requests it when the text has not changed for `REST_MS`. A check without simulation
+ * shows a refusal earlier, also during a simulation. One simulation runs at a time, and to its end: cancelling it would
+ * end its worker process, which takes far longer to restart. The next simulation uses the text at that time.
  */
 
 const REST_MS = 600;
-const LOOK_MS = 300;
+const CHECK_MS = 300;
 
 interface ComposedPreview {
-  /** The newest there is, be it of an earlier text. */
+  /** Newest preview, which may belong to an earlier text. */
   readonly checked: CheckedExperiment | null;
-  /** It is of this very text, and was played. */
+  /** Whether the preview belongs to this text and was simulated. */
   readonly current: boolean;
-  /** Why this text is refused; null while that is not known. */
+  /** Refusal of this text; null if it is unknown. */
   readonly error: Error | null;
 }
 
-/** No text, no preview. */
+/** Returns the preview of a text; an empty text has none. */
 export function useComposedPreview(text: string): ComposedPreview {
-  // peaks are those of the tuning in force: of another one they are to be played anew
+  // the results depend on the active tuning: another one requires a new simulation
   const tuning = useLive(({ state }) => {
     if (state === null) return "";
     const { lam_q, lam_S, lam_motor, b, interpolate, motion, u_plan, k_ext, bank } = state.tuning;
@@ -113,21 +112,21 @@ export function useComposedPreview(text: string): ComposedPreview {
   });
   const [rested, rest] = useState("");
   useEffect(() => {
-    const timer = setTimeout(() => rest(text), LOOK_MS);
+    const timer = setTimeout(() => rest(text), CHECK_MS);
     return () => clearTimeout(timer);
   }, [text]);
-  const looked = useQuery({ ...checkedExperimentQuery(rested), enabled: rested !== "" });
-  const refused = rested === text ? looked.error : null;
-  const standing = asked.text === text && asked.tuning === tuning;
+  const check = useQuery({ ...checkedExperimentQuery(rested), enabled: rested !== "" });
+  const refused = rested === text ? check.error : null;
+  const isCurrent = asked.text === text && asked.tuning === tuning;
   useEffect(() => {
-    if (isFetching || standing) return;
+    if (isFetching || isCurrent) return;
     const timer = setTimeout(() => ask({ text, tuning }), REST_MS);
     return () => clearTimeout(timer);
-  }, [text, tuning, isFetching, standing]);
+  }, [text, tuning, isFetching, isCurrent]);
   return {
     checked: text === "" ? null : (data ?? null),
     current:
-      text !== "" && standing && refused === null && data !== undefined && !isPlaceholderData && !data.busy,
-    error: text === "" ? null : (refused ?? (standing ? error : null)),
+      text !== "" && isCurrent && refused === null && data !== undefined && !isPlaceholderData && !data.busy,
+    error: text === "" ? null : (refused ?? (isCurrent ? error : null)),
   };
 }

@@ -1,4 +1,4 @@
-/** Experiments that wait for their turn. */
+/** Queue of experiments. */
 
 import { ActionIcon, Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
@@ -44,7 +44,7 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
                       {fillText(item.kept ? TEXTS.queuedBeforeRestart : TEXTS.queuedBy, { person: item.who })}
                     </span>
                     <br />
-                    <RunSummary name={item.name} settings={item.settings} inForce={tuningOf(state)} />
+                    <RunSummary name={item.name} settings={item.settings} active={tuningOf(state)} />
                   </span>
                   <OperatorsOnly>
                     <ActionIcon

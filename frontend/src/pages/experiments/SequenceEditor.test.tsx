@@ -43,7 +43,7 @@ describe("SequenceEditor", () => {
   });
   afterEach(cleanup);
 
-  it("moves a part by its button, which keeps the focus where the part is then", () => {
+  it("moves a part by its button, which keeps the focus at the new place", () => {
     opened();
     fireEvent.click(button(fillText(TEXTS.movePartDown, { number: "1.1" })));
     expect(kinds()).toEqual(["ramp", "step", "hold"]);
@@ -53,7 +53,7 @@ describe("SequenceEditor", () => {
     );
   });
 
-  it("takes a part that is dropped into a loop", () => {
+  it("moves a part that is dropped into a loop", () => {
     opened();
     fireEvent.click(button(fillText(TEXTS.repeatPart, { number: "1.2" })));
     const row = screen.getByRole("listitem", { name: fillText(TEXTS.part, { number: "1.3" }) });
@@ -69,7 +69,7 @@ describe("SequenceEditor", () => {
     });
   });
 
-  it("keeps a number as it is read in SI, an expression as it is, and leaves out what is empty", () => {
+  it("stores a number in SI and an expression as written, and omits empty values", () => {
     opened();
     const box = () =>
       screen.getByRole("textbox", { name: `q_ref [°] ${fillText(TEXTS.ofPart, { number: "1.2" })}` });

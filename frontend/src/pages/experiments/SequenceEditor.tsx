@@ -5,10 +5,10 @@ import { useRefusedInput } from "../../service/forms/refusals";
 import type { PartPlayed } from "../../wire/types";
 import pageStyles from "../Page.module.css";
 import {
-  beside,
   type Document,
   inserted,
   moved,
+  neighbour,
   numberOf,
   type Part,
   type Place,
@@ -19,20 +19,19 @@ import { type Composing, PartList } from "./PartList";
 import sequenceEditorStyles from "./SequenceEditor.module.css";
 import { TEXTS } from "./texts";
 
-/** The sequence of an experiment, part by part: by drag, by keyboard, in loops as deep as they go. */
-
 interface SequenceEditorProps {
   readonly document: Document;
-  /** What the service has laid out of it; none while that is of another text. */
+  /** Schedule that the service computed; empty while it belongs to another text. */
   readonly played: readonly PartPlayed[];
   onChange(document: Document): void;
 }
 
+/** Editor of the sequence of an experiment; moves parts by drag and by keyboard, also into nested loops. */
 export function SequenceEditor({ document, played, onChange }: SequenceEditorProps) {
   const box = useRef<HTMLDivElement>(null);
   const dragged = useRef<Place | null>(null);
   const [focus, setFocus] = useState<{ readonly place: Place; readonly button: string } | null>(null);
-  const [told, tell] = useState("");
+  const [announcement, setAnnouncement] = useState("");
   useEffect(() => {
     if (focus === null) return;
     const row = box.current?.querySelector(`[data-place="${focus.place.join(".")}"]`);
@@ -44,7 +43,7 @@ export function SequenceEditor({ document, played, onChange }: SequenceEditorPro
   function move(from: Place, to: Place, button: string | null): void {
     const [next, where] = moved(document, from, to);
     onChange(next);
-    tell(fillText(TEXTS.partMoved, { from: numberOf(from), to: numberOf(where) }));
+    setAnnouncement(fillText(TEXTS.partMoved, { from: numberOf(from), to: numberOf(where) }));
     if (button !== null) setFocus({ place: where, button });
   }
 
@@ -53,9 +52,9 @@ export function SequenceEditor({ document, played, onChange }: SequenceEditorPro
     replace: (place, part) => onChange(replaced(document, place, part)),
     insert: (place, part) => onChange(inserted(document, place, part)),
     remove: (place) => onChange(removed(document, place)),
-    canShift: (place, by) => beside(document, place, by) !== null,
+    canShift: (place, by) => neighbour(document, place, by) !== null,
     shift: (place, by) => {
-      const to = beside(document, place, by);
+      const to = neighbour(document, place, by);
       if (to !== null) move(place, to, by > 0 ? "down" : "up");
     },
     drag: (from, event) => {
@@ -97,7 +96,7 @@ export function SequenceEditor({ document, played, onChange }: SequenceEditorPro
         </fieldset>
       ))}
       <output className={sequenceEditorStyles.unseen} aria-label={TEXTS.moved}>
-        {told}
+        {announcement}
       </output>
     </div>
   );

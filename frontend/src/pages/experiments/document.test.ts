@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { beside, type Document, documentIn, moved, numberOf, SAMPLE, writeDocument } from "./document";
+import { type Document, documentIn, moved, neighbour, numberOf, SAMPLE, writeDocument } from "./document";
 import { PART_FORMS, partOf } from "./PartList";
 
 const DO = (kind: string, name: number) => ({ do: kind, duration_s: name });
@@ -19,24 +19,24 @@ const LOOPED: Document = {
   ],
 };
 
-/** Names of the parts in the order in which they stand, loops in brackets. */
+/** Returns the durations of the parts in their order, loops in brackets. */
 function order(document: Document): string {
   const of = (parts: readonly Record<string, unknown>[]): string =>
     parts.map((part) => (part.do === "repeat" ? `[${of(part.parts as [])}]` : part.duration_s)).join("");
   return document.phases.map(({ parts }) => of(parts)).join("|");
 }
 
-test("what is written is what is read, and no part is split over lines", () => {
+test("reads the document that it has written, and writes no part over several lines", () => {
   const text = writeDocument(LOOPED);
   expect(documentIn(text)).toEqual(LOOPED);
   expect(text).toContain('\n        {"do":"hold","duration_s":1},\n');
 });
 
-test("a part goes down through a loop and on into the next phase, and the same way back", () => {
+test("moves a part down through a loop into the next phase, and back along the same path", () => {
   const seen = ["1[23]4|5"];
   let [document, place] = [LOOPED, ["phases", 0, "parts", 0] as readonly (string | number)[]];
   const go = (by: -1 | 1) => {
-    for (let to = beside(document, place, by); to !== null; to = beside(document, place, by)) {
+    for (let to = neighbour(document, place, by); to !== null; to = neighbour(document, place, by)) {
       [document, place] = moved(document, place, to);
       seen.push(order(document));
     }
@@ -58,21 +58,21 @@ test("a part goes down through a loop and on into the next phase, and the same w
   expect(seen).toEqual(down.toReversed().slice(1));
 });
 
-test("a loop is not dropped into itself", () => {
+test("does not drop a loop into itself", () => {
   const loop = ["phases", 0, "parts", 1];
   expect(moved(LOOPED, loop, [...loop, "parts", 0])).toEqual([LOOPED, loop]);
 });
 
-test("a part dropped before one of another list is there", () => {
+test("moves a part to its target in another list", () => {
   const [document, place] = moved(LOOPED, ["phases", 1, "parts", 0], ["phases", 0, "parts", 1, "parts", 1]);
   expect(order(document)).toBe("1[253]4|");
   expect(numberOf(place)).toBe("1.2.2");
 });
 
-test("a step that becomes a ramp goes to the same place, in the same time", () => {
+test("converts a step to a ramp with the same target and duration", () => {
   const step = { do: "step", S_ref: 12, duration_s: 3 };
   expect(partOf("ramp", step)).toEqual({ do: "ramp", S_ref: 12, duration_s: 3 });
-  // a sine is one whole period of the time that the part took, not half of one
+  // a sine is one whole period with the duration of the part, not half a period
   expect(partOf("sine", step)).toEqual({ do: "sine", q_amplitude: 0.2, period_s: 3, duration_s: 3 });
   expect(partOf("sine")).toMatchObject({ period_s: 4, duration_s: 8 });
   expect(Object.keys(PART_FORMS).map((kind) => partOf(kind).do)).toEqual(Object.keys(PART_FORMS));

@@ -1,8 +1,8 @@
 import { TEXTS } from "./texts";
 
-/** An experiment as the composer edits it: its document as the service reads it, changed by place. Pure. */
+/** Document of an experiment in the format of the service, with changes by place. Pure. */
 
-/** A number in SI, or an expression of the experiment's settings. */
+/** A value in SI, or an expression of the experiment's settings. */
 export type Value = number | string | boolean;
 export type Place = readonly (number | string)[];
 
@@ -53,7 +53,7 @@ export const SAMPLE: Document = {
   criteria: [{ figure: "min_tension_N", above: 2, title: TEXTS.sampleCriterion }],
 };
 
-/** A document that the composer can show: whatever else is wrong with it the service tells, at its place. */
+/** Returns data as a document if the editor can show it; the service reports other errors, with their place. */
 export function asDocument(read: unknown): Document | null {
   const found = read as Document | null;
   const isOne =
@@ -75,7 +75,7 @@ function isPart(part: unknown): boolean {
   return innerOf(part as Part).every(([, inner]) => Array.isArray(inner) && inner.every(isPart));
 }
 
-/** The document of a text in JSON; null for any other text, which the service reads. */
+/** Parses a document in JSON; null for any other text, which the service parses. */
 export function documentIn(text: string): Document | null {
   try {
     return asDocument(JSON.parse(text));
@@ -84,7 +84,7 @@ export function documentIn(text: string): Document | null {
   }
 }
 
-/** A document as a text: JSON, which the service takes as YAML, with each part on a line of its own. */
+/** Formats a document as JSON, which is valid YAML, with one line for each part. */
 export function writeDocument(document: Document): string {
   return `${write(document, "")}\n`;
 }
@@ -101,7 +101,7 @@ function write(value: unknown, indent: string): string {
   return `{\n${entries.map(([name, one]) => `${deeper}${JSON.stringify(name)}: ${write(one, deeper)}`).join(",\n")}\n${indent}}`;
 }
 
-/** The lists of parts within a part, each with its place there. */
+/** Returns the lists of parts within a part, each with its place. */
 export function innerOf(part: Part): [Place, readonly Part[]][] {
   if (Array.isArray(part.parts)) return [[["parts"], part.parts]];
   if (part.do === "choose" && typeof part.of === "object") {
@@ -112,12 +112,12 @@ export function innerOf(part: Part): [Place, readonly Part[]][] {
 
 type Tree = Record<string | number, unknown>;
 
-/** What stands at a place. */
+/** Returns the value at a place. */
 function at(document: unknown, place: Place): unknown {
   return place.reduce((here, name) => (here as Tree | undefined)?.[name], document);
 }
 
-/** The same with something else at a place. */
+/** Returns a copy with another value at a place. */
 function withAt<T>(document: T, place: Place, next: unknown): T {
   const [name, ...rest] = place;
   if (name === undefined) return next as T;
@@ -130,7 +130,7 @@ export function replaced(document: Document, place: Place, next: unknown): Docum
   return withAt(document, place, next);
 }
 
-/** The list that an item stands in, and where in it. */
+/** Returns the place of the list that contains an item, and the index of the item. */
 function within(place: Place): [Place, number] {
   return [place.slice(0, -1), Number(place.at(-1))];
 }
@@ -145,14 +145,14 @@ export function removed(document: Document, place: Place): Document {
   return withAt(document, list, (at(document, list) as unknown[]).toSpliced(index, 1));
 }
 
-/** Whether one place lies in another, or is it. */
+/** Whether one place is within another, or equal to it. */
 function lies(place: Place, around: Place): boolean {
   return around.every((name, index) => place[index] === name);
 }
 
 /**
- * A part taken from one place and put before what stands at another, and where it is then; into itself it cannot go.
- * The list may be anywhere: a loop, another phase.
+ * Moves a part before the item at another place, in any list; returns the document and the new place. A part does not
+ * move into itself.
  */
 export function moved(document: Document, from: Place, to: Place): [Document, Place] {
   if (lies(to, from)) return [document, from];
@@ -164,8 +164,8 @@ export function moved(document: Document, from: Place, to: Place): [Document, Pl
   return [inserted(without, target, item), target];
 }
 
-/** Where a part goes that is moved one place up or down: into loops and out of them, and to the next phase. */
-export function beside(document: Document, place: Place, by: -1 | 1): Place | null {
+/** Returns the place one step up or down, into and out of loops and to the next phase; null if there is none. */
+export function neighbour(document: Document, place: Place, by: -1 | 1): Place | null {
   const [list, index] = within(place);
   const parts = at(document, list) as readonly Part[];
   const next = index + by;
@@ -181,12 +181,12 @@ export function beside(document: Document, place: Place, by: -1 | 1): Place | nu
     const other = document.phases[phase];
     return other === undefined ? null : ["phases", phase, "parts", by > 0 ? 0 : other.parts.length];
   }
-  // out of the part around it: a list of parts is "parts" of it, or "of" and the name of a choice
+  // out of the enclosing part: its list is "parts", or "of" and the name of a choice
   const around = list.slice(0, list.at(-1) === "parts" ? -1 : -2);
   return by > 0 ? [...around.slice(0, -1), Number(around.at(-1)) + 1] : around;
 }
 
-/** A place among parts as a person counts: "2.1", the first part of the second phase. */
+/** Formats a place with numbers from 1: "2.1", the first part of the second phase. */
 export function numberOf(place: Place): string {
   return place.flatMap((name) => (typeof name === "number" ? [name + 1] : [])).join(".");
 }
