@@ -15,7 +15,7 @@ import {
 } from "./ActuatorResult";
 import { TEXTS } from "./texts";
 
-// the REST client takes hold of fetch when it is made, the charts of the screen
+// the REST client binds fetch when it is created, the charts read the pixel density
 vi.hoisted(() => {
   vi.stubGlobal("fetch", () => new Promise(() => {}));
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
@@ -49,21 +49,24 @@ it.each([
   [POOR, GOOD, "Usable with caution", GOOD.verdict],
   [POOR, POOR, "Usable with caution", "Usable with caution"],
   [GOOD, GOOD, "Usable", "Usable"],
-])("says of each model what the verdict above leaves out, and no reason twice", (G_q, G_S, ofG_q, ofG_S) => {
-  const identification = { run: 3, usable: false, G_q, G_S } as unknown as Identification;
-  render(
-    <QueryClientProvider client={new QueryClient()}>
-      <MantineProvider>
-        <ActuatorResult identification={identification} />
-      </MantineProvider>
-    </QueryClientProvider>,
-  );
-  for (const [name, words] of [
-    [fillText(TEXTS.model, { name: "G_q" }), ofG_q],
-    [fillText(TEXTS.model, { name: "G_S" }), ofG_S],
-  ] as const)
-    expect(within(screen.getByRole("region", { name })).getByText(words)).toBeTruthy();
-});
+])(
+  "shows the verdict on a model without its reasons if the identification shows them",
+  (G_q, G_S, ofG_q, ofG_S) => {
+    const identification = { run: 3, usable: false, G_q, G_S } as unknown as Identification;
+    render(
+      <QueryClientProvider client={new QueryClient()}>
+        <MantineProvider>
+          <ActuatorResult identification={identification} />
+        </MantineProvider>
+      </QueryClientProvider>,
+    );
+    for (const [name, words] of [
+      [fillText(TEXTS.model, { name: "G_q" }), ofG_q],
+      [fillText(TEXTS.model, { name: "G_S" }), ofG_S],
+    ] as const)
+      expect(within(screen.getByRole("region", { name })).getByText(words)).toBeTruthy();
+  },
+);
 
 describe("candidates", () => {
   const MOTOR = {
@@ -90,7 +93,7 @@ describe("candidates", () => {
     return { ...nothing, ...parts } as unknown as Identification;
   }
 
-  test("a motor is told with its estimates and their standard errors", () => {
+  test("returns the estimates of a motor with their standard errors", () => {
     const one = identification(3, { motors: [MOTOR] });
     expect(candidateOf(one, "A")).toEqual({
       run: 3,
@@ -105,7 +108,7 @@ describe("candidates", () => {
     expect(candidateOf(one, "G_q")).toBeNull();
   });
 
-  test("a channel of the actuator has gain and sum of lags, an error that could not be had stays away", () => {
+  test("returns gain and sum of lags of a channel, without an undetermined error", () => {
     const one = identification(4, { kind: "actuator", G_S: MODEL });
     expect(candidateOf(one, "G_S")?.estimates).toEqual([
       { name: "K", unit: "N·m/rad²", value: 0.05, std: null },
@@ -113,7 +116,7 @@ describe("candidates", () => {
     ]);
   });
 
-  test("compared is what is of the same kind and has a model", () => {
+  test("compares identifications of the same kind with a model", () => {
     const [motor, other, empty] = [
       identification(1, {}),
       identification(2, {}),
@@ -123,7 +126,7 @@ describe("candidates", () => {
     expect(comparable(motor, [actuator, empty, other, motor])).toEqual([other]);
   });
 
-  test("a session is the day of the newest model, oldest first", () => {
+  test("returns the runs of the day of the newest model, oldest first", () => {
     const at = (run: number, created: string, estimate: number | null = run) =>
       identification(run, { created, estimate });
     const all = [
@@ -136,14 +139,14 @@ describe("candidates", () => {
     expect(sessionOf([])).toEqual([]);
   });
 
-  test("a change is told in per cent with its sign, and not where there is nothing to divide by", () => {
+  test("formats a change in percent with its sign, and none relative to zero", () => {
     expect(change(2.2, 2)).toBe("+10.0 %");
     expect(change(1.9, 2)).toBe("−5.0 %");
     expect(change(2, 2)).toBe("0.0 %");
     expect(change(1, 0)).toBeNull();
   });
 
-  test("where the predicted samples come from is said for each kind", () => {
+  test("describes the source of the predicted samples for each kind", () => {
     expect(describeRecord("actuator", 7, true)).toBe(fillText(TEXTS.ownThird, { run: 7 }));
     expect(describeRecord("motor", 7, false)).toBe(fillText(TEXTS.otherSteps, { run: 7 }));
   });
@@ -160,7 +163,7 @@ describe("residuals", () => {
     passed: false,
   };
 
-  test("a residual test says which test, its statistic and its level", () => {
+  test("describes a residual test with its statistic and level", () => {
     expect(residualOutcome(TEST, "white", "coloured")).toBe(
       fillText(TEXTS.testOutcome, {
         outcome: "coloured",

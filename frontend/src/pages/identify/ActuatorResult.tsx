@@ -20,13 +20,11 @@ import pageStyles from "../Page.module.css";
 import identifyStyles from "./Identify.module.css";
 import { TEXTS } from "./texts";
 
-/** What is set side by side of several identifications of one kind. Pure. */
-
-/** Runs that the service puts into one report. */
+/** Largest number of runs in one report. */
 const MOST_IN_A_REPORT = 100;
 
 interface Estimated {
-  /** As the notation spells it. */
+  /** Symbol in the notation. */
   readonly name: string;
   readonly unit: string;
   readonly value: number;
@@ -39,7 +37,7 @@ interface Candidate {
   readonly grade: string;
 }
 
-/** The estimates behind one output, "G_q" or "G_S" of an actuator, "A" or "B" of motors; null where there are none. */
+/** Returns the estimates of one output, "G_q" or "G_S" of an actuator, "A" or "B" of motors; null without any. */
 export function candidateOf(identification: Identification, output: string): Candidate | null {
   const { run } = identification;
   const model = output === "G_q" ? identification.G_q : output === "G_S" ? identification.G_S : null;
@@ -68,12 +66,12 @@ export function candidateOf(identification: Identification, output: string): Can
   };
 }
 
-/** Identifications that can be set beside this one: of its kind, with a model, newest first, itself left out. */
+/** Returns the identifications to compare with this one: others of its kind with a model, newest first. */
 export function comparable(one: Identification, all: readonly Identification[]): Identification[] {
   return all.filter(({ run, kind, estimate }) => run !== one.run && kind === one.kind && estimate !== null);
 }
 
-/** Runs of the session that the newest belongs to, oldest first: those with a model that were made on its day. */
+/** Returns the runs with a model from the day of the newest one, oldest first. */
 export function sessionOf(all: readonly Identification[]): number[] {
   const found = all.filter(({ estimate }) => estimate !== null);
   const day = (one: Identification) => new Date(one.created).toDateString();
@@ -86,14 +84,14 @@ export function sessionOf(all: readonly Identification[]): number[] {
     .reverse();
 }
 
-/** How far a value is from another, in words of the page; null where there is nothing to divide by. */
+/** Formats the relative change of a value; null relative to zero. */
 export function change(value: number, from: number): string | null {
   if (from === 0) return null;
   const percent = 100 * (value / from - 1);
   return `${percent > 0 ? "+" : ""}${fixed(percent, 1)} %`;
 }
 
-/** Where the predicted samples came from, in a sentence. */
+/** Describes the source of the predicted samples. */
 export function describeRecord(kind: string, of: number, own: boolean): string {
   if (kind === "motor") return fillText(own ? TEXTS.ownSteps : TEXTS.otherSteps, { run: of });
   return fillText(own ? TEXTS.ownThird : TEXTS.otherThird, { run: of });
@@ -103,8 +101,7 @@ export function outputTitle(output: UnseenOutput): string {
   return output.name.startsWith("G_") ? output.name : fillText(TEXTS.motor, { side: output.name });
 }
 
-/** A residual test in words: which test, its statistic, its level. */
-
+/** Describes the result of a residual test, with its statistic and level. */
 export function residualOutcome(test: Correlation, good: string, bad: string): string {
   const { correlation, statistic, critical, level, passed } = test;
   return fillText(TEXTS.testOutcome, {
@@ -116,8 +113,7 @@ export function residualOutcome(test: Correlation, good: string, bad: string): s
   });
 }
 
-/** One fitted model with its quality: gain against geometry, lag, fit, parameters, verdict. */
-
+/** Shows one model: gain compared with geometry, lag, fit, parameters and verdict. */
 function ModelView({
   name,
   path,
@@ -129,7 +125,7 @@ function ModelView({
   path: string;
   unit: string;
   model: Model;
-  /** The verdict on the whole identification has the reasons of this model's grade already. */
+  /** Whether the verdict on the identification contains the reasons of this model's grade. */
   isExplained: boolean;
 }) {
   const deviation = 100 * (model.K / model.gain_geometry - 1);
@@ -145,7 +141,7 @@ function ModelView({
             <Explained of="quantity:K">{TEXTS.gain}</Explained> {unit !== "" && `[${unit}]`}
           </dt>
           <dd>{significant(model.K, 4)}</dd>
-          <dd className={identifyStyles.beside}>
+          <dd className={identifyStyles.note}>
             {fillText(TEXTS.gainGeometry, {
               gain: significant(model.gain_geometry, 3),
               deviation: `${sign}${fixed(deviation, 1)} %`,
@@ -157,7 +153,7 @@ function ModelView({
             <Explained of="quantity:T">{TEXTS.lags}</Explained> [s]
           </dt>
           <dd>{significant(model.T, 3)}</dd>
-          <dd className={identifyStyles.beside}>{TEXTS.firstOrderReduction}</dd>
+          <dd className={identifyStyles.note}>{TEXTS.firstOrderReduction}</dd>
         </div>
         <div>
           <dt>
@@ -168,7 +164,7 @@ function ModelView({
               {(fit) => percent(fit, 1)}
             </ValueOrReason>
           </dd>
-          <dd className={identifyStyles.beside}>{TEXTS.onValidationData}</dd>
+          <dd className={identifyStyles.note}>{TEXTS.onValidationData}</dd>
         </div>
       </dl>
       <Table withRowBorders={false} verticalSpacing={2} aria-label={fillText(TEXTS.parametersOf, { name })}>
@@ -205,15 +201,13 @@ function ModelView({
   );
 }
 
-/** G_q and G_S: models, responses beside the data, residual tests, candidates, and what would change in the bank. */
-
 const COHERENT = 0.9;
 const CHANNELS: Record<string, { hue: string; unit: string; output: string; outputUnit: string }> = {
   G_q: { hue: HUES.q, unit: "rad/rad", output: "q", outputUnit: "rad" },
   G_S: { hue: HUES.S, unit: "N·m/rad per rad", output: "S", outputUnit: "N·m/rad" },
 };
 
-/** The step whose response is drawn, round as it is read; the models are linear [rad]. */
+/** Step of the drawn response [rad], a round value in the person's unit; the models are linear. */
 const STEP = { deg: Math.PI / 18, rad: 1 } as const;
 
 const UNKNOWN = { hue: "text", unit: "", output: "", outputUnit: "1" };
@@ -250,7 +244,7 @@ export function ActuatorResult({ identification }: { identification: Identificat
 
 const GRADES = ["usable", "usable with caution", "not usable"];
 
-/** Whether the verdict on both models has the reasons of this one: it has those of the worse grade. */
+/** Whether the verdict on both models contains the reasons of this one: it contains those of the worse grade. */
 function isWorst(model: Model, other: Model | null): boolean {
   return other === null || GRADES.indexOf(model.grade) >= GRADES.indexOf(other.grade);
 }
@@ -395,14 +389,26 @@ function Candidates({ channel }: { channel: ChannelCurves }) {
           {channel.candidates.map((candidate) => (
             <Table.Tr key={candidate.structure}>
               <Table.Td>{describeStructure(candidate.structure)}</Table.Td>
-              <Tried value={candidate.K} problem={candidate.problem} told={(K) => significant(K, 4)} />
-              <Tried value={candidate.T} problem={candidate.problem} told={(T) => significant(T, 3)} />
-              <Tried
+              <CandidateValue
+                value={candidate.K}
+                problem={candidate.problem}
+                format={(K) => significant(K, 4)}
+              />
+              <CandidateValue
+                value={candidate.T}
+                problem={candidate.problem}
+                format={(T) => significant(T, 3)}
+              />
+              <CandidateValue
                 value={candidate.fit_percent}
                 problem={candidate.problem}
-                told={(fit) => percent(fit, 1)}
+                format={(fit) => percent(fit, 1)}
               />
-              <Tried value={candidate.BIC} problem={candidate.problem} told={(BIC) => fixed(BIC, 0)} />
+              <CandidateValue
+                value={candidate.BIC}
+                problem={candidate.problem}
+                format={(BIC) => fixed(BIC, 0)}
+              />
               <Table.Td>
                 {candidate.problem === "" ? (
                   <Explained of={`grade:${candidate.grade}`} quiet>
@@ -420,18 +426,18 @@ function Candidates({ channel }: { channel: ChannelCurves }) {
   );
 }
 
-interface TriedProps {
+interface CandidateValueProps {
   readonly value: number | null;
-  /** Why nothing came of the structure. */
+  /** Reason why the structure has no model. */
   readonly problem: string;
-  told(value: number): string;
+  format(value: number): string;
 }
 
-function Tried({ value, problem, told }: TriedProps) {
+function CandidateValue({ value, problem, format }: CandidateValueProps) {
   return (
     <Table.Td className={pageStyles.number}>
       <ValueOrReason value={value} why={problem === "" ? TEXTS.notDetermined : problem}>
-        {told}
+        {format}
       </ValueOrReason>
     </Table.Td>
   );

@@ -15,7 +15,7 @@ const ACTUATOR: IdentificationKind = {
 };
 
 describe("requestOf", () => {
-  it("asks for all that is shown", () => {
+  it("requests all shown settings", () => {
     const values = valuesOf(ACTUATOR, { tension_N: 30 }, "deg");
     expect(values).toEqual({ tension_N: 30, chip_s: 0.04 });
     expect(requestOf(ACTUATOR, values, "")).toEqual({
@@ -28,7 +28,7 @@ describe("requestOf", () => {
     ]);
   });
 
-  it("sends a word that is chosen, the default where none is", () => {
+  it("sends a chosen option, or the default", () => {
     const estimator = {
       name: "estimator",
       symbol: "",
@@ -47,7 +47,7 @@ describe("requestOf", () => {
     ]);
   });
 
-  it("leaves out the one tension that is not in use", () => {
+  it("omits the single tension while a list is given", () => {
     expect(requestOf(ACTUATOR, valuesOf(ACTUATOR, { tension_N: "" }, "deg"), "10 20").request).toEqual({
       kind: "actuator",
       chip_s: 0.04,
@@ -55,14 +55,14 @@ describe("requestOf", () => {
     });
   });
 
-  it("takes several tensions from a list", () => {
+  it("reads several tensions from a list", () => {
     expect(requestOf(ACTUATOR, {}, " 10, 20;30 40 ").request).toEqual({
       kind: "actuator",
       tensions_N: [10, 20, 30, 40],
     });
   });
 
-  it("says what is no number instead of asking", () => {
+  it("reports a value that is not a number, without a request", () => {
     expect(requestOf(ACTUATOR, { chip_s: "" }, "")).toMatchObject({
       request: null,
       problem: fillText(TEXTS.notANumber, {

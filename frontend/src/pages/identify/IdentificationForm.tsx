@@ -47,16 +47,14 @@ import identifyStyles from "./Identify.module.css";
 import { SpringTableForm } from "./SpringResult";
 import { SETTING_LABELS, TEXTS } from "./texts";
 
-/** From what stands in the form to what is asked of the service. Pure. */
-
 type Kind = IdentificationRequest["kind"];
 type Values = Record<string, number | string>;
 
 interface Asked {
-  /** Null while something in the form is no number. */
+  /** Null while a value is not a number. */
   readonly request: IdentificationRequest | null;
   readonly problem: string | null;
-  /** Of the field that the problem is about. */
+  /** Place of the field with the problem. */
   readonly place?: string;
 }
 
@@ -66,7 +64,7 @@ function labelOf({ name, meaning }: Setting): string {
   return SETTING_LABELS[name] ?? meaning;
 }
 
-/** Every setting: what a person changed, else its default. All of it is shown, and sent. */
+/** Returns every setting, with the changed value or the default; the form shows and sends all of them. */
 export function valuesOf(kind: IdentificationKind, changed: Values, angles: AngleUnit): Values {
   const values = kind.settings.map((setting) => [
     setting.name,
@@ -75,7 +73,7 @@ export function valuesOf(kind: IdentificationKind, changed: Values, angles: Angl
   return Object.fromEntries(values);
 }
 
-/** Where the value of a setting comes from. */
+/** Describes the source of the value of a setting. */
 export function originOf(setting: Setting, changed: Values, angles: AngleUnit): string {
   const [value, usual] = [changed[setting.name], usualOf(setting, angles)];
   if (value === undefined || value === usual) return TEXTS.usesDefault;
@@ -87,10 +85,10 @@ function usualOf(setting: Setting, angles: AngleUnit): number | string {
   return setting.choices ? String(setting.default) : offeredDefault(Number(setting.default), setting, angles);
 }
 
-/** `tensions` lists several, separated by commas; empty for the one among the values. */
+/** `tensions` is a list separated by commas; if it is empty, the tension of `values` applies. */
 export function requestOf(kind: IdentificationKind, values: Values, tensions: string): Asked {
   const list = tensions.split(/[,;\s]+/).filter((word) => word !== "");
-  // one tension is not in use while there are several
+  // a list of tensions replaces the single one
   const used = Object.entries(values).filter(([name]) => list.length === 0 || name !== "tension_N");
   const chosen = kind.settings.filter((setting) => setting.choices).map((setting) => setting.name);
   const odd = used.find(([name, value]) => typeof value !== "number" && !chosen.includes(name));
@@ -121,11 +119,9 @@ export function requestOf(kind: IdentificationKind, values: Values, tensions: st
   };
 }
 
-/** Set-up of an identification: what to identify, its settings, and what to expect before it starts. */
-
 const NOMINAL_TENSIONS_N = [10, 20, 30, 40];
 
-/** What a person changed of a kind's settings. */
+/** Changed settings of a kind. */
 interface Changes {
   readonly changed: Values;
   readonly tensions: string;
@@ -136,10 +132,11 @@ const NO_CHANGES: Changes = { changed: {}, tensions: "" };
 interface FormProps {
   onStarted(run: number): void;
   onTable(id: number): void;
-  /** What the run in the form would do. */
-  onForecast(told: LocalizedText): void;
+  /** Receives the prediction of the run in the form. */
+  onForecast(forecast: Forecast): void;
 }
 
+/** Form of an identification: its kind and settings, its prediction, and its start. */
 export function IdentificationForm({ onStarted, onTable, onForecast }: FormProps) {
   const kinds = useQuery(identificationKindsQuery);
   const { value: kind, set: setKind } = useDraft<Kind>("kind of identification", "actuator", isKind);
@@ -181,7 +178,7 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
     [kind, values, tensions],
   );
   const [request] = useDebouncedValue(asked.request, 300);
-  const [from] = useDebouncedValue(useWhereabouts(), 300);
+  const [from] = useDebouncedValue(useStartState(), 300);
   const prediction = useQuery(predictionQuery(request, from));
   const leaves = prediction.data?.within_range === false ? TEXTS.leavesRange : null;
   const reason = asked.problem ?? whyNoStart(state, "identify", noControl) ?? leaves;
@@ -284,7 +281,7 @@ function isChanges(value: unknown): value is Changes {
   return isPlainRecord(changed) && typeof tensions === "string";
 }
 
-/** What a setting means, its range and where its value comes from, below its box. */
+/** Returns the meaning of a setting, its range and the source of its value, for the text below its box. */
 function describe({ meaning, minimum, maximum, unit }: Setting, origin: string, angles: AngleUnit): string {
   const range = minimum == null || maximum == null ? "" : rangeText(minimum, maximum, unit, angles);
   return [capital(meaning), range.replaceAll(" ", "\u00a0"), origin]
@@ -292,11 +289,11 @@ function describe({ meaning, minimum, maximum, unit }: Setting, origin: string, 
     .join(" · ");
 }
 
-/** Where the joint is, to a degree, as far as a forecast depends on it: what is told holds from there. */
-function useWhereabouts(): string {
+/** Returns a key of the start state of a prediction, with the joint position to one degree. */
+function useStartState(): string {
   const store = useLiveStore();
   return useLive(({ state }) => {
-    // while a run is under way the next one starts from where that one ends
+    // during a run, the next one starts from the end state of that run
     if (state === null || state.task !== null) return "";
     const { mode, pretension_done, tuning } = state;
     return [mode, pretension_done, tuning.lam_motor, fixed(store.window.newest("q") * DEGREES, 0)].join();
@@ -306,13 +303,13 @@ function useWhereabouts(): string {
 interface TensionProps {
   readonly tension_N: number | string;
   readonly tensions: string;
-  /** Why the text lists no tensions. */
+  /** Reason why the text is no list of tensions. */
   readonly problem: string | null;
   onTension(value: number | string): void;
   onTensions(text: string): void;
 }
 
-/** One tension, or several, one run after the other. */
+/** Box of one tension, and a list of several for successive runs. */
 function TensionFields({ tension_N, tensions, problem, onTension, onTensions }: TensionProps) {
   const angles = useAngleUnit();
   const inTurn = tensions.trim() !== "";
@@ -369,8 +366,7 @@ function TensionFields({ tension_N, tensions, problem, onTension, onTensions }: 
   );
 }
 
-/** Where a run will take the joint, in the plane of position and stiffness, with the joint as it is now. */
-
+/** Shows the path of a run in the plane of position and stiffness, with the current state of the joint. */
 function ForecastMap({ prediction }: { prediction: Prediction }) {
   const store = useLiveStore();
   const entries = useBankEntries();
@@ -402,14 +398,13 @@ function ForecastMap({ prediction }: { prediction: Prediction }) {
   );
 }
 
-/** What a run will do to the rig, told before it starts. */
-
-export interface LocalizedText {
+export interface Forecast {
   readonly prediction: Prediction | undefined;
   readonly problem: string | undefined;
 }
 
-export function PredictionView({ prediction, problem }: LocalizedText) {
+/** Shows the predicted effects of a run on the rig. */
+export function PredictionView({ prediction, problem }: Forecast) {
   const angles = useAngleUnit();
   const isRunning = useLive((live) => live.state?.task != null);
   if (isRunning) {

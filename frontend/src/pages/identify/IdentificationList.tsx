@@ -27,14 +27,12 @@ import { ApplyParameters } from "./ParametersCard";
 import { SpringRunResult } from "./SpringResult";
 import { TEXTS } from "./texts";
 
-/** All identification runs; a tick chooses one for a bank. */
-
 interface IdentificationListProps {
   readonly identifications: readonly Identification[] | undefined;
   readonly selected: number | undefined;
   readonly chosen: ReadonlySet<number>;
   onChoose(id: number): void;
-  /** A row was pressed: its result is to be shown. */
+  /** Shows the result of a row. */
   onShow(id: number): void;
 }
 
@@ -137,13 +135,12 @@ export function IdentificationList(props: IdentificationListProps) {
   );
 }
 
-/** Motors and springs have no such columns; an actuator's run without a model says so. */
+/** Returns the content of a cell without a model: "no model" for an actuator, "not applicable" for other kinds. */
 function noModel({ kind }: Identification): ReactNode {
   return kind === "actuator" ? TEXTS.noModel : <Absent why={fillText(TEXTS.notForKind, { kind })} />;
 }
 
-/** Makes a bank of controllers from the ticked runs, and activates it. */
-
+/** Builds a bank from the ticked runs, and activates it. */
 export function BankBuilder({ chosen, onBuilt }: { chosen: ReadonlySet<number>; onBuilt: () => void }) {
   const [name, setName] = useState("");
   const build = useBuildBank();
@@ -179,7 +176,7 @@ export function BankBuilder({ chosen, onBuilt }: { chosen: ReadonlySet<number>; 
   );
 }
 
-/** What was built, with the step that comes next. */
+/** Shows the built bank, with the next step. */
 function Built({ bank }: { bank: Bank }) {
   const activate = useActivateBank();
   const active = useLive((live) => live.state?.tuning.bank?.id === bank.id);
@@ -208,8 +205,7 @@ function Built({ bank }: { bank: Bank }) {
   );
 }
 
-/** One identification: progress while it runs, then a verdict and what came out, by kind. */
-
+/** Shows one identification: its progress, then the verdict and the results by kind. */
 export function IdentificationResult({ id }: { id: number }) {
   const { data, error } = useQuery(identificationQuery(id));
   if (error) {

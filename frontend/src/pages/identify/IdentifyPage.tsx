@@ -1,4 +1,4 @@
-/** Identify actuator, motors or springs, watch, build a bank from ticked runs, activate it, and judge each result. */
+/** Page of identifications of actuator, motors and springs: start, results, and banks built from ticked runs. */
 
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
@@ -7,7 +7,7 @@ import { OperatorsOnly } from "../../components/ControlMenu";
 import { identificationsQuery, springTablesQuery } from "../../service/api/identifications";
 import { RunningCard } from "../operate/RunningCard";
 import styles from "../Page.module.css";
-import { IdentificationForm, type LocalizedText, PredictionView } from "./IdentificationForm";
+import { type Forecast, IdentificationForm, PredictionView } from "./IdentificationForm";
 import { BankBuilder, IdentificationList, IdentificationResult } from "./IdentificationList";
 import { ParametersCard } from "./ParametersCard";
 import { SpringTableList, SpringTableResult } from "./SpringResult";
@@ -22,7 +22,7 @@ export default function IdentifyPage() {
   const [chosen, setChosen] = useState<ReadonlySet<number>>(new Set());
   const tables = useQuery(springTablesQuery);
   const [tableId, setTable] = useState<number | null>(null);
-  const [told, setTold] = useState<LocalizedText>({ prediction: undefined, problem: undefined });
+  const [forecast, setForecast] = useState<Forecast>({ prediction: undefined, problem: undefined });
   const table = tables.data?.find((item) => item.id === tableId);
   const newest = identifications.data?.[0]?.id;
   const selected = id === undefined ? newest : Number(id);
@@ -49,14 +49,14 @@ export default function IdentifyPage() {
                 go(`/identify/${started}`);
               }}
               onTable={setTable}
-              onForecast={setTold}
+              onForecast={setForecast}
             />
           </OperatorsOnly>
         </div>
         <div className={styles.column}>
           <RunningCard place="beside" />
           <OperatorsOnly>
-            <PredictionView {...told} />
+            <PredictionView {...forecast} />
           </OperatorsOnly>
           <IdentificationList
             identifications={identifications.data}

@@ -1,4 +1,4 @@
-/** Both motors: least squares beside the 63.21 % rule and what was known before, and the steps with the model. */
+/** Results of both motors: least squares, the 63.21 % rule and the values used during the run, and the steps. */
 
 import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";

@@ -16,13 +16,11 @@ import pageStyles from "../Page.module.css";
 import identifyStyles from "./Identify.module.css";
 import { TEXTS } from "./texts";
 
-/** A button that changes the parameters in force, and why it cannot at present. */
-
 interface ChangeButtonProps {
   readonly children: string;
   readonly error: Error | null;
   readonly pending: boolean;
-  /** What the refused request would have changed. */
+  /** Value that the refused request would have changed. */
   readonly about: unknown;
   onPress(): void;
 }
@@ -56,8 +54,7 @@ function ChangeButton({ children, error, pending, about, onPress }: ChangeButton
   );
 }
 
-/** What applying an identification would change about the parameters in force, and the button that does it. */
-
+/** Shows the changes of the active parameters that an identification would make, and the button to apply it. */
 export function ApplyParameters({ estimate }: { estimate: number }) {
   const asked = useQuery(parametersQuery(estimate));
   const apply = useApplyParameters();
@@ -147,7 +144,7 @@ function ChangeTable({ label, changes }: ChangeTableProps) {
   );
 }
 
-/** k0, k1 ... are coefficients; the others are in the notation. */
+/** Shows the name of a parameter; k0, k1, … are coefficients, the others are in the notation. */
 function Named({ name }: { name: string }) {
   if (!/^k\d$/.test(name)) return <SignalName name={name} />;
   return (
@@ -157,8 +154,6 @@ function Named({ name }: { name: string }) {
     </span>
   );
 }
-
-/** The parameters in force by versions: who applied what, from which identification, and one step back. */
 
 const DIGEST_SHOWN = 12;
 

@@ -19,12 +19,10 @@ import identifyStyles from "./Identify.module.css";
 import { ApplyParameters } from "./ParametersCard";
 import { TEXTS } from "./texts";
 
-/** Springs: polynomials of several orders, which one to use and why, with pairs and error curves. */
-
 const MILLI = 1000;
 const ORDER_COLOURS: Record<number, string> = { 2: "text", 3: HUES.u_B, 5: HUES.u_A };
 
-/** Returns an error of a fit, which may be no number. */
+/** Formats an error of a fit, which may be null. */
 function errorText(value: number | null, decimals: number): string {
   return fixed(value ?? Number.NaN, decimals);
 }
@@ -66,7 +64,7 @@ export function SpringTableResult({ table }: { table: SpringTable }) {
   );
 }
 
-/** What was read of the file, in a few sentences. */
+/** Describes the contents of the file. */
 function readingOf(read: SpringTableReading): string {
   const lines = (count: number) => countThings(count, "line");
   const sentences = [
@@ -222,8 +220,6 @@ function Drawings({ spring, curves, hue }: { spring: Spring; curves: SpringCurve
   );
 }
 
-/** A spring measured elsewhere: a CSV file in, its characteristic out. */
-
 const DECIMALS = [
   { value: "", label: TEXTS.decimalDetected },
   { value: "point", label: TEXTS.decimalPoint },
@@ -301,8 +297,6 @@ function TableFile({ reading, onChange }: { reading: boolean; onChange: (file: F
     />
   );
 }
-
-/** Springs identified from tables; not there while there is none. */
 
 interface SpringTableListProps {
   readonly tables: readonly SpringTable[];

@@ -1,4 +1,4 @@
-/** Identified gains and lags over S beside what geometry, springs and motor loops predict. */
+/** Identified gains and lags over S, compared with predictions from geometry, springs and motor loops. */
 
 import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";

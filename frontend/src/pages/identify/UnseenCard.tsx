@@ -1,4 +1,4 @@
-/** Models of one kind side by side, each beside data that it was not fitted to. */
+/** Comparison of models of one kind on data that they were not fitted to. */
 
 import { Checkbox, Fieldset, NativeSelect, Table } from "@mantine/core";
 import { useQueries } from "@tanstack/react-query";
@@ -31,17 +31,17 @@ interface UnseenCardProps {
 
 export function UnseenCard({ identification, all }: UnseenCardProps) {
   const others = comparable(identification, all);
-  const [beside, setBeside] = useState<ReadonlySet<number>>(new Set());
+  const [compared, setCompared] = useState<ReadonlySet<number>>(new Set());
   const [record, setRecord] = useState(identification.run);
-  const shown = [identification, ...others.filter(({ run }) => beside.has(run))];
+  const shown = [identification, ...others.filter(({ run }) => compared.has(run))];
   const answers = useQueries({ queries: shown.map(({ run }) => unseenQuery(run, record)) });
   const views = answers.map(({ data }) => data);
   const problem = answers.find(({ error }) => error !== null)?.error;
 
   function toggle(run: number): void {
-    const next = new Set(beside);
+    const next = new Set(compared);
     if (!next.delete(run)) next.add(run);
-    setBeside(next);
+    setCompared(next);
   }
 
   return (
@@ -65,8 +65,8 @@ export function UnseenCard({ identification, all }: UnseenCardProps) {
                   size="xs"
                   label={fillText(TEXTS.runItem, { run })}
                   aria-label={fillText(TEXTS.compareRun, { run })}
-                  checked={beside.has(run)}
-                  disabled={!beside.has(run) && shown.length >= MOST_CANDIDATES}
+                  checked={compared.has(run)}
+                  disabled={!compared.has(run) && shown.length >= MOST_CANDIDATES}
                   onChange={() => toggle(run)}
                 />
               ))}
@@ -208,7 +208,7 @@ interface SideProps {
   readonly factor: number;
 }
 
-/** One row for each candidate; below each figure how far it is from the first one's. */
+/** Shows one row for each candidate; each value has its difference from the first candidate below it. */
 function Side({ name, title, shown, outputs, unit, factor }: SideProps) {
   const candidates = shown.map((one) => candidateOf(one, name));
   const first = candidates[0];

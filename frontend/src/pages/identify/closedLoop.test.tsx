@@ -1,12 +1,12 @@
 // @vitest-environment jsdom
-/** Candidates stand beside each other on one record; what would be applied stands beside what is in force. */
+/** Comparison of candidates on one record, and of new parameters with the active ones. */
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { cleanup, fireEvent, render, screen, within } from "@testing-library/react";
 import type { ReactNode } from "react";
 import { afterEach, expect, it, vi } from "vitest";
 
-// the REST client takes hold of fetch when it is made, the charts of the screen
+// the REST client binds fetch when it is created, the charts read the pixel density
 vi.hoisted(() => {
   vi.stubGlobal("fetch", () => new Promise(() => {}));
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
@@ -81,7 +81,7 @@ function rows(label: string): string[][] {
     );
 }
 
-it("sets candidates beside each other on one record, with how far each is from the first", () => {
+it("compares candidates on one record, with their differences from the first", () => {
   const [first, other] = [actuator(7, 0.05), actuator(5, 0.0525)];
   show(<UnseenCard identification={first} all={[first, other]} />, (client) => {
     client.setQueryData(unseenQuery(7, 7).queryKey, unseen(7, 7, 96.5));
@@ -91,9 +91,9 @@ it("sets candidates beside each other on one record, with how far each is from t
   });
   expect(rows(fillText(TEXTS.comparedModels, { title: "G_q" })).map((row) => row[0])).toEqual(["7"]);
   fireEvent.click(screen.getByRole("checkbox", { name: fillText(TEXTS.compareRun, { run: 5 }) }));
-  const [own, beside] = rows(fillText(TEXTS.comparedModels, { title: "G_q" }));
+  const [own, compared] = rows(fillText(TEXTS.comparedModels, { title: "G_q" }));
   expect(own).toEqual(["7", "0.05000 ± 0.00010", "0.3420 ± –", "96.50", "0.573", "usable"]);
-  expect(beside).toEqual(["5", "0.05250 ± 0.00010+5.0 %", "0.3420 ± –0.0 %", "91.25", "0.573", "usable"]);
+  expect(compared).toEqual(["5", "0.05250 ± 0.00010+5.0 %", "0.3420 ± –0.0 %", "91.25", "0.573", "usable"]);
   expect(document.body.textContent?.includes(fillText(TEXTS.ownThird, { run: 7 }))).toBeTruthy();
   fireEvent.change(screen.getByRole("combobox", { name: TEXTS.validationData }), { target: { value: "5" } });
   expect(rows(fillText(TEXTS.comparedModels, { title: "G_q" })).map((row) => row[3])).toEqual([
@@ -102,7 +102,7 @@ it("sets candidates beside each other on one record, with how far each is from t
   ]);
 });
 
-it("tells what applying would change, or why it cannot be applied", () => {
+it("shows the changes of parameters, or why they cannot be applied", () => {
   const proposal = { estimate: 3, problem: "", digest: "ab", changes: CHANGES };
   const parameters: Parameters = { name: "lab", versions: [], proposal };
   show(<ApplyParameters estimate={3} />, (client) =>
@@ -121,7 +121,7 @@ it("tells what applying would change, or why it cannot be applied", () => {
   expect(screen.queryByRole("button", { name: /^(?!STOP)/ })).toBeNull();
 });
 
-it("lists the versions with who, when and from what, and undoes the newest", () => {
+it("lists the versions with person, time and source, and undoes the newest", () => {
   const file = {
     number: 0,
     digest: "0".repeat(64),
