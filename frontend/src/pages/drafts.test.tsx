@@ -19,7 +19,7 @@ import { TUNING } from "./refusals.fixture";
 import { NoteCard } from "./runs/RunDetail";
 import { TriggerCard } from "./system/TriggerCard";
 
-// the REST client binds fetch when it is created
+// the REST client captures fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);

@@ -3,7 +3,7 @@ import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 
-// the REST client binds fetch when it is created, and the charts read the pixel density
+// the REST client captures fetch when it is created, and the charts read the pixel density
 const fetched = vi.hoisted(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
   const replacement = vi.fn<(request: Request) => Promise<Response>>();

@@ -11,7 +11,7 @@ import type { ExperimentKind, State } from "../../wire/types";
 import { describeChanges, ExperimentForm, hasChoice, tuningChanges } from "./ExperimentForm";
 import { TEXTS } from "./texts";
 
-// the REST client binds fetch when it is created
+// the REST client captures fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);

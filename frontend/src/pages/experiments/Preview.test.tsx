@@ -8,7 +8,7 @@ import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import { useComposedPreview } from "./Preview";
 
-// the REST client binds fetch when it is created
+// the REST client captures fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);

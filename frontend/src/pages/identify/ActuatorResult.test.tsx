@@ -15,7 +15,7 @@ import {
 } from "./ActuatorResult";
 import { TEXTS } from "./texts";
 
-// the REST client binds fetch when it is created, the charts read the pixel density
+// the REST client captures fetch when it is created, the charts read the pixel density
 vi.hoisted(() => {
   vi.stubGlobal("fetch", () => new Promise(() => {}));
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));

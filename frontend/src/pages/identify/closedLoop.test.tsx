@@ -6,7 +6,7 @@ import { cleanup, fireEvent, render, screen, within } from "@testing-library/rea
 import type { ReactNode } from "react";
 import { afterEach, expect, it, vi } from "vitest";
 
-// the REST client binds fetch when it is created, the charts read the pixel density
+// the REST client captures fetch when it is created, the charts read the pixel density
 vi.hoisted(() => {
   vi.stubGlobal("fetch", () => new Promise(() => {}));
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));

@@ -2,7 +2,7 @@ import { describe, expect, it, vi } from "vitest";
 import type { Flight, Trigger } from "../../wire/types";
 import { describeTrigger, flightOf } from "./recordings";
 
-// the REST client binds fetch when it is created
+// the REST client captures fetch when it is created
 vi.hoisted(() => vi.stubGlobal("fetch", () => new Promise(() => {})));
 
 describe("flightOf", () => {

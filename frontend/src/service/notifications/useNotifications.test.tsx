@@ -7,7 +7,7 @@ import { setVisibility, shown, useBrowser } from "./browser.fixture";
 import { whyNotNotified } from "./notifications";
 import { describeRun, describeTrip, EventDetector, useNotifications } from "./useNotifications";
 
-// the REST client binds fetch when it is created
+// the REST client captures fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);
