@@ -1,6 +1,95 @@
-"""Messages about the commissioning: steps that cannot start, and the findings of failed steps."""
+"""Messages about the commissioning: instructions, findings, states, and steps that cannot start."""
 
+from datetime import datetime
+
+from backend.realtime import HomingEnd
+from backend.units import format_count
 from plant import Angle, catalogue_entry
+
+# Steps ---------------------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def instruction_wiring_test() -> str:
+    return (
+        "Drives off, tendons slack. Turn the joint, then each motor, and pull at each tendon, as "
+        "prompted: each time, the expected sensor must change in the expected direction."
+    )
+
+
+@catalogue_entry
+def instruction_tare() -> str:
+    return (
+        "Slacken both tendons and remove all load from the load cells: the mean voltage over 1 s becomes their "
+        "zero. The control loop restarts and the encoder zeros are lost: repeat Zero afterwards."
+    )
+
+
+@catalogue_entry
+def instruction_calibrate() -> str:
+    return (
+        "Hang two known weights on each load cell, one after the other: they determine slope and offset. "
+        "The control loop restarts and the encoder zeros are lost: repeat Zero afterwards."
+    )
+
+
+@catalogue_entry
+def instruction_zero() -> str:
+    return (
+        "Move the joint to a known position, its zero mark or the end switch: the encoders count from "
+        "there. Each start of the control loop clears this zero."
+    )
+
+
+@catalogue_entry
+def instruction_direction() -> str:
+    return (
+        "Keep clear of the rig. Each motor turns a little, with 1 V at most, and back: its encoder count "
+        "and its tension must increase, and the joint must move to its side."
+    )
+
+
+@catalogue_entry
+def instruction_home() -> str:
+    return (
+        "Keep clear of the rig. Both motors hold the tendons at 4 N and drive the joint to its end "
+        "switch, slowly and with 1.5 V "
+        "at most, and back to its middle: the encoders count from there. Any unexpected reading stops "
+        "the homing at zero volts."
+    )
+
+
+@catalogue_entry
+def instruction_pretension() -> str:
+    return (
+        "Keep clear of the rig. Both motors apply the pretension: both tensions must rise together "
+        "without exceeding their limit."
+    )
+
+
+@catalogue_entry
+def instruction_safety_module() -> str:
+    return (
+        "With pretension applied, lower the limit at the safety module until it trips. The control loop drives "
+        "both motors for another 0.3 s, with 1 V at most: they must turn back, because the module has "
+        "disabled the drives."
+    )
+
+
+@catalogue_entry
+def lighter_weight() -> str:
+    return "lighter weight"
+
+
+@catalogue_entry
+def heavier_weight() -> str:
+    return "heavier weight"
+
+
+@catalogue_entry
+def further_weight() -> str:
+    return "further weight"
+
 
 # Directions ----------------------------------------------------------------------------------------
 
@@ -79,6 +168,39 @@ def wrong_sign_of_motor_encoder(*, motor: str) -> str:
     return f"the encoder of motor {motor} has the wrong sign: change the sign of encoder_{motor}.direction"
 
 
+@catalogue_entry
+def turn_motors_to_tension(*, F: float) -> str:
+    return (
+        f"Turn both motors by hand until both load cells read about {F:g} N, keep clear of the rig, "
+        "and confirm: the drives will be enabled"
+    )
+
+
+@catalogue_entry
+def testing_motor(*, motor: str) -> str:
+    return f"motor {motor}"
+
+
+@catalogue_entry
+def rotation_of_motor(*, motor: str) -> str:
+    return f"rotation of motor {motor}"
+
+
+@catalogue_entry
+def joint_motion_by_motor(*, motor: str) -> str:
+    return f"joint motion caused by motor {motor}"
+
+
+@catalogue_entry
+def tension_increase_by_motor(*, motor: str) -> str:
+    return f"tension increase caused by motor {motor}"
+
+
+@catalogue_entry
+def directions_as_wired() -> str:
+    return "both motors turn as the wiring file defines"
+
+
 # Homing --------------------------------------------------------------------------------------------
 
 
@@ -98,6 +220,53 @@ def not_homed(*, cause: str, remedy: str) -> str:
 @catalogue_entry
 def tension_in_homing(*, cause: str, maximum_N: float, remedy: str) -> str:
     return f"{cause} (at most {maximum_N:g} N is permitted): {remedy}"
+
+
+HOMING_REMEDIES = {
+    HomingEnd.NOT_REACHED: "turn the joint to its middle, check end_switch.line, its cable and end_switch.position",
+    HomingEnd.STUCK_CLOSED: "check the switch, end_switch.line and end_switch.active",
+    HomingEnd.WRONG_WAY: "repeat the wiring test and the direction step",
+    HomingEnd.JOINT_HELD: "check whether something blocks the joint, and check encoder_q",
+    HomingEnd.MOTOR_OFF: "repeat the direction step",
+    HomingEnd.TENSION: "check whether something blocks the joint, and calibrate the load cells",
+    HomingEnd.SLACK: "check the tendons on their reels, and the load cells",
+    HomingEnd.TOO_LONG: "turn the joint to its middle and try again",
+}
+
+
+@catalogue_entry
+def turn_joint_to_middle(*, voltage: float, position: float, travel: float) -> str:
+    return (
+        "Turn the joint by hand near to its middle, slacken the tendons, keep clear of the rig, and "
+        f"confirm: the drives will be enabled, and with {voltage:g} V at most the motors drive the "
+        "joint to its end switch at "
+        f"{Angle(position):.4g}, by {Angle(travel):.4g} at most"
+    )
+
+
+@catalogue_entry
+def motion_of_joint() -> str:
+    return "motion of the joint"
+
+
+@catalogue_entry
+def highest_tension() -> str:
+    return "highest tension"
+
+
+@catalogue_entry
+def largest_voltage() -> str:
+    return "largest voltage"
+
+
+@catalogue_entry
+def current_joint_position() -> str:
+    return "current joint position"
+
+
+@catalogue_entry
+def joint_homed(*, position: float) -> str:
+    return f"the joint encoder is zeroed at the end switch ({Angle(position):.4g})"
 
 
 # Load cells ----------------------------------------------------------------------------------------
@@ -165,6 +334,83 @@ def load_cell_too_noisy(*, tendon: str, noise_N: float, maximum_N: float) -> str
         f"load cell {tendon} has noise of {noise_N:.2f} N, but at most {maximum_N:g} N is permitted: let it come to "
         "rest, and check shield and ground"
     )
+
+
+@catalogue_entry
+def remove_load() -> str:
+    return (
+        "Remove all weights from the load cells, and confirm: the control loop restarts with the "
+        "new calibration, the drives stay off, and the encoders lose their zero"
+    )
+
+
+@catalogue_entry
+def unload_load_cells() -> str:
+    return "Slacken both tendons, remove all load from the load cells, and confirm"
+
+
+@catalogue_entry
+def hang_weight(*, weight_N: float, tendon: str) -> str:
+    return f"Hang {weight_N:g} N on load cell {tendon}, let it come to rest, and confirm"
+
+
+@catalogue_entry
+def measuring_weight(*, tendon: str, weight_N: float) -> str:
+    return f"load cell {tendon}, {weight_N:g} N"
+
+
+@catalogue_entry
+def zero_of_load_cell(*, tendon: str) -> str:
+    return f"zero of load cell {tendon}"
+
+
+@catalogue_entry
+def noise_of_load_cell(*, tendon: str) -> str:
+    return f"noise of load cell {tendon}"
+
+
+@catalogue_entry
+def slope_of_load_cell(*, tendon: str) -> str:
+    return f"slope of load cell {tendon}"
+
+
+@catalogue_entry
+def offset_of_load_cell(*, tendon: str) -> str:
+    return f"offset of load cell {tendon}"
+
+
+@catalogue_entry
+def deviation_of_load_cell(*, tendon: str) -> str:
+    return f"load cell {tendon}: largest deviation from its line"
+
+
+@catalogue_entry
+def tared(*, at: datetime) -> str:
+    return f"tared on {at:%Y-%m-%d}"
+
+
+@catalogue_entry
+def calibrated(*, weights: int, at: datetime) -> str:
+    return f"calibrated with {weights} weights on {at:%Y-%m-%d}"
+
+
+@catalogue_entry
+def calibrated_by(*, source: str, who: str) -> str:
+    return f"{source} by {who}"
+
+
+@catalogue_entry
+def load_cells_tared(*, tendons: str) -> str:
+    return f"the zero of {_name_load_cells(tendons)} is set"
+
+
+@catalogue_entry
+def load_cells_calibrated(*, tendons: str) -> str:
+    return f"slope and offset of {_name_load_cells(tendons)} are measured"
+
+
+def _name_load_cells(tendons: str) -> str:
+    return "both load cells" if len(tendons) == 2 else f"load cell {tendons}"
 
 
 # Pretension and safety module ----------------------------------------------------------------------
@@ -242,6 +488,81 @@ def pretension_not_reached(*, timeout_s: float) -> str:
     return f"pretension was not reached within {timeout_s:g} s"
 
 
+@catalogue_entry
+def keep_clear_of_pretension() -> str:
+    return "Keep clear of the rig: the motors apply pretension. Confirm to begin"
+
+
+@catalogue_entry
+def applying_pretension() -> str:
+    return "applying pretension"
+
+
+@catalogue_entry
+def pretension_failed() -> str:
+    return "the pretension failed"
+
+
+@catalogue_entry
+def tension_of_tendon(*, tendon: str) -> str:
+    return f"tension of tendon {tendon}"
+
+
+@catalogue_entry
+def highest_tension_in_motion() -> str:
+    return "highest tension during the motion"
+
+
+@catalogue_entry
+def largest_difference_of_tensions() -> str:
+    return "largest difference of the tensions"
+
+
+@catalogue_entry
+def pretension_reached(*, pretension_N: float) -> str:
+    return f"both tensions rose together to {pretension_N:g} N"
+
+
+@catalogue_entry
+def lower_limit_of_module(*, pretension_N: float) -> str:
+    return f"Lower the tension limit at the safety module below {pretension_N:g} N: the module must trip; then confirm"
+
+
+@catalogue_entry
+def waiting_for_trip() -> str:
+    return "waiting for the trip"
+
+
+@catalogue_entry
+def tension_before_trip() -> str:
+    return "tension before the trip"
+
+
+@catalogue_entry
+def voltage_still_applied(*, motor: str) -> str:
+    return f"voltage still applied to motor {motor}"
+
+
+@catalogue_entry
+def rotation_under_voltage(*, motor: str) -> str:
+    return f"rotation of motor {motor} under this voltage"
+
+
+@catalogue_entry
+def tension_1_s_after_trip() -> str:
+    return "tension 1 s after the trip"
+
+
+@catalogue_entry
+def restore_limit_of_module() -> str:
+    return "Restore the limit of the module, acknowledge the trip there, and confirm"
+
+
+@catalogue_entry
+def module_disabled_motors() -> str:
+    return "the module tripped and disabled both motors while voltage was still applied"
+
+
 # Wiring test ---------------------------------------------------------------------------------------
 
 
@@ -278,12 +599,158 @@ def two_sensors_moved(*, other: str) -> str:
     return f"the {other} moved too: check whether one cable carries both signals"
 
 
+@catalogue_entry
+def joint_encoder() -> str:
+    return "joint encoder"
+
+
+@catalogue_entry
+def motor_encoder(*, motor: str) -> str:
+    return f"encoder of motor {motor}"
+
+
+@catalogue_entry
+def load_cell(*, tendon: str) -> str:
+    return f"load cell {tendon}"
+
+
+@catalogue_entry
+def turn_joint(*, angle: float) -> str:
+    return f"Turn the joint by hand towards +q by {Angle(angle):g} or more, and confirm"
+
+
+@catalogue_entry
+def wind_tendon(*, motor: str, angle: float) -> str:
+    return f"Turn motor {motor} by hand by {Angle(angle):g} or more so that it winds its tendon, and confirm"
+
+
+@catalogue_entry
+def pull_at_load_cell(*, tendon: str, F: float) -> str:
+    return f"Pull at load cell {tendon} with about {F:g} N, and confirm"
+
+
+@catalogue_entry
+def turn_back() -> str:
+    return "Turn it back to its initial position, and confirm"
+
+
+@catalogue_entry
+def change_of_sensor(*, sensor: str) -> str:
+    return f"{sensor}, change"
+
+
+@catalogue_entry
+def sensors_respond() -> str:
+    return "every sensor responds correctly"
+
+
 # Zero ----------------------------------------------------------------------------------------------
 
 
 @catalogue_entry
 def zero_not_held(*, q: float, position: float) -> str:
     return f"the joint reads {Angle(q):.4f} after it was set to {Angle(position):.4f}: hold it still and try again"
+
+
+@catalogue_entry
+def hold_joint_at_switch(*, position: float) -> str:
+    return (
+        f"Slacken both tendons, turn the joint slowly by hand onto its end switch at {Angle(position):.4g}, hold "
+        "it there, and confirm"
+    )
+
+
+@catalogue_entry
+def hold_joint_at_mark() -> str:
+    return "Turn the joint by hand to its zero mark, hold it there, and confirm"
+
+
+@catalogue_entry
+def setting_encoders() -> str:
+    return "setting the encoders"
+
+
+@catalogue_entry
+def turn_joint_back() -> str:
+    return "Turn the joint back to its middle, and confirm"
+
+
+@catalogue_entry
+def zeroed_at_switch() -> str:
+    return "the joint encoder is zeroed at the end switch"
+
+
+@catalogue_entry
+def zeroed_at_mark() -> str:
+    return "the joint encoder is zeroed at its zero mark"
+
+
+@catalogue_entry
+def position_set() -> str:
+    return "joint position that was set"
+
+
+# Status --------------------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def step_never_executed() -> str:
+    return "this step has never been executed"
+
+
+@catalogue_entry
+def last_execution_failed() -> str:
+    return "the last execution failed"
+
+
+@catalogue_entry
+def wiring_changed_since() -> str:
+    return "the wiring file has changed since"
+
+
+@catalogue_entry
+def encoders_lost_zero() -> str:
+    return "the control loop has been restarted since: the encoders have lost their zero"
+
+
+@catalogue_entry
+def load_cell_not_calibrated(*, tendon: str) -> str:
+    return f"load cell {tendon} has not been calibrated with this wiring"
+
+
+@catalogue_entry
+def validity_elapsed(*, days: float) -> str:
+    return f"the result is valid for {format_count(days, 'day')}"
+
+
+@catalogue_entry
+def valid_after_execution(*, days: float) -> str:
+    return f"the result is valid for {format_count(days, 'day')} after its execution"
+
+
+@catalogue_entry
+def wiring_test_failed_since() -> str:
+    return "a wiring test has failed since"
+
+
+@catalogue_entry
+def calibrated_by_tables() -> str:
+    return "both load cells are calibrated by tables of the wiring file"
+
+
+@catalogue_entry
+def zero_set_by(*, step: str) -> str:
+    return f"{step} has set the zero"
+
+
+@catalogue_entry
+def either_step(*, step: str, other: str) -> str:
+    return f"{step} or {other}"
+
+
+@catalogue_entry
+def finding_of_step(*, step: str, finding: str) -> str:
+    return f"{step}: {finding}"
 
 
 # Sessions ------------------------------------------------------------------------------------------
@@ -317,3 +784,23 @@ def no_end_switch_position() -> str:
 @catalogue_entry
 def other_steps_first(*, steps: str) -> str:
     return f"do {steps} first"
+
+
+@catalogue_entry
+def unknown_inputs(*, step: str, unknown: str, known: str) -> str:
+    return f"{step} has no input {unknown}; its inputs are {known or 'nothing'}"
+
+
+@catalogue_entry
+def restarting_with_measured_values() -> str:
+    return "restarting the control loop with the measured values"
+
+
+@catalogue_entry
+def restarted_with_measured_values() -> str:
+    return "with the measured values of the step"
+
+
+@catalogue_entry
+def bring_up_ended() -> str:
+    return "the bring-up has ended"

@@ -50,7 +50,6 @@ from backend.sample import INDEX
 from plant import (
     SATURATED_V,
     SIDES,
-    Angle,
     CellCalibration,
     ManualInput,
     Message,
@@ -102,8 +101,7 @@ async def check_directions(context: ProcedureContext) -> StepFinding:
     low, high = START_RANGE_N
     await context.switch_drives_off()
     await context.request_action(
-        f"Turn both motors by hand until both load cells read about {START_N:g} N, keep clear of the rig, "
-        "and confirm: the drives will be enabled",
+        messages.turn_motors_to_tension(F=START_N),
         ManualInput(theta_A=theta_A, theta_B=theta_B),
     )
     await context.release_rig()
@@ -118,19 +116,19 @@ async def check_directions(context: ProcedureContext) -> StepFinding:
         figure
         for response in responses
         for figure in (
-            MeasuredNumber(f"rotation of motor {response.motor}", to_finite(response.own), "rad"),
-            MeasuredNumber(f"joint motion caused by motor {response.motor}", to_finite(response.q), "rad"),
-            MeasuredNumber(f"tension increase caused by motor {response.motor}", to_finite(response.F), "N"),
+            MeasuredNumber(messages.rotation_of_motor(motor=response.motor), to_finite(response.own), "rad"),
+            MeasuredNumber(messages.joint_motion_by_motor(motor=response.motor), to_finite(response.q), "rad"),
+            MeasuredNumber(messages.tension_increase_by_motor(motor=response.motor), to_finite(response.F), "N"),
         )
     ]
     problems = [problem for response in responses for problem in find_direction_problems(response)]
     if problems:
         return StepFinding(False, messages.several_problems(problems=tuple(dict.fromkeys(problems))), tuple(figures))
-    return StepFinding(True, "both motors turn as the wiring file defines", tuple(figures))
+    return StepFinding(True, messages.directions_as_wired(), tuple(figures))
 
 
 async def _try_motor(context: ProcedureContext, motor: Side) -> MotorResponse:
-    context.report_phase(f"motor {motor}")
+    context.report_phase(messages.testing_motor(motor=motor))
     first = context.loop.ring.count
     await context.record(0.2)
     start_tick = context.loop.ring.count
@@ -191,27 +189,12 @@ def find_direction_problems(response: MotorResponse) -> list[Message]:
 # After the directions are proven, the motors drive the joint to its end switch, which sets the zero.
 
 
-_REMEDIES = {
-    HomingEnd.NOT_REACHED: "turn the joint to its middle, check end_switch.line, its cable and end_switch.position",
-    HomingEnd.STUCK_CLOSED: "check the switch, end_switch.line and end_switch.active",
-    HomingEnd.WRONG_WAY: "repeat the wiring test and the direction step",
-    HomingEnd.JOINT_HELD: "check whether something blocks the joint, and check encoder_q",
-    HomingEnd.MOTOR_OFF: "repeat the direction step",
-    HomingEnd.TENSION: "check whether something blocks the joint, and calibrate the load cells",
-    HomingEnd.SLACK: "check the tendons on their reels, and the load cells",
-    HomingEnd.TOO_LONG: "turn the joint to its middle and try again",
-}
-
-
 async def home_joint(context: ProcedureContext) -> StepFinding:
     """Drive the joint to its end switch and set the zero there."""
     position = context.wiring.end_switch.position
     await context.switch_drives_off()
     await context.request_action(
-        "Turn the joint by hand near to its middle, slacken the tendons, keep clear of the rig, and "
-        f"confirm: the drives will be enabled, and with {HOMING_MAX_V:g} V at most the motors drive the "
-        "joint to its end switch at "
-        f"{Angle(position):.4g}, by {Angle(compute_switch_travel(position)):.4g} at most"
+        messages.turn_joint_to_middle(voltage=HOMING_MAX_V, position=position, travel=compute_switch_travel(position))
     )
     await context.release_rig()
     await context.switch_drives_on()
@@ -237,20 +220,25 @@ async def home_joint(context: ProcedureContext) -> StepFinding:
     rows = context.read_since(first)
     motion = rows[rows[:, INDEX["mode"]] == MODE_CODE[Mode.IDENTIFY]]
     figures = (
-        MeasuredNumber("motion of the joint", to_finite(float(np.ptp(motion[:, INDEX["q"]]))), "rad"),
-        MeasuredNumber("highest tension", to_finite(float(motion[:, [INDEX["F_A"], INDEX["F_B"]]].max())), "N"),
-        MeasuredNumber("largest voltage", to_finite(float(np.abs(motion[:, [INDEX["u_A"], INDEX["u_B"]]]).max())), "V"),
-        MeasuredNumber("current joint position", to_finite(float(rows[-1, INDEX["q"]])), "rad"),
+        MeasuredNumber(messages.motion_of_joint(), to_finite(float(np.ptp(motion[:, INDEX["q"]]))), "rad"),
+        MeasuredNumber(
+            messages.highest_tension(), to_finite(float(motion[:, [INDEX["F_A"], INDEX["F_B"]]].max())), "N"
+        ),
+        MeasuredNumber(
+            messages.largest_voltage(), to_finite(float(np.abs(motion[:, [INDEX["u_A"], INDEX["u_B"]]]).max())), "V"
+        ),
+        MeasuredNumber(messages.current_joint_position(), to_finite(float(rows[-1, INDEX["q"]])), "rad"),
     )
-    return StepFinding(True, f"the joint encoder is zeroed at the end switch ({Angle(position):.4g})", figures)
+    return StepFinding(True, messages.joint_homed(position=position), figures)
 
 
 def _describe_end(cause: ModeCause) -> Message:
-    if not isinstance(cause, HomingEnd) or cause not in _REMEDIES:
+    if not isinstance(cause, HomingEnd) or cause not in messages.HOMING_REMEDIES:
         return messages.loop_stopped_in_homing(cause=cause)
+    remedy = messages.HOMING_REMEDIES[cause]
     if cause is HomingEnd.TENSION:
-        return messages.tension_in_homing(cause=cause, maximum_N=HOMING_TENSION_MAX_N, remedy=_REMEDIES[cause])
-    return messages.not_homed(cause=cause, remedy=_REMEDIES[cause])
+        return messages.tension_in_homing(cause=cause, maximum_N=HOMING_TENSION_MAX_N, remedy=remedy)
+    return messages.not_homed(cause=cause, remedy=remedy)
 
 
 # Load cells ----------------------------------------------------------------------------------------
@@ -270,16 +258,11 @@ WEIGHTS_APART_N = 5.0
 LINE_DEVIATION_MAX_N = 0.5
 """Largest deviation of a weight from the fitted line [N]: ten times the noise of a single reading."""
 
-_REMOVE_LOAD = (
-    "Remove all weights from the load cells, and confirm: the control loop restarts with the "
-    "new calibration, the drives stay off, and the encoders lose their zero"
-)
-
 
 async def tare_load_cells(context: ProcedureContext) -> StepFinding:
     """Set the mean voltage of 1 s without load as the zero of both load cells."""
     await context.switch_drives_off()
-    await context.request_action("Slacken both tendons, remove all load from the load cells, and confirm", SLACK)
+    await context.request_action(messages.unload_load_cells(), SLACK)
     await context.release_rig()
     context.report_phase("measuring")
     rows = await context.record(AVERAGING_S)
@@ -291,18 +274,18 @@ async def tare_load_cells(context: ProcedureContext) -> StepFinding:
         volts = _extract_volts(rows, tendon)
         zero_V, noise_N = float(volts.mean()), abs(wiring_line[0]) * float(volts.std())
         figures += [
-            MeasuredNumber(f"zero of load cell {tendon}", zero_V, "V"),
-            MeasuredNumber(f"noise of load cell {tendon}", noise_N, "N"),
+            MeasuredNumber(messages.zero_of_load_cell(tendon=tendon), zero_V, "V"),
+            MeasuredNumber(messages.noise_of_load_cell(tendon=tendon), noise_N, "N"),
         ]
         _require_low_noise(tendon, noise_N)
         if not abs(zero_V) <= TARE_MAX_V:
             raise StepFailedError(messages.load_cell_zero_too_large(tendon=tendon, zero_V=zero_V, maximum_V=TARE_MAX_V))
-        calibrations.append(CellCalibration(tendon, wiring_line[0], zero_V, _describe_source("tared")))
+        calibrations.append(CellCalibration(tendon, wiring_line[0], zero_V, messages.tared(at=datetime.now(UTC))))
     if not calibrations:
         raise StepFailedError(messages.load_cells_have_tables())
-    await context.request_action(_REMOVE_LOAD)
-    which = "both load cells" if len(calibrations) == 2 else f"load cell {calibrations[0].tendon}"
-    return StepFinding(True, f"the zero of {which} is set", tuple(figures), tuple(calibrations))
+    await context.request_action(messages.remove_load())
+    found = messages.load_cells_tared(tendons="".join(tared.tendon for tared in calibrations))
+    return StepFinding(True, found, tuple(figures), tuple(calibrations))
 
 
 def require_weights(values: dict[str, float]) -> None:
@@ -316,7 +299,7 @@ def require_weights(values: dict[str, float]) -> None:
         maximum=None,
         unit="N",
         remedy=messages.weights_too_close(minimum_N=WEIGHTS_APART_N),
-        label="heavier weight",
+        label=messages.heavier_weight(),
     )
 
 
@@ -330,10 +313,8 @@ async def calibrate_load_cells(context: ProcedureContext) -> StepFinding:
         volts = []
         for weight in weights:
             manual_input = replace(SLACK, pull_A=weight) if tendon == "A" else replace(SLACK, pull_B=weight)
-            await context.request_action(
-                f"Hang {weight:g} N on load cell {tendon}, let it come to rest, and confirm", manual_input
-            )
-            context.report_phase(f"load cell {tendon}, {weight:g} N")
+            await context.request_action(messages.hang_weight(weight_N=weight, tendon=tendon), manual_input)
+            context.report_phase(messages.measuring_weight(tendon=tendon, weight_N=weight))
             volts.append(_extract_volts(await context.record(AVERAGING_S), tendon))
         await context.release_rig()
         means = np.array([column.mean() for column in volts])
@@ -351,26 +332,25 @@ async def calibrate_load_cells(context: ProcedureContext) -> StepFinding:
         offset = -at_0_V / slope
         deviation_N = float(np.abs(slope * means + at_0_V - weights).max())
         figures += [
-            MeasuredNumber(f"slope of load cell {tendon}", slope, "N/V"),
-            MeasuredNumber(f"offset of load cell {tendon}", offset, "V"),
+            MeasuredNumber(messages.slope_of_load_cell(tendon=tendon), slope, "N/V"),
+            MeasuredNumber(messages.offset_of_load_cell(tendon=tendon), offset, "V"),
         ]
         if wiring_line is not None and slope * wiring_line[0] < 0.0:
             raise StepFailedError(
                 messages.wrong_sign_of_load_cell(tendon=tendon, slope=slope, wiring_slope=wiring_line[0])
             )
         if len(weights) > 2:
-            figures.append(MeasuredNumber(f"load cell {tendon}: largest deviation from its line", deviation_N, "N"))
+            figures.append(MeasuredNumber(messages.deviation_of_load_cell(tendon=tendon), deviation_N, "N"))
         if not deviation_N <= LINE_DEVIATION_MAX_N:
             raise StepFailedError(
                 messages.load_cell_not_linear(tendon=tendon, deviation_N=deviation_N, maximum_N=LINE_DEVIATION_MAX_N)
             )
         _require_low_noise(tendon, abs(slope) * max(float(column.std()) for column in volts))
-        calibrations.append(
-            CellCalibration(tendon, slope, offset, _describe_source(f"calibrated with {len(weights)} weights"))
-        )
-    await context.request_action(_REMOVE_LOAD)
-    which = "both load cells" if len(calibrations) == 2 else f"load cell {context.cells}"
-    return StepFinding(True, f"slope and offset of {which} are measured", tuple(figures), tuple(calibrations))
+        source = messages.calibrated(weights=len(weights), at=datetime.now(UTC))
+        calibrations.append(CellCalibration(tendon, slope, offset, source))
+    await context.request_action(messages.remove_load())
+    found = messages.load_cells_calibrated(tendons=context.cells)
+    return StepFinding(True, found, tuple(figures), tuple(calibrations))
 
 
 def _extract_volts(rows: Rows, tendon: str) -> Signal:
@@ -386,10 +366,6 @@ def _extract_volts(rows: Rows, tendon: str) -> Signal:
 def _require_low_noise(tendon: str, noise_N: float) -> None:
     if not noise_N <= NOISE_MAX_N:
         raise StepFailedError(messages.load_cell_too_noisy(tendon=tendon, noise_N=noise_N, maximum_N=NOISE_MAX_N))
-
-
-def _describe_source(how: str) -> str:
-    return f"{how} on {datetime.now(UTC):%Y-%m-%d}"
 
 
 # Pretension and safety module ----------------------------------------------------------------------
@@ -424,14 +400,14 @@ async def apply_pretension(context: ProcedureContext) -> StepFinding:
     await context.send(SetMode(Mode.OFF))
     await context.loop.advance(0.2)
     figures = (
-        MeasuredNumber("tension of tendon A", to_finite(F_A), "N"),
-        MeasuredNumber("tension of tendon B", to_finite(F_B), "N"),
-        MeasuredNumber("highest tension during the motion", highest, "N"),
-        MeasuredNumber("largest difference of the tensions", apart, "N"),
+        MeasuredNumber(messages.tension_of_tendon(tendon="A"), to_finite(F_A), "N"),
+        MeasuredNumber(messages.tension_of_tendon(tendon="B"), to_finite(F_B), "N"),
+        MeasuredNumber(messages.highest_tension_in_motion(), highest, "N"),
+        MeasuredNumber(messages.largest_difference_of_tensions(), apart, "N"),
     )
     if not is_near_pretension(F):
         raise StepFailedError(messages.not_at_pretension(F_A=F_A, F_B=F_B, pretension_N=PRETENSION_N))
-    return StepFinding(True, f"both tensions rose together to {PRETENSION_N:g} N", figures)
+    return StepFinding(True, messages.pretension_reached(pretension_N=PRETENSION_N), figures)
 
 
 async def check_safety_module(context: ProcedureContext) -> StepFinding:
@@ -440,16 +416,16 @@ async def check_safety_module(context: ProcedureContext) -> StepFinding:
     The person lowers the limit of the module below the pretension. After the trip, the loop drives the motors for
     another DRIVE_TIME_S, so that only the module can release them.
     """
-    context.report_phase("applying pretension")
+    context.report_phase(messages.applying_pretension())
     await _wind_up(context)
     before = await context.measure_mean("F_A", "F_B")
     first = context.loop.ring.count
     await context.send(TryModule())
     await context.request_action(
-        f"Lower the tension limit at the safety module below {PRETENSION_N:g} N: the module must trip; then confirm",
+        messages.lower_limit_of_module(pretension_N=PRETENSION_N),
         ManualInput(F_limit=LOWERED_LIMIT_N),
     )
-    context.report_phase("waiting for the trip")
+    context.report_phase(messages.waiting_for_trip())
     try:
         await context.loop.advance_until(lambda: context.mode is Mode.TRIPPED, TRIP_TIMEOUT_S)
     except TimeoutError:
@@ -465,22 +441,22 @@ async def check_safety_module(context: ProcedureContext) -> StepFinding:
     after = rows[-100:, [INDEX["F_A"], INDEX["F_B"]]].mean(axis=0)
     remaining_V = float(np.abs(rows[tripped:, [INDEX["u_A"], INDEX["u_B"]]]).max())
     figures = (
-        MeasuredNumber("tension before the trip", to_finite(float(before.mean())), "N"),
-        MeasuredNumber("voltage still applied to motor A", to_finite(float(volts[0])), "V"),
-        MeasuredNumber("voltage still applied to motor B", to_finite(float(volts[1])), "V"),
-        MeasuredNumber("rotation of motor A under this voltage", to_finite(float(turned[0])), "rad"),
-        MeasuredNumber("rotation of motor B under this voltage", to_finite(float(turned[1])), "rad"),
-        MeasuredNumber("tension 1 s after the trip", to_finite(float(after.mean())), "N"),
+        MeasuredNumber(messages.tension_before_trip(), to_finite(float(before.mean())), "N"),
+        MeasuredNumber(messages.voltage_still_applied(motor="A"), to_finite(float(volts[0])), "V"),
+        MeasuredNumber(messages.voltage_still_applied(motor="B"), to_finite(float(volts[1])), "V"),
+        MeasuredNumber(messages.rotation_under_voltage(motor="A"), to_finite(float(turned[0])), "rad"),
+        MeasuredNumber(messages.rotation_under_voltage(motor="B"), to_finite(float(turned[1])), "rad"),
+        MeasuredNumber(messages.tension_1_s_after_trip(), to_finite(float(after.mean())), "N"),
     )
     problem = None if remaining_V == 0.0 else messages.voltage_after_trip()
     problem = problem or find_uncut_drive(volts, turned)
     problem = problem or (None if has_tension_fallen(before, after) else messages.tension_after_trip())
     if problem is not None:
         return StepFinding(False, messages.module_insufficient(reason=problem), figures)
-    await context.request_action("Restore the limit of the module, acknowledge the trip there, and confirm")
+    await context.request_action(messages.restore_limit_of_module())
     await context.release_rig()
     await context.send(Reset())
-    return StepFinding(True, "the module tripped and disabled both motors while voltage was still applied", figures)
+    return StepFinding(True, messages.module_disabled_motors(), figures)
 
 
 def find_uncut_drive(volts: Signal, turned: Signal) -> Message | None:
@@ -515,8 +491,8 @@ def compute_peaks(F: Rows) -> tuple[float, float]:
 
 async def _wind_up(context: ProcedureContext) -> tuple[float, float]:
     """Apply pretension; return the highest tension and the largest difference of both [N]."""
-    context.report_phase("applying pretension")
-    await context.request_action("Keep clear of the rig: the motors apply pretension. Confirm to begin")
+    context.report_phase(messages.applying_pretension())
+    await context.request_action(messages.keep_clear_of_pretension())
     await context.release_rig()
     await context.switch_drives_on()
     first = context.loop.ring.count
@@ -533,7 +509,7 @@ async def _wind_up(context: ProcedureContext) -> tuple[float, float]:
         # NumPy's maximum propagates nan, Python's max may not.
         highest, apart = (float(most) for most in np.maximum((highest, apart), compute_peaks(F)))
         if not (highest <= TENSION_MAX_N and apart <= TENSION_DIFFERENCE_MAX_N):
-            await context.loop.send(Stop(Fault.STOP_PRESSED, hard=True, detail="the pretension failed"))
+            await context.loop.send(Stop(Fault.STOP_PRESSED, hard=True, detail=messages.pretension_failed()))
             raise StepFailedError(
                 messages.tensions_out_of_bounds(
                     highest_N=highest,
@@ -569,13 +545,19 @@ class _Sensor(NamedTuple):
 
 
 _Q = _Sensor(
-    signal="q", words="joint encoder", unit="rad", least=0.08, section="encoder_q", place="counter", sign="direction"
+    signal="q",
+    words=messages.joint_encoder(),
+    unit="rad",
+    least=0.08,
+    section="encoder_q",
+    place="counter",
+    sign="direction",
 )
 _ENCODERS = (
     _Q,
     _Sensor(
         signal="theta_A",
-        words="encoder of motor A",
+        words=messages.motor_encoder(motor="A"),
         unit="rad",
         least=0.3,
         section="encoder_A",
@@ -584,7 +566,7 @@ _ENCODERS = (
     ),
     _Sensor(
         signal="theta_B",
-        words="encoder of motor B",
+        words=messages.motor_encoder(motor="B"),
         unit="rad",
         least=0.3,
         section="encoder_B",
@@ -594,22 +576,33 @@ _ENCODERS = (
 )
 _CELLS = (
     _Sensor(
-        signal="F_A", words="load cell A", unit="N", least=3.0, section="load_cell_A", place="channel", sign="slope"
+        signal="F_A",
+        words=messages.load_cell(tendon="A"),
+        unit="N",
+        least=3.0,
+        section="load_cell_A",
+        place="channel",
+        sign="slope",
     ),
     _Sensor(
-        signal="F_B", words="load cell B", unit="N", least=3.0, section="load_cell_B", place="channel", sign="slope"
+        signal="F_B",
+        words=messages.load_cell(tendon="B"),
+        unit="N",
+        least=3.0,
+        section="load_cell_B",
+        place="channel",
+        sign="slope",
     ),
 )
 _MOVED_FRACTION = 0.4
 """Fraction of ``least`` from which a sensor counts as moved."""
 
-_WIND = f"Turn motor {{}} by hand by {Angle(_ENCODERS[1].least):g} or more so that it winds its tendon, and confirm"
 _MOVEMENTS = (
-    (_Q, f"Turn the joint by hand towards +q by {Angle(_Q.least):g} or more, and confirm", ManualInput(q=0.15)),
-    (_ENCODERS[1], _WIND.format("A"), ManualInput(theta_A=0.5)),
-    (_ENCODERS[2], _WIND.format("B"), ManualInput(theta_B=0.5)),
-    (_CELLS[0], "Pull at load cell A with about 7 N, and confirm", ManualInput(pull_A=7.0)),
-    (_CELLS[1], "Pull at load cell B with about 7 N, and confirm", ManualInput(pull_B=7.0)),
+    (_Q, messages.turn_joint(angle=_Q.least), ManualInput(q=0.15)),
+    (_ENCODERS[1], messages.wind_tendon(motor="A", angle=_ENCODERS[1].least), ManualInput(theta_A=0.5)),
+    (_ENCODERS[2], messages.wind_tendon(motor="B", angle=_ENCODERS[2].least), ManualInput(theta_B=0.5)),
+    (_CELLS[0], messages.pull_at_load_cell(tendon="A", F=7.0), ManualInput(pull_A=7.0)),
+    (_CELLS[1], messages.pull_at_load_cell(tendon="B", F=7.0), ManualInput(pull_B=7.0)),
 )
 
 
@@ -627,14 +620,16 @@ async def check_wiring(context: ProcedureContext) -> StepFinding:
         await context.record(0.3)
         rows = context.read_since(first)
         excursions = {sensor: _compute_excursion(average_blocks(rows, sensor.signal)) for sensor in group}
-        figures.append(MeasuredNumber(f"{wanted.words}, change", to_finite(excursions[wanted]), wanted.unit))
+        figures.append(
+            MeasuredNumber(messages.change_of_sensor(sensor=wanted.words), to_finite(excursions[wanted]), wanted.unit)
+        )
         problems += _find_sensor_problems(context, wanted, excursions)
         if wanted in _ENCODERS:
-            await context.request_action("Turn it back to its initial position, and confirm", SLACK)
+            await context.request_action(messages.turn_back(), SLACK)
         await context.release_rig()
     if problems:
         return StepFinding(False, messages.several_problems(problems=tuple(dict.fromkeys(problems))), tuple(figures))
-    return StepFinding(True, "every sensor responds correctly", tuple(figures))
+    return StepFinding(True, messages.sensors_respond(), tuple(figures))
 
 
 def _compute_excursion(values: Signal) -> float:
@@ -703,15 +698,11 @@ async def set_zero(context: ProcedureContext) -> StepFinding:
         # The motors must release as much tendon as the joint takes up.
         out = -abs(position) * context.parameters.geometry.r_j / context.parameters.geometry.r_m
         manual_input = ManualInput(q=1.02 * position, theta_A=out, theta_B=out)
-        await context.request_action(
-            f"Slacken both tendons, turn the joint slowly by hand onto its end switch at {Angle(position):.4g}, hold "
-            "it there, and confirm",
-            manual_input,
-        )
+        await context.request_action(messages.hold_joint_at_switch(position=position), manual_input)
     else:
         position = 0.0
-        await context.request_action("Turn the joint by hand to its zero mark, hold it there, and confirm", SLACK)
-    context.report_phase("setting the encoders")
+        await context.request_action(messages.hold_joint_at_mark(), SLACK)
+    context.report_phase(messages.setting_encoders())
     await context.send(Zero(position, 0.0, 0.0, at_switch=homing))
     await context.record(0.1)
     newest = context.loop.ring.newest()
@@ -719,11 +710,7 @@ async def set_zero(context: ProcedureContext) -> StepFinding:
     if not abs(q - position) <= ZERO_TOLERANCE_RAD:
         raise StepFailedError(messages.zero_not_held(q=q, position=position))
     if homing:
-        await context.request_action("Turn the joint back to its middle, and confirm", SLACK)
+        await context.request_action(messages.turn_joint_back(), SLACK)
     await context.release_rig()
-    how = "the end switch" if homing else "its zero mark"
-    return StepFinding(
-        True,
-        f"the joint encoder is zeroed at {how}",
-        (MeasuredNumber("joint position that was set", position, "rad"),),
-    )
+    found = messages.zeroed_at_switch() if homing else messages.zeroed_at_mark()
+    return StepFinding(True, found, (MeasuredNumber(messages.position_set(), position, "rad"),))

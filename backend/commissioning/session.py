@@ -81,7 +81,7 @@ def collect_values(step: StepId, given: Mapping[str, float]) -> dict[str, float]
     asked = {wanted.name: wanted for wanted in (*STEP[step].inputs, *further)}
     unknown = ", ".join(sorted(set(given) - set(asked)))
     if unknown:
-        raise ValueError(f"{step} has no input {unknown}; its inputs are {', '.join(asked) or 'nothing'}")
+        raise ValueError(messages.unknown_inputs(step=step, unknown=unknown, known=", ".join(asked)))
     values = {name: float(given.get(name, wanted.default)) for name, wanted in asked.items()}
     for name, value in values.items():
         wanted = asked[name]
@@ -281,8 +281,8 @@ class CommissioningSession:
             self.supervisor.setup, commissioning_results=status.load_commissioning_results(self._database, self._wiring)
         )
         if must_restart:
-            self._dialog.report_phase("restarting the control loop with the measured values")
-            await self.supervisor.restart("with the measured values of the step")
+            self._dialog.report_phase(messages.restarting_with_measured_values())
+            await self.supervisor.restart(messages.restarted_with_measured_values())
             self._started = datetime.now(UTC)
         return lockout
 
@@ -315,5 +315,5 @@ async def open_session(
             lockout=lockout,
         )
     finally:
-        await supervisor.stop("the bring-up has ended")
+        await supervisor.stop(messages.bring_up_ended())
         await supervision.close()

@@ -11,7 +11,6 @@ from backend.commissioning import messages
 from backend.commissioning.procedure import StepFinding
 from backend.commissioning.steps import ALTERNATIVES, STEP, STEPS, CommissioningStep, StepId
 from backend.storage import Database, NewStepResult, StoredStepResult, commissioning
-from backend.units import format_count
 from plant import (
     NO_COMMISSIONING,
     CellCalibration,
@@ -57,21 +56,18 @@ def determine_step_status(
     ``fingerprint`` is that of the current wiring, ``loop_started`` the start of the current control loop.
     """
     if result is None:
-        return StepStatus(StepState.NEVER, "this step has never been executed")
+        return StepStatus(StepState.NEVER, messages.step_never_executed())
     if not result.passed:
-        return StepStatus(StepState.FAILED, "the last execution failed")
+        return StepStatus(StepState.FAILED, messages.last_execution_failed())
     if result.fingerprint != fingerprint:
-        return StepStatus(StepState.OUT_OF_DATE, "the wiring file has changed since")
+        return StepStatus(StepState.OUT_OF_DATE, messages.wiring_changed_since())
     if step.id in ALTERNATIVES and result.at < loop_started:
-        return StepStatus(
-            StepState.OUT_OF_DATE, "the control loop has been restarted since: the encoders have lost their zero"
-        )
+        return StepStatus(StepState.OUT_OF_DATE, messages.encoders_lost_zero())
     if step.id is StepId.CALIBRATE and (other := _find_missing_cell(result)):
-        return StepStatus(StepState.NEVER, f"load cell {other} has not been calibrated with this wiring")
-    days = format_count(step.holds_days, "day")
+        return StepStatus(StepState.NEVER, messages.load_cell_not_calibrated(tendon=other))
     if datetime.now(UTC) - result.at > timedelta(days=step.holds_days):
-        return StepStatus(StepState.OUT_OF_DATE, f"the result is valid for {days}", aged=True)
-    return StepStatus(StepState.CURRENT, f"the result is valid for {days} after its execution")
+        return StepStatus(StepState.OUT_OF_DATE, messages.validity_elapsed(days=step.holds_days), aged=True)
+    return StepStatus(StepState.CURRENT, messages.valid_after_execution(days=step.holds_days))
 
 
 def determine_statuses(
@@ -88,15 +84,15 @@ def determine_statuses(
         step.id: determine_step_status(step, stored.results.get(step.id), fingerprint, loop_started) for step in STEPS
     }
     if found[StepId.DIRECTION].state is StepState.CURRENT and _is_contradicted(stored):
-        found[StepId.DIRECTION] = StepStatus(StepState.OUT_OF_DATE, "a wiring test has failed since")
+        found[StepId.DIRECTION] = StepStatus(StepState.OUT_OF_DATE, messages.wiring_test_failed_since())
     if _has_tables(wiring) and found[StepId.CALIBRATE].state is StepState.NEVER:
-        tables = StepStatus(StepState.CURRENT, "both load cells are calibrated by tables of the wiring file")
+        tables = StepStatus(StepState.CURRENT, messages.calibrated_by_tables())
         found |= {StepId.TARE: tables, StepId.CALIBRATE: tables}
     if wiring is None or math.isnan(wiring.end_switch.position):
         del found[StepId.HOME]
         return found
     return found | {
-        step: StepStatus(StepState.CURRENT, f"{STEP[other].title} has set the zero")
+        step: StepStatus(StepState.CURRENT, messages.zero_set_by(step=STEP[other].title))
         for step, other in ALTERNATIVES.items()
         if found[step].state in _REPLACEABLE and found[other].state is StepState.CURRENT
     }
@@ -128,7 +124,9 @@ def _is_satisfied(step: StepId, found: StepStatus) -> bool:
 def _format_title(step: StepId, states: Mapping[StepId, StepStatus]) -> str:
     """Return the title of a step, with the step that can replace it."""
     other = ALTERNATIVES.get(step)
-    return f"{STEP[step].title} or {STEP[other].title}" if other in states and other else STEP[step].title
+    if other in states and other:
+        return messages.either_step(step=STEP[step].title, other=STEP[other].title)
+    return STEP[step].title
 
 
 def _collect_needs(step: CommissioningStep) -> list[StepId]:
@@ -139,7 +137,8 @@ def _collect_needs(step: CommissioningStep) -> list[StepId]:
 def store_result(database: Database, step: StepId, wiring: Wiring, finding: StepFinding, who: str) -> StoredStepResult:
     """Store the result of a step; if it disproves the directions, also store a failed direction step."""
     if finding.disproves_directions:
-        store_result(database, StepId.DIRECTION, wiring, StepFinding(False, f"{STEP[step].title}: {finding.text}"), who)
+        found = messages.finding_of_step(step=STEP[step].title, finding=finding.text)
+        store_result(database, StepId.DIRECTION, wiring, StepFinding(False, found), who)
     new = NewStepResult(
         step=step,
         wiring=wiring.title,
@@ -149,7 +148,9 @@ def store_result(database: Database, step: StepId, wiring: Wiring, finding: Step
         who=who,
         figures=[asdict(figure) for figure in finding.figures],
         calibrations=[
-            {**asdict(found), "source": f"{found.source} by {who}"} for found in finding.calibrations if finding.passed
+            {**asdict(found), "source": messages.calibrated_by(source=found.source, who=who)}
+            for found in finding.calibrations
+            if finding.passed
         ],
     )
     with database.session() as session:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from backend.commissioning import messages
 from backend.commissioning.procedure import Rows, StepFinding
 from backend.commissioning.procedures import (
     DRIVEN_MIN_V,
@@ -18,6 +19,7 @@ from backend.commissioning.procedures import (
 )
 from backend.commissioning.session import collect_values
 from backend.commissioning.steps import STEPS, WEIGHT_MAX_N, StepId
+from backend.control.motion_primitives import PRETENSION_N
 from backend.errors import OutOfRangeError
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import (
@@ -48,8 +50,8 @@ def test_a_rig_with_correct_wiring_passes_every_step() -> None:
     assert [finding.text for finding in findings.values() if not finding.passed] == []
     # The pretension of 10 N, as the load cells' own figures say it.
     tensions = {figure.words: figure.value for figure in findings[StepId.PRETENSION].figures}
-    assert tensions["tension of tendon A"] == pytest.approx(10.0, abs=0.3)
-    assert tensions["tension of tendon B"] == pytest.approx(10.0, abs=0.3)
+    for tendon in "AB":
+        assert tensions[messages.tension_of_tendon(tendon=tendon)] == pytest.approx(10.0, abs=0.3)
 
 
 def why(finding: StepFinding) -> Message:
@@ -197,8 +199,8 @@ def test_more_weights_show_whether_one_load_cell_has_a_line(true: dict[str, Any]
     finding = asyncio.run(rig.do(StepId.CALIBRATE, "B", weight_1_N=5.0, weight_2_N=25.0, weight_3_N=15.0))
     rig.loop.close()
     assert finding.passed is passed, finding.text
-    hung = [words.partition(",")[0] for words in rig.asked if words.startswith("Hang")]
-    assert hung == [f"Hang {F} N on load cell B" for F in (5, 15, 25)]
+    hung = [messages.hang_weight(weight_N=F, tendon="B") for F in (5.0, 15.0, 25.0)]
+    assert [words for words in rig.asked if getattr(words, "code", "") == "hang_weight"] == hung
     if passed:
         (cell,) = finding.calibrations
         assert cell.tendon == "B"
@@ -215,7 +217,7 @@ def test_a_tare_takes_the_volts_without_load() -> None:
     assert finding.passed, finding.text
     # 1 s of noise of 5 mV leaves 0.2 mV.
     assert [found.offset for found in finding.calibrations] == pytest.approx([0.31, -0.22], abs=1e-3)
-    noise = {figure.words: figure.value for figure in finding.figures}["noise of load cell A"]
+    noise = {figure.words: figure.value for figure in finding.figures}[messages.noise_of_load_cell(tendon="A")]
     assert noise == pytest.approx(0.05, rel=0.2)
 
 
@@ -303,11 +305,11 @@ def test_a_load_cell_that_is_lost_at_the_trip_has_not_seen_the_motors_let_go() -
     rig = CommissionedRig()
 
     def lose(phase: str) -> None:
-        if phase == "waiting for the trip":
+        if phase == messages.waiting_for_trip():
             rig.rig.inject(InjectedFault(InjectedFaultKind.SATURATION, Sensor.F_B))
 
     async def mend(words: str) -> None:
-        if "Restore the limit of the module" in words:
+        if words == messages.restore_limit_of_module():
             rig.rig.inject(None)
 
     rig.in_phase, rig.meanwhile = lose, mend
@@ -320,7 +322,7 @@ def test_a_loop_that_stopped_for_another_reason_is_not_reset() -> None:
     rig = CommissionedRig()
 
     async def press(words: str) -> None:
-        if "Lower the tension limit" in words:
+        if words == messages.lower_limit_of_module(pretension_N=PRETENSION_N):
             await rig.loop.send(Stop(Fault.STOP_PRESSED))
 
     rig.meanwhile = press
@@ -336,7 +338,7 @@ def test_a_loop_that_stopped_for_another_reason_is_not_reset() -> None:
         rig.loop.close()
     assert why(finding).code == "stopped_without_module"
     assert mode is Mode.TRIPPED
-    assert not any("Restore the limit of the module" in words for words in rig.asked)
+    assert messages.restore_limit_of_module() not in rig.asked
 
 
 @pytest.mark.parametrize(("cuts", "motor"), [((False, False), "A"), ((True, False), "B")])
@@ -460,11 +462,11 @@ def test_no_number_is_not_taken_for_a_load(step: StepId) -> None:
 @pytest.mark.parametrize(
     ("given", "label", "value", "bounds"),
     [
-        ({"weight_1_N": 5.0, "weight_2_N": 9.0}, "heavier weight", 9.0, (10.0, None)),
-        ({"weight_1_N": 25.0, "weight_2_N": 5.0}, "heavier weight", 5.0, (30.0, None)),
-        ({"weight_2_N": WEIGHT_MAX_N + 1.0}, "heavier weight", WEIGHT_MAX_N + 1.0, (0.0, WEIGHT_MAX_N)),
-        ({"weight_1_N": -1.0}, "lighter weight", -1.0, (0.0, WEIGHT_MAX_N)),
-        ({"weight_2_N": NAN}, "heavier weight", NAN, (0.0, WEIGHT_MAX_N)),
+        ({"weight_1_N": 5.0, "weight_2_N": 9.0}, messages.heavier_weight(), 9.0, (10.0, None)),
+        ({"weight_1_N": 25.0, "weight_2_N": 5.0}, messages.heavier_weight(), 5.0, (30.0, None)),
+        ({"weight_2_N": WEIGHT_MAX_N + 1.0}, messages.heavier_weight(), WEIGHT_MAX_N + 1.0, (0.0, WEIGHT_MAX_N)),
+        ({"weight_1_N": -1.0}, messages.lighter_weight(), -1.0, (0.0, WEIGHT_MAX_N)),
+        ({"weight_2_N": NAN}, messages.heavier_weight(), NAN, (0.0, WEIGHT_MAX_N)),
     ],
 )
 def test_weights_that_tell_nothing_are_refused_before_anything_is_hung(

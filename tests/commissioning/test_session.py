@@ -31,6 +31,7 @@ from backend.storage.database import open_database
 from backend.tuning.gains import TuningParameters
 from plant.interface import SIMULATOR, InjectedFaultKind, PlantChoice, PlantKind
 from plant.message import Message
+from plant.messages import drive_enable_not_switched
 from plant.parameters import load_parameters
 from plant.safety_card import CardState
 from plant.virtual_daq import CardError
@@ -100,7 +101,7 @@ def test_no_hand_is_asked_for_while_the_line_does_not_fall() -> None:
     async def work() -> None:
         finding = await rig.do(StepId.WIRING_TEST)
         assert not finding.passed
-        assert "drive-enable line did not switch off" in finding.text
+        assert drive_enable_not_switched(on=False) in finding.text
         assert rig.asked == []
         # Nobody knows about the drives: nothing starts.
         assert isinstance(await rig.loop.send(SetMode(Mode.PRETENSION)), Refused)

@@ -12,7 +12,7 @@ import pytest
 import plant
 from backend.banks.builder import build_tuning_command
 from backend.banks.tuning_settings import compute_default_tuning
-from backend.commissioning import status
+from backend.commissioning import messages, status
 from backend.commissioning.procedure import MeasuredNumber, StepFinding
 from backend.commissioning.session import BlockedError, CommissioningSession, DriveLockout, OperatorDialog
 from backend.commissioning.status import StepState, find_blocking_steps
@@ -65,7 +65,7 @@ def test_results_take_effect_with_their_wiring_only(tmp_path: Path) -> None:
     status.store_result(database, StepId.WIRING_TEST, WIRING, PASSED, "Ada")
     assert not status.load_commissioning_results(database, WIRING).directions_proven
     states = status.determine_statuses(status.load_results(database), WIRING, datetime.now(UTC))
-    assert states[StepId.DIRECTION][:2] == (StepState.OUT_OF_DATE, "a wiring test has failed since")
+    assert states[StepId.DIRECTION][:2] == (StepState.OUT_OF_DATE, messages.wiring_test_failed_since())
     status.store_result(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
     assert status.load_commissioning_results(database, WIRING).directions_proven
     database.close()
@@ -79,7 +79,11 @@ def test_a_step_that_disproves_the_directions_stores_their_failure(tmp_path: Pat
     status.store_result(database, StepId.HOME, WIRING, replace(FAILED, disproves_directions=True), "Bo")
     assert not status.load_commissioning_results(database, WIRING).directions_proven
     told = status.load_newest_results(database)[StepId.DIRECTION]
-    assert (told.passed, told.text, told.who) == (False, "Homing: not well", "Bo")
+    assert (told.passed, told.text, told.who) == (
+        False,
+        messages.finding_of_step(step="Homing", finding=FAILED.text),
+        "Bo",
+    )
     database.close()
 
 
@@ -119,10 +123,10 @@ def test_homing_and_the_zero_by_hand_do_for_each_other(tmp_path: Path) -> None:
     # The loop has been started since: homing needs no zero, pretension does.
     assert (states()[StepId.ZERO].state, states()[StepId.HOME].state) == (StepState.OUT_OF_DATE, StepState.NEVER)
     assert find_blocking_steps(STEP[StepId.HOME], states()) == ""
-    assert "Zero or Homing" in steps_before(StepId.PRETENSION, states())
+    assert messages.either_step(step="Zero", other="Homing") in steps_before(StepId.PRETENSION, states())
     status.store_result(database, StepId.HOME, homed, FAILED, "Ada")
     assert states()[StepId.HOME].state is StepState.FAILED
-    assert "Zero or Homing" in steps_before(StepId.PRETENSION, states())
+    assert messages.either_step(step="Zero", other="Homing") in steps_before(StepId.PRETENSION, states())
     status.store_result(database, StepId.HOME, homed, PASSED, "Ada")
     assert (states()[StepId.ZERO].state, states()[StepId.HOME].state) == (StepState.CURRENT, StepState.CURRENT)
     assert find_blocking_steps(STEP[StepId.PRETENSION], states()) == ""
@@ -146,7 +150,7 @@ def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
 
     first, state, why = calibrated_one("A")
     assert state is StepState.NEVER
-    assert "load cell B" in why
+    assert why == messages.load_cell_not_calibrated(tendon="B")
     assert calibrated_one("A")[1] is StepState.NEVER
     second, state, _ = calibrated_one("B")
     assert state is StepState.CURRENT
@@ -254,7 +258,7 @@ def test_a_zero_holds_good_for_one_day_and_not_for_one_days(tmp_path: Path) -> N
     zero = status.store_result(database, StepId.ZERO, WIRING, PASSED, "Ada")
     wired = wiring_fingerprint(WIRING)
     assert status.determine_step_status(STEP[StepId.ZERO], zero, wired, begun).why == (
-        "the result is valid for 1 day after its execution"
+        messages.valid_after_execution(days=1)
     )
     database.close()
 
