@@ -95,7 +95,7 @@ class Contact:
 
         Raises OutOfRangeError, ValueError or CommandRejectedError, without any change.
         """
-        check_range("points", len(command.bias), 0, MAX_POINTS, "1", label="number of points of the bias")
+        check_range("points", len(command.bias), 0, MAX_POINTS, "1", label=messages.number_of_bias_points())
         bias = np.array(command.bias, dtype=np.float64).reshape(-1, 2)
         if not np.all(np.isfinite(bias)) or np.any(np.diff(bias[:, 0]) <= 0.0):
             raise ValueError(messages.bias_not_increasing())
@@ -108,7 +108,7 @@ class Contact:
                 minimum=CONTACT_MIN_N,
                 maximum=CONTACT_MAX_N,
                 unit="N",
-                remedy="0 N disables the contact reaction",
+                remedy=messages.zero_disables_reaction(),
             )
         self._operator_bias, self._threshold_N = bias, command.contact_N or math.inf
         self._apply_bias()
@@ -124,7 +124,7 @@ class Contact:
     def require_program(self, program: Program) -> None:
         """Raise CommandRejectedError or OutOfRangeError for impossible contact detections."""
         detections = program.contact_detections
-        words = "number of changes of the contact reaction"
+        words = messages.number_of_reaction_changes()
         check_range("touches", len(detections), None, MAX_CONTACT_DETECTIONS, "1", label=words)
         for segment in program.segments:
             if not 0 <= segment.contact_detection <= len(detections):
@@ -139,7 +139,7 @@ class Contact:
                     minimum=CONTACT_MIN_N,
                     maximum=CONTACT_MAX_N,
                     unit="N",
-                    remedy="0 N disables the contact reaction",
+                    remedy=messages.zero_disables_reaction(),
                 )
         if detections and program.law is not Law.CASCADE:
             raise CommandRejectedError(messages.law_without_contact_reaction(law=program.law))
@@ -326,7 +326,7 @@ class ManualDisturbance:
             minimum=0.0,
             maximum=PUSH_MAX_S,
             unit="s",
-            remedy="repeat the command to push for longer",
+            remedy=messages.repeat_push(),
         )
         if command.F_push == 0.0 and self._until is None:
             return  # a program's push is not the operator's to end
@@ -342,7 +342,8 @@ class ManualDisturbance:
             self._plant.push(0.0)
         except PlantError:  # a plant that cannot be reached no longer pushes
             return ()
-        return (PushReleased(tick, "its duration has elapsed" if mode in PUSH_MODES else f"the mode is {mode}"),)
+        why = messages.push_duration_elapsed() if mode in PUSH_MODES else messages.push_ended_by_mode(mode=mode)
+        return (PushReleased(tick, why),)
 
 
 # Program push --------------------------------------------------------------------------------------
@@ -380,7 +381,7 @@ class ProgramDisturbances:
         """
         self._contact.require_program(program)
         obstacles = program.walls
-        check_range("walls", len(obstacles), None, MAX_WALLS, "1", label="number of changes of the obstacle")
+        check_range("walls", len(obstacles), None, MAX_WALLS, "1", label=messages.number_of_obstacle_changes())
         if obstacles and program.law in IDENTIFYING:
             raise CommandRejectedError(messages.law_without_obstacle(law=program.law))
         if obstacles:

@@ -2,7 +2,6 @@
 
 import logging
 import math
-from collections.abc import Callable
 from typing import Final, assert_never
 
 import numpy as np
@@ -68,7 +67,6 @@ from backend.tuning import TuningParameters, collect_plant_knowledge
 from plant import (
     NO_RAW,
     ZERO_VOLTS,
-    Angle,
     HasLimitSwitch,
     InvariantError,
     Measurement,
@@ -77,7 +75,6 @@ from plant import (
     Plant,
     PlantError,
     PlantParameters,
-    Quantity,
     RawReading,
     Simulator,
     SupportsDirectionCheck,
@@ -104,10 +101,10 @@ def execute_commissioning(
     """Execute a command. Raises CommandRejectedError, and PlantError if unsupported."""
     match command:
         case Zero():
-            _require_off(mode_manager, "a zero can be set")
+            _require_off(mode_manager, messages.zero_can_be_set())
             set_zero(command, mode_manager, plant)
         case TryMotor(motor):
-            _require_off_with_drives(mode_manager, "a motor can be tested")
+            _require_off_with_drives(mode_manager, messages.motor_can_be_tested())
             if isinstance(plant, SupportsDirectionCheck):
                 plant.prove_directions(proven=False)  # until the test of the direction has succeeded
             mode_manager.start_commissioning_motion(
@@ -119,7 +116,7 @@ def execute_commissioning(
             mode_manager.start_module_trial(context)
         case ProveDirections(proven):
             if proven:
-                _require_off(mode_manager, "motor directions can be confirmed")
+                _require_off(mode_manager, messages.directions_can_be_confirmed())
             if isinstance(plant, SupportsDirectionCheck):
                 plant.prove_directions(proven=proven)
         case SwitchDrives(on):
@@ -140,9 +137,9 @@ def _switch_drives(mode_manager: ModeManager, plant: Plant, context: TickContext
     if not isinstance(plant, SupportsDriveEnable):
         raise PlantError(messages.plant_without_drive_switch())
     if on:
-        _require_off(mode_manager, "the drives can be switched on")
+        _require_off(mode_manager, messages.drives_can_be_switched_on())
     elif mode_manager.mode not in (Mode.OFF, Mode.TRIPPED):
-        mode_manager.begin_stop(Stop(Fault.STOP_PRESSED, hard=True), "the drives were switched off", context)
+        mode_manager.begin_stop(Stop(Fault.STOP_PRESSED, hard=True), messages.stopped_by_switching_off(), context)
     mode_manager.drives_off = True  # until the card has obeyed
     plant.switch_drives(on=on)
     if on:
@@ -167,14 +164,14 @@ def set_homed_zero(motion: Motion, mode_manager: ModeManager, plant: Plant, step
 
 
 def _start_homing(position: float, mode_manager: ModeManager, plant: Plant, context: TickContext) -> None:
-    _require_off_with_drives(mode_manager, "homing can be started")
+    _require_off_with_drives(mode_manager, messages.homing_can_be_started())
     if not isinstance(plant, HasLimitSwitch):
         raise PlantError(messages.plant_without_end_switch())
     if plant.unproven:
         raise CommandRejectedError(plant.unproven)
     bounds, m = mode_manager.bounds, context.m
     check_range(
-        "position", abs(position), MIN_SWITCH_TRAVEL_RAD, bounds.q_trip, "rad", label="travel to the end switch"
+        "position", abs(position), MIN_SWITCH_TRAVEL_RAD, bounds.q_trip, "rad", label=messages.travel_to_switch()
     )
     if not (m.F_A <= TENSION_MAX_N and m.F_B <= TENSION_MAX_N):
         raise CommandRejectedError(messages.tendons_too_taut(F_A=m.F_A, F_B=m.F_B, maximum_N=TENSION_MAX_N))
@@ -297,23 +294,21 @@ def describe_implausible_reading(
     """
     side, unchanged = fault.which, fault.still
     if fault.verdict == fault_detection.JUMPED:
-        change = f"{Quantity(previous[side], _UNITS[side], raw[side]):.3f}"
-        return Fault.SENSOR_JUMP, f"{_NAMES[side]} went from {change}"
+        return Fault.SENSOR_JUMP, messages.sensor_jumped(
+            sensor=_NAMES[side], before=previous[side], after=raw[side], unit=_UNITS[side]
+        )
     theta, F = _NAMES[1 + side], _NAMES[3 + side]
     if fault.verdict == fault_detection.REVERSED:
-        return Fault.MOTOR_REVERSED, f"{theta} accelerates against the voltage of {command[side]:.1f} V"
+        return Fault.MOTOR_REVERSED, messages.motor_reversed(encoder=theta, u=command[side])
     if fault.verdict == fault_detection.UNMOVED:
-        text = f"{theta} stays at {Angle(raw[1 + side]):.3f} although the motor voltage is {command[side]:.1f} V"
-        return Fault.SENSOR_STUCK, text
+        return Fault.SENSOR_STUCK, messages.motor_encoder_stuck(encoder=theta, angle=raw[1 + side], u=command[side])
     if fault.verdict == fault_detection.STUCK:
-        condition = f"although its motor turned by {Angle(fault_detection.TURNED_RAD):g}"
-        return Fault.SENSOR_STUCK, f"{F} stays at {raw[3 + side]:.2f} N {condition}"
-    difference = (
-        f"{F} = {m[3 + side]:.1f} N, but according to the encoders the force of this spring is "
-        f"{m[3 + side] - fault.excess:.1f} N"
-    )
+        return Fault.SENSOR_STUCK, messages.load_cell_stuck(
+            load_cell=F, F=raw[3 + side], turned=fault_detection.TURNED_RAD
+        )
+    difference = messages.tension_unlike_encoders(load_cell=F, F=m[3 + side], F_encoders=m[3 + side] - fault.excess)
     if unchanged >= 0:
-        return Fault.SENSOR_STUCK, f"{_NAMES[unchanged]} does not change; {difference}"
+        return Fault.SENSOR_STUCK, messages.sensor_unchanged(sensor=_NAMES[unchanged], difference=difference)
     return Fault.IMPLAUSIBLE, difference
 
 
@@ -346,20 +341,15 @@ class FaultDescriber:
             case fault_detection.NOT_FINITE | fault_detection.OUT_OF_BOUNDS:
                 return self.find_static_fault(checked, card_reading)
             case fault_detection.TRIPPED:
-                readings = (
-                    _format_reading("F_A", m.F_A, ".1f", "N"),
-                    _format_reading("F_B", m.F_B, ".1f", "N"),
-                    _format_reading("q", m.q, "", "rad"),
-                )
-                return Fault.SAFETY_MODULE, f"at the trip, {', '.join(readings)}"
+                return Fault.SAFETY_MODULE, messages.readings_at_trip(F_A=m.F_A, F_B=m.F_B, q=m.q)
             case fault_detection.IMPLAUSIBLE_READING:
                 return describe_implausible_reading(fault, state.previous, state.newest, m, command)
             case fault_detection.SLACK:
-                F_slack = self._bounds.F_slack
-                slack, taut = _format_tensions(m, lambda F: F_slack > F)
-                return Fault.SLACK, f"{slack} below the limit of {F_slack:g} N for more than {SLACK_MAX_S:g} s{taut}"
+                return Fault.SLACK, messages.tendons_slack(
+                    F_A=m.F_A, F_B=m.F_B, minimum_N=self._bounds.F_slack, duration_s=SLACK_MAX_S
+                )
             case _:
-                return Fault.DEADLINES_MISSED, f"{missed} consecutive periods of 1 ms missed"
+                return Fault.DEADLINES_MISSED, messages.deadlines_missed(count=missed)
 
     def find_static_fault(self, m: Measurement, card_reading: RawReading = NO_RAW) -> tuple[Fault, str]:
         """Return the fault that one measurement shows without its history."""
@@ -367,37 +357,15 @@ class FaultDescriber:
         if not math.isfinite(m.q + m.theta_A + m.theta_B + m.F_A + m.F_B):
             invalid = [name for name, value in zip(m._fields[:5], m[:5], strict=True) if not math.isfinite(value)]
             volts = {"F_A": card_reading.V_A, "F_B": card_reading.V_B}  # finite volts without a valid tension
-            saturated = [
-                f"{name} reads {volts[name]:.2f} V" for name in invalid if math.isfinite(volts.get(name, math.nan))
-            ]
+            saturated = {name: volts[name] for name in invalid if math.isfinite(volts.get(name, math.nan))}
             if len(saturated) == len(invalid):
-                return (
-                    Fault.SENSOR_SATURATED,
-                    f"{', '.join(saturated)}: the limit of its input range, or of its calibration",
-                )
-            return Fault.SENSOR_INVALID, f"no valid reading from {', '.join(invalid)}"
+                return Fault.SENSOR_SATURATED, messages.load_cells_saturated(voltages=saturated)
+            return Fault.SENSOR_INVALID, messages.sensors_without_reading(sensors=tuple(invalid))
         if max(m.F_A, m.F_B) > bounds.F_max:
-            beyond, within = _format_tensions(m, lambda F: bounds.F_max < F)
-            return Fault.FORCE_LIMIT, f"{beyond} above the limit of {bounds.F_max:g} N{within}"
+            return Fault.FORCE_LIMIT, messages.tension_too_high(F_A=m.F_A, F_B=m.F_B, maximum_N=bounds.F_max)
         if abs(m.q) > bounds.q_trip:
-            bound = Angle(bounds.q_trip)  # six digits, so that a conversion to degrees gives 90
-            return Fault.JOINT_LIMIT, f"q = {Angle(m.q)}; the limit is {bound} in either direction"
+            return Fault.JOINT_LIMIT, messages.joint_out_of_range(q=m.q, maximum=bounds.q_trip)
         return Fault.NONE, ""
-
-
-def _format_reading(name: str, value: float, digits: str, unit: str) -> str:
-    """Return a reading as text; one that is not finite has no unit."""
-    if not math.isfinite(value):
-        return f"no valid reading from {name}"
-    return f"{name} = {Quantity(value, unit):{digits}}"
-
-
-def _format_tensions(m: Measurement, is_beyond: Callable[[float], bool]) -> tuple[str, str]:
-    """Return the tensions beyond a limit as text, and after a semicolon the other one."""
-    tensions = {"F_A": m.F_A, "F_B": m.F_B}
-    beyond = [f"{name} = {F:.2f} N" for name, F in tensions.items() if is_beyond(F)]
-    within = [f"; {_format_reading(name, F, '.2f', 'N')}" for name, F in tensions.items() if not is_beyond(F)]
-    return " and ".join(beyond), "".join(within)
 
 
 # Loop ----------------------------------------------------------------------------------------------

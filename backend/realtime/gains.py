@@ -168,7 +168,7 @@ def build_program_tunings(program: Program, plant_model: PlantModel) -> tuple[Ga
 
     Raises CommandRejectedError, OutOfRangeError or ValueError.
     """
-    check_range("tunings", len(program.tunings), None, MAX_TUNINGS, "1", label="number of changes of the tuning")
+    check_range("tunings", len(program.tunings), None, MAX_TUNINGS, "1", label=messages.number_of_tuning_changes())
     if program.tunings and (program.law in BASELINES or program.law in IDENTIFYING):
         raise CommandRejectedError(messages.law_with_fixed_gains(law=program.law))
     for segment in program.segments:

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Callable
 
+from backend.realtime import messages
 from backend.realtime.commands import Accepted, Command, Event, Refused
 from backend.realtime.control_loop import Loop
 from backend.realtime.program import BiasLost, ConfigureContactDetection, SetTuning
@@ -72,9 +73,7 @@ class SimulatedLoop:
                 await self._end_batch()
         await self._end_batch()
         if not reached():
-            raise TimeoutError(
-                f"the awaited state was not reached within {timeout_s:g} s of loop time; the mode is {self._loop.mode}"
-            )
+            raise TimeoutError(messages.state_not_reached_in_mode(timeout_s=timeout_s, mode=self._loop.mode))
 
     async def _end_batch(self) -> None:
         self._each_batch(self.ring)

@@ -14,6 +14,7 @@ import numpy as np
 from numba.core.types import ExternalFunction, int32, intp, uintp
 from numpy.typing import NDArray
 
+from backend.realtime import messages
 from backend.realtime.channel import Channel
 from backend.realtime.commands import Heartbeat
 from backend.realtime.ipc import encode
@@ -24,9 +25,7 @@ from plant import WATCHDOG_S, Card, Stillness, cache_compiled
 # The service's own monitoring of the card's registers, which it shares with the loop and the watchdog.
 
 
-WATCHDOG_MONITOR_PART = Part(
-    "The monitor of the card's watchdog", "If the watchdog dies now, only the control loop detects it."
-)
+WATCHDOG_MONITOR_PART = Part(messages.watchdog_monitor(), messages.watchdog_death_unnoticed())
 
 POLL_S = 0.05
 """Polling period of the service [s]."""
@@ -69,21 +68,14 @@ class WatchdogMonitor:
         self._polls.update(state.polls)
         unwritten_s = self._writes.update(state.writes)
         if self.is_watchdog_lost and not self.problem:
-            self._set_problem("the card's watchdog is dead: Reset starts a new control loop with a new watchdog")
+            self._set_problem(messages.watchdog_dead())
         if loop_ended and state.drive_enabled and unwritten_s > LAST_RESORT_S:
             if state.mirror:  # a mirror keeps the last known state
                 if not self.problem:
-                    self._set_problem(
-                        "the control loop has died: the watchdog of the rig's card disables the drives "
-                        f"{state.watchdog_s:g} s after the last write, which the service cannot observe; "
-                        "check the rig, then reset"
-                    )
+                    self._set_problem(messages.loop_died_with_mirror(watchdog_s=state.watchdog_s))
                 return False
             self._card.expire()
-            self._set_problem(
-                "the control loop and the card's watchdog had both died: the service set the outputs to zero; "
-                "check the rig, then reset"
-            )
+            self._set_problem(messages.loop_and_watchdog_died())
         return not loop_ended or self._card.state().drive_enabled
 
     async def run(self, loop: Process | None) -> None:

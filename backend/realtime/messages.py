@@ -1,6 +1,9 @@
-"""Messages of the control loop: rejected commands, packets that cannot be read, and loop processes that have ended."""
+"""Messages of the control loop: rejected commands, observed faults, invalid packets, ended loop processes."""
 
-from plant import catalogue_entry
+import math
+from collections.abc import Callable, Mapping
+
+from plant import Angle, Quantity, catalogue_entry
 
 # Packets -------------------------------------------------------------------------------------------
 # Messages between service and loop process.
@@ -134,6 +137,41 @@ def unknown_obstacle(*, number: int, count: int) -> str:
     return f"a segment refers to obstacle {number} of the program's {count}"
 
 
+@catalogue_entry
+def number_of_bias_points() -> str:
+    return "number of points of the bias"
+
+
+@catalogue_entry
+def number_of_reaction_changes() -> str:
+    return "number of changes of the contact reaction"
+
+
+@catalogue_entry
+def zero_disables_reaction() -> str:
+    return "0 N disables the contact reaction"
+
+
+@catalogue_entry
+def repeat_push() -> str:
+    return "repeat the command to push for longer"
+
+
+@catalogue_entry
+def push_duration_elapsed() -> str:
+    return "its duration has elapsed"
+
+
+@catalogue_entry
+def push_ended_by_mode(*, mode: str) -> str:
+    return f"the mode is {mode}"
+
+
+@catalogue_entry
+def number_of_obstacle_changes() -> str:
+    return "number of changes of the obstacle"
+
+
 # Programs ------------------------------------------------------------------------------------------
 # Programs and tunings that no plant, or not this one, can execute.
 
@@ -201,6 +239,41 @@ def unknown_tuning(*, number: int, count: int) -> str:
     return f"a segment refers to tuning {number} of the program's {count}"
 
 
+@catalogue_entry
+def number_of_segments() -> str:
+    return "number of segments"
+
+
+@catalogue_entry
+def split_program() -> str:
+    return "split the program"
+
+
+@catalogue_entry
+def number_of_tuning_changes() -> str:
+    return "number of changes of the tuning"
+
+
+@catalogue_entry
+def load_pulls_tendon() -> str:
+    return "a load pulls in the direction of the tendon"
+
+
+@catalogue_entry
+def tendons_slack_at_zero() -> str:
+    return "the tendons become slack at 0"
+
+
+@catalogue_entry
+def state_not_reached(*, timeout_s: float) -> str:
+    return f"the awaited state was not reached within {timeout_s:g} s of loop time"
+
+
+@catalogue_entry
+def state_not_reached_in_mode(*, timeout_s: float, mode: str) -> str:
+    return f"the awaited state was not reached within {timeout_s:g} s of loop time; the mode is {mode}"
+
+
 # Commissioning -------------------------------------------------------------------------------------
 # Commands of commissioning.
 
@@ -228,6 +301,41 @@ def tendons_too_taut(*, F_A: float, F_B: float, maximum_N: float) -> str:
 @catalogue_entry
 def only_in_off(*, action: str, mode: str) -> str:
     return f"{action} only in mode off; the mode is {mode}"
+
+
+@catalogue_entry
+def zero_can_be_set() -> str:
+    return "a zero can be set"
+
+
+@catalogue_entry
+def motor_can_be_tested() -> str:
+    return "a motor can be tested"
+
+
+@catalogue_entry
+def homing_can_be_started() -> str:
+    return "homing can be started"
+
+
+@catalogue_entry
+def directions_can_be_confirmed() -> str:
+    return "motor directions can be confirmed"
+
+
+@catalogue_entry
+def drives_can_be_switched_on() -> str:
+    return "the drives can be switched on"
+
+
+@catalogue_entry
+def stopped_by_switching_off() -> str:
+    return "the drives were switched off"
+
+
+@catalogue_entry
+def travel_to_switch() -> str:
+    return "travel to the end switch"
 
 
 # Control loop --------------------------------------------------------------------------------------
@@ -262,6 +370,97 @@ def loop_failed_in_own_code() -> str:
 @catalogue_entry
 def cause_of_fault_persists(*, reason: str) -> str:
     return f"the cause of the fault persists: {reason}"
+
+
+# Faults --------------------------------------------------------------------------------------------
+# What the control loop has observed when it stops.
+
+
+@catalogue_entry
+def sensor_jumped(*, sensor: str, before: float, after: float, unit: str) -> str:
+    return f"{sensor} went from {Quantity(before, unit, after):.3f}"
+
+
+@catalogue_entry
+def motor_reversed(*, encoder: str, u: float) -> str:
+    return f"{encoder} accelerates against the voltage of {u:.1f} V"
+
+
+@catalogue_entry
+def motor_encoder_stuck(*, encoder: str, angle: float, u: float) -> str:
+    return f"{encoder} stays at {Angle(angle):.3f} although the motor voltage is {u:.1f} V"
+
+
+@catalogue_entry
+def load_cell_stuck(*, load_cell: str, F: float, turned: float) -> str:
+    return f"{load_cell} stays at {F:.2f} N although its motor turned by {Angle(turned):g}"
+
+
+@catalogue_entry
+def tension_unlike_encoders(*, load_cell: str, F: float, F_encoders: float) -> str:
+    return f"{load_cell} = {F:.1f} N, but according to the encoders the force of this spring is {F_encoders:.1f} N"
+
+
+@catalogue_entry
+def sensor_unchanged(*, sensor: str, difference: str) -> str:
+    return f"{sensor} does not change; {difference}"
+
+
+@catalogue_entry
+def readings_at_trip(*, F_A: float, F_B: float, q: float) -> str:
+    return (
+        f"at the trip, {_format_reading('F_A', F_A, '.1f', 'N')}, {_format_reading('F_B', F_B, '.1f', 'N')}, "
+        f"{_format_reading('q', q, '', 'rad')}"
+    )
+
+
+@catalogue_entry
+def tendons_slack(*, F_A: float, F_B: float, minimum_N: float, duration_s: float) -> str:
+    slack, taut = _format_tensions(F_A, F_B, lambda F: minimum_N > F)
+    return f"{slack} below the limit of {minimum_N:g} N for more than {duration_s:g} s{taut}"
+
+
+@catalogue_entry
+def tension_too_high(*, F_A: float, F_B: float, maximum_N: float) -> str:
+    beyond, within = _format_tensions(F_A, F_B, lambda F: maximum_N < F)
+    return f"{beyond} above the limit of {maximum_N:g} N{within}"
+
+
+@catalogue_entry
+def joint_out_of_range(*, q: float, maximum: float) -> str:
+    # six digits, so that a conversion to degrees gives 90
+    return f"q = {Angle(q)}; the limit is {Angle(maximum)} in either direction"
+
+
+@catalogue_entry
+def load_cells_saturated(*, voltages: Mapping[str, float]) -> str:
+    readings = ", ".join(f"{load_cell} reads {V:.2f} V" for load_cell, V in voltages.items())
+    return f"{readings}: the limit of its input range, or of its calibration"
+
+
+@catalogue_entry
+def sensors_without_reading(*, sensors: tuple[str, ...]) -> str:
+    return f"no valid reading from {', '.join(sensors)}"
+
+
+@catalogue_entry
+def deadlines_missed(*, count: int) -> str:
+    return f"{count} consecutive periods of 1 ms missed"
+
+
+def _format_reading(name: str, value: float, digits: str, unit: str) -> str:
+    """Return a reading as text; one that is not finite has no unit."""
+    if not math.isfinite(value):
+        return f"no valid reading from {name}"
+    return f"{name} = {Quantity(value, unit):{digits}}"
+
+
+def _format_tensions(F_A: float, F_B: float, is_beyond: Callable[[float], bool]) -> tuple[str, str]:
+    """Return the tensions beyond a limit as text, and after a semicolon the other one."""
+    tensions = {"F_A": F_A, "F_B": F_B}
+    beyond = [f"{name} = {F:.2f} N" for name, F in tensions.items() if is_beyond(F)]
+    within = [f"; {_format_reading(name, F, '.2f', 'N')}" for name, F in tensions.items() if not is_beyond(F)]
+    return " and ".join(beyond), "".join(within)
 
 
 # Replay --------------------------------------------------------------------------------------------
@@ -405,3 +604,79 @@ def loop_ended(*, status: int) -> str:
 @catalogue_entry
 def loop_ended_for_reason(*, reason: str, ending: str) -> str:
     return f"{reason} ({ending})"
+
+
+@catalogue_entry
+def loop_restarted() -> str:
+    return "the control loop is restarted"
+
+
+@catalogue_entry
+def service_ended() -> str:
+    return "service ended"
+
+
+# Monitoring ----------------------------------------------------------------------------------------
+# Background parts of the service: what does not work without them, and what they find.
+
+
+@catalogue_entry
+def loop_monitor() -> str:
+    return "The monitor of the control loop"
+
+
+@catalogue_entry
+def end_detected_late() -> str:
+    return "If the control loop ends now, the service detects it late."
+
+
+@catalogue_entry
+def liveness_signal() -> str:
+    return "The liveness signal to the control loop"
+
+
+@catalogue_entry
+def loop_stops_without_signal() -> str:
+    return "Without this signal the control loop stops within 4 s."
+
+
+@catalogue_entry
+def heartbeat() -> str:
+    return "The heartbeat to the control loop"
+
+
+@catalogue_entry
+def loop_stops_without_heartbeat() -> str:
+    return "The control loop stops after 0.34 s without a heartbeat."
+
+
+@catalogue_entry
+def watchdog_monitor() -> str:
+    return "The monitor of the card's watchdog"
+
+
+@catalogue_entry
+def watchdog_death_unnoticed() -> str:
+    return "If the watchdog dies now, only the control loop detects it."
+
+
+@catalogue_entry
+def watchdog_dead() -> str:
+    return "the card's watchdog is dead: Reset starts a new control loop with a new watchdog"
+
+
+@catalogue_entry
+def loop_died_with_mirror(*, watchdog_s: float) -> str:
+    return (
+        "the control loop has died: the watchdog of the rig's card disables the drives "
+        f"{watchdog_s:g} s after the last write, which the service cannot observe; "
+        "check the rig, then reset"
+    )
+
+
+@catalogue_entry
+def loop_and_watchdog_died() -> str:
+    return (
+        "the control loop and the card's watchdog had both died: the service set the outputs to zero; "
+        "check the rig, then reset"
+    )

@@ -430,7 +430,7 @@ class ProgramMotions:
                 minimum=-theta_max,
                 maximum=0.0,
                 unit="rad",
-                remedy="the tendons become slack at 0",
+                remedy=messages.tendons_slack_at_zero(),
             )
             check_range("u", step.u, -self._bounds.u_max, self._bounds.u_max, "V")
         margin = VoltageMargin(*self.compute_motor_angles(PRETENSION_N), self._bounds.F_slack, theta_max)

@@ -224,10 +224,8 @@ def final_references(segment: Segment, q_ref: float, S_ref: float) -> tuple[floa
 
 def require_few(segments: Collection[Segment]) -> None:
     """Raise OutOfRangeError for more segments than a program may have."""
-    words = "number of segments"
-    check_range(
-        "segments", len(segments), minimum=None, maximum=MAX_SEGMENTS, unit="1", remedy="split the program", label=words
-    )
+    words, remedy = messages.number_of_segments(), messages.split_program()
+    check_range("segments", len(segments), minimum=None, maximum=MAX_SEGMENTS, unit="1", remedy=remedy, label=words)
 
 
 NO_WALL = messages.plant_without_obstacles()
@@ -244,9 +242,7 @@ def require_plant_ability(segment: Segment, *, pushes: bool, loads_shafts: bool)
     for load in filter(None, (segment.load_A, segment.load_B)):
         if not loads_shafts:
             raise CommandRejectedError(messages.plant_without_shaft_load())
-        check_range(
-            "load", load, minimum=0.0, maximum=None, unit="N·m", remedy="a load pulls in the direction of the tendon"
-        )
+        check_range("load", load, minimum=0.0, maximum=None, unit="N·m", remedy=messages.load_pulls_tendon())
 
 
 @dataclass(frozen=True)

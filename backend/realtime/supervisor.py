@@ -198,11 +198,9 @@ START_TIMEOUT_S = 120.0
 ANSWER_TIMEOUT_S = 2.0
 STOP_TIMEOUT_S = 3.0
 
-_WATCH_PART = Part("The monitor of the control loop", "If the control loop ends now, the service detects it late.")
-_LIVENESS_PART = Part(
-    "The liveness signal to the control loop", "Without this signal the control loop stops within 4 s."
-)
-_HEARTBEAT_PART = Part("The heartbeat to the control loop", "The control loop stops after 0.34 s without a heartbeat.")
+_WATCH_PART = Part(messages.loop_monitor(), messages.end_detected_late())
+_LIVENESS_PART = Part(messages.liveness_signal(), messages.loop_stops_without_signal())
+_HEARTBEAT_PART = Part(messages.heartbeat(), messages.loop_stops_without_heartbeat())
 PACKETS_AT_ONCE = 8
 """Packets of a long program sent without a pause; the loop receives one per tick, and a stop still fits in the
 queue."""
@@ -286,13 +284,13 @@ class Supervisor:
         async with self._lock:
             return await self._start()
 
-    async def stop(self, cause: str = "service ended") -> None:
+    async def stop(self, cause: str = "") -> None:
         """Bring the joint to rest, set zero volts, end the process.
 
-        ``cause`` is recorded.
+        ``cause`` is recorded; empty: the service ended.
         """
         async with self._lock:
-            await self._stop(cause)
+            await self._stop(cause or messages.service_ended())
 
     async def restart(self, purpose: str) -> RealTimeStatus:
         """End the loop process, if there is one, and start another with ``setup``.
@@ -302,7 +300,7 @@ class Supervisor:
         async with self._lock:
             self.restarting = Restart(purpose, time.monotonic())
             try:
-                await self._stop("the control loop is restarted")
+                await self._stop(messages.loop_restarted())
                 return await self._start()
             finally:
                 self.restarting = None
@@ -398,7 +396,7 @@ class Supervisor:
         while not reached():
             self._require_alive()
             if self.ring.count >= end:
-                raise TimeoutError(f"the awaited state was not reached within {timeout_s:g} s of loop time")
+                raise TimeoutError(messages.state_not_reached(timeout_s=timeout_s))
             await asyncio.sleep(_POLL_S)
 
     def _require_alive(self) -> Channel:

@@ -70,7 +70,7 @@ class BenchTop:
             self.advance(0.1)
             if self.loop.is_pretension_done:
                 return
-        raise AssertionError("pretension was the awaited state was the awaited state was not reached within 20 s")
+        raise AssertionError("no pretension")
 
     def run(self, run: int = 1) -> None:
         self.wind_up()

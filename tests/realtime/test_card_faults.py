@@ -47,6 +47,7 @@ from plant.simulator import Simulator
 from plant.virtual_daq import VirtualRig
 from plant.wiring import load_wiring
 from tests.docs.faults_page import documented_ms
+from tests.reasons import Reason, TextWith
 from tests.recording.stand_in import new_run, stored_run
 
 # Whatever breaks of a card or its wires in run ends in zero volts, drives off, a named fault and a whole recording.
@@ -61,39 +62,64 @@ AFTER_TICKS = 600
 """What follows is looked at for so long: more than the card's watchdog waits."""
 
 CASES = [
-    (InjectedFault(InjectedFaultKind.DEVICE_GONE), Fault.PLANT_ERROR, "-201003", AT_ONCE),
-    (InjectedFault(InjectedFaultKind.BUFFER_OVERRUN), Fault.PLANT_ERROR, "-200222", AT_ONCE),
-    (InjectedFault(InjectedFaultKind.LOST_SAMPLE), Fault.PLANT_ERROR, "-200279", AT_ONCE),
-    (InjectedFault(InjectedFaultKind.STUCK, Sensor.F_A), Fault.SENSOR_STUCK, "F_A stays", 1000),
-    (InjectedFault(InjectedFaultKind.STUCK, Sensor.THETA_B), Fault.SENSOR_STUCK, "theta_B", 1000),
+    (InjectedFault(InjectedFaultKind.DEVICE_GONE), Fault.PLANT_ERROR, TextWith("-201003"), AT_ONCE),
+    (InjectedFault(InjectedFaultKind.BUFFER_OVERRUN), Fault.PLANT_ERROR, TextWith("-200222"), AT_ONCE),
+    (InjectedFault(InjectedFaultKind.LOST_SAMPLE), Fault.PLANT_ERROR, TextWith("-200279"), AT_ONCE),
+    (
+        InjectedFault(InjectedFaultKind.STUCK, Sensor.F_A),
+        Fault.SENSOR_STUCK,
+        Reason("load_cell_stuck", load_cell="F_A"),
+        1000,
+    ),
+    (
+        InjectedFault(InjectedFaultKind.STUCK, Sensor.THETA_B),
+        Fault.SENSOR_STUCK,
+        Reason("motor_encoder_stuck", encoder="theta_B"),
+        1000,
+    ),
     (
         InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.F_B),
         Fault.SENSOR_INVALID,
-        "no valid reading from F_B",
+        Reason("sensors_without_reading", sensors=("F_B",)),
         AT_ONCE,
     ),
     (
         InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.THETA_A),
         Fault.SENSOR_INVALID,
-        "no valid reading from theta_A",
+        Reason("sensors_without_reading", sensors=("theta_A",)),
         AT_ONCE,
     ),
-    (InjectedFault(InjectedFaultKind.SATURATION, Sensor.F_A), Fault.SENSOR_SATURATED, "F_A reads 10.00 V", AT_ONCE),
-    (InjectedFault(InjectedFaultKind.LOST_COUNTS, Sensor.Q), Fault.IMPLAUSIBLE, "but according to the encoders", 1500),
+    (
+        InjectedFault(InjectedFaultKind.SATURATION, Sensor.F_A),
+        Fault.SENSOR_SATURATED,
+        Reason("load_cells_saturated", voltages={"F_A": pytest.approx(10.0, abs=0.005)}),
+        AT_ONCE,
+    ),
+    (
+        InjectedFault(InjectedFaultKind.LOST_COUNTS, Sensor.Q),
+        Fault.IMPLAUSIBLE,
+        Reason("tension_unlike_encoders"),
+        1500,
+    ),
     (
         InjectedFault(InjectedFaultKind.LOST_COUNTS, Sensor.THETA_A),
         Fault.IMPLAUSIBLE,
-        "but according to the encoders",
+        Reason("tension_unlike_encoders"),
         1500,
     ),
-    (InjectedFault(InjectedFaultKind.SWAPPED_LOAD_CELLS), Fault.IMPLAUSIBLE, "F_B = ", 2000),
+    (
+        InjectedFault(InjectedFaultKind.SWAPPED_LOAD_CELLS),
+        Fault.IMPLAUSIBLE,
+        Reason("tension_unlike_encoders", load_cell="F_B"),
+        2000,
+    ),
     (
         InjectedFault(InjectedFaultKind.SWAPPED_ENCODERS),
         Fault.MOTOR_REVERSED,
-        "accelerates against the voltage of",
+        Reason("motor_reversed"),
         1000,
     ),
-    (InjectedFault(InjectedFaultKind.SWAPPED_MOTORS), Fault.MOTOR_REVERSED, "accelerates against the voltage of", 400),
+    (InjectedFault(InjectedFaultKind.SWAPPED_MOTORS), Fault.MOTOR_REVERSED, Reason("motor_reversed"), 400),
 ]
 
 
@@ -158,7 +184,7 @@ def test_everything_that_only_a_card_has_is_tried() -> None:
 
 @pytest.mark.parametrize(("broken", "fault", "says", "within"), CASES, ids=lambda value: getattr(value, "words", None))
 def test_a_broken_card_ends_in_a_fault_and_zero_volts(
-    database: Database, broken: InjectedFault, fault: Fault, says: str, within: int
+    database: Database, broken: InjectedFault, fault: Fault, says: Reason | TextWith, within: int
 ) -> None:
     async def session() -> None:
         bench = Session(database)
@@ -178,7 +204,7 @@ def test_a_broken_card_ends_in_a_fault_and_zero_volts(
         # No stop is proven at a card that takes no word: what fails is told instead.
         gone = broken.kind is InjectedFaultKind.DEVICE_GONE
         (told,) = [event.reason for event in bench.failing] if gone else [event.detail for event in bench.stops]
-        assert says in told
+        assert told == says
         assert len(bench.stops) == (not gone)
         assert abs(bench.simulator.x.q) < compute_bounds(LAB).q_trip
 

@@ -13,6 +13,7 @@ from backend.control import pid
 from backend.control.motion_types import NO_REFERENCE, MotorLoopState
 from backend.experiments.plans import LoopSettings
 from backend.faults import Fault
+from backend.realtime import messages
 from backend.realtime.commands import (
     Accepted,
     Home,
@@ -211,7 +212,7 @@ def test_it_is_not_begun_before_it_is_safe(tuning: SetTuning) -> None:
     bench.rig.prove_directions(proven=False)
     assert directions_not_proven() in refused()
     bench.rig.prove_directions(proven=True)
-    assert "travel to the end switch" in refused(0.01)
+    assert messages.travel_to_switch() in refused(0.01)
     asyncio.run(bench.loop.send(SwitchDrives(on=False)))
     assert_reason(refused(), "drives_switched_off")
     asyncio.run(bench.loop.send(SwitchDrives(on=True)))

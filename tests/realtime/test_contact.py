@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from backend.control.motion_types import Setpoint
 from backend.faults import Limit
+from backend.realtime import messages
 from backend.realtime.commands import (
     Accepted,
     ApplyPush,
@@ -459,7 +460,7 @@ def test_a_stop_while_it_gives_way_is_a_stop_and_nothing_of_it_is_left() -> None
         (replace(HITS, contact_detections=(ContactDetection(math.nan), ContactDetection())), "contact_N"),
         (
             replace(HITS, contact_detections=(ContactDetection(),) * (MAX_CONTACT_DETECTIONS + 1)),
-            "number of changes of the contact reaction",
+            messages.number_of_reaction_changes(),
         ),
     ],
 )

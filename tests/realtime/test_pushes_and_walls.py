@@ -1,11 +1,13 @@
 """Simulated pushes and walls in the loop."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 
 from backend.faults import Fault
+from backend.realtime import messages
 from backend.realtime.commands import (
     Accepted,
     ApplyPush,
@@ -21,11 +23,12 @@ from backend.realtime.commands import (
 from backend.realtime.modes import Mode
 from backend.realtime.program import MAX_WALLS, Law, Program, Segment, Shape, TensionLeg
 from plant.dynamics import Obstacle
+from plant.messages import joint_inside_obstacle
 from plant.parameters import PlantParameters, load_parameters
 from plant.quantity import Angle
 from plant.simulator import Simulator
 from tests.realtime.bench_top import BenchTop
-from tests.reasons import assert_reason
+from tests.reasons import Reason, TextWith, assert_reason
 
 # A push by an operator's hand: what the joint does under it, and that it is let go of for sure.
 
@@ -85,7 +88,9 @@ def test_a_push_is_let_go_when_its_time_is_over(ideal: PlantParameters) -> None:
     assert pushed.size == 700
     assert np.all(np.diff(pushed) == 1)
     assert bench.column("q", last=1)[0] == pytest.approx(0.0, abs=2e-3)
-    assert [event.why for event in bench.events if isinstance(event, PushReleased)] == ["its duration has elapsed"]
+    assert [event.why for event in bench.events if isinstance(event, PushReleased)] == [
+        messages.push_duration_elapsed()
+    ]
 
 
 @pytest.mark.parametrize(
@@ -101,7 +106,7 @@ def test_a_push_is_let_go_with_the_mode(ideal: PlantParameters, leave: Stop | Se
     bench.advance(0.005)
     assert bench.column("F_push", last=1)[0] == 0.0
     assert [event.why for event in bench.events if isinstance(event, PushReleased)] == [
-        f"the mode is {bench.loop.mode}"
+        messages.push_ended_by_mode(mode=bench.loop.mode)
     ]
 
 
@@ -218,13 +223,13 @@ def test_an_operator_puts_it_up_and_takes_it_away_in_flight_and_statics_hold(ide
 def test_what_cannot_stand_is_refused_with_its_reason_and_nothing_trips(ideal: PlantParameters) -> None:
     bench = running(ideal)
     for wall, told in (
-        (ABOVE._replace(q_wall=-0.1), "the joint is at"),
-        (ABOVE._replace(k_wall=1e6), "1e+06 N/m is outside 100 to"),
-        (ABOVE._replace(q_wall=math.nan), f"angle of the obstacle: {Angle(math.nan)}"),
+        (ABOVE._replace(q_wall=-0.1), Reason("joint_inside_obstacle", q_wall=-0.1)),
+        (ABOVE._replace(k_wall=1e6), TextWith(re.escape("1e+06 N/m is outside 100 to"))),
+        (ABOVE._replace(q_wall=math.nan), TextWith(f": {Angle(math.nan)}")),
     ):
         refused = bench.send(Obstruct(wall))
         assert isinstance(refused, Refused)
-        assert told in refused.reason
+        assert refused.reason == told
     bench.advance(0.1)
     assert (bench.loop.mode, bench.loop.fault) == (Mode.RUN, Fault.NONE)
 
@@ -291,7 +296,8 @@ def test_a_program_whose_wall_meets_the_joint_trips_and_says_what_to_do(ideal: P
     bench.advance(2.2)
     stop = next(event for event in bench.events if isinstance(event, Stopped))
     assert stop.fault is Fault.PLANT_ERROR
-    assert f"inside the obstacle at {Angle(0.15)}: move it below that angle first" in stop.detail
+    seen = joint_inside_obstacle(q=0.0, q_wall=ABOVE.q_wall, side=ABOVE.side)
+    assert stop.detail.partition(", ")[2] == seen.partition(", ")[2]
     assert standing(bench) is None
 
 
@@ -332,7 +338,7 @@ def test_too_many_walls_are_refused_before_anything_moves(ideal: PlantParameters
     program = Program(Law.CASCADE, (Segment(0.1, 0.0, 10.0),), walls=(None,) * (MAX_WALLS + 1))
     refused = bench.send(RunProgram(program))
     assert isinstance(refused, Refused)
-    assert "number of changes of the" in refused.reason
+    assert messages.number_of_obstacle_changes() in refused.reason
     assert bench.loop.mode is Mode.PRETENSION
 
 
