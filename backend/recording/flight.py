@@ -30,9 +30,7 @@ POLL_S = 0.25
 DIED = "loop_died"
 """Name that replaces the fault if the loop process died."""
 
-FLIGHT_RECORDER_PART = Part(
-    "The flight recorder", "A flight record may be late, or lack samples that the ring buffer no longer holds."
-)
+FLIGHT_RECORDER_PART = Part(messages.flight_recorder(), messages.flight_record_incomplete())
 
 _LOG = logging.getLogger(__name__)
 
@@ -69,8 +67,7 @@ class _Trip:
     def followed_by(self) -> str:
         """Text naming the trips that share the record; empty without any."""
         named, others = self.followers[:MAX_REPORTED_FOLLOWERS], len(self.followers) - MAX_REPORTED_FOLLOWERS
-        more = f" and {others} more" if others > 0 else ""
-        return f"{', '.join(named)}{more}"
+        return messages.following_trips(trips=named, others=others)
 
 
 @dataclass(frozen=True)
@@ -114,7 +111,7 @@ class FlightRecorder:
             case LoopExited(reason):
                 self._end_of_ring()
                 ring = self._ring()
-                text = f"The control loop died: {reason}"
+                text = messages.tripped_by_loop_death(reason=reason)
                 self._trip(
                     _Trip(
                         ring=ring,
@@ -132,7 +129,8 @@ class FlightRecorder:
         with self._list_lock:
             for trip in self._waiting:
                 if trip.matches(new.ring, new.tick):
-                    trip.followers.append(f"{new.fault} after {(new.tick - trip.tick) * T_s:.2f} s")
+                    delay_s = (new.tick - trip.tick) * T_s
+                    trip.followers.append(messages.following_trip(fault=new.fault, delay_s=delay_s))
                     return
             self._waiting.append(new)
 
@@ -208,10 +206,8 @@ def enforce_quota(session: Session, quota: Quota, of: str = "") -> None:
     """
     gone = flights.delete_oldest(session, quota.records, quota.size_bytes, of)
     if gone:
-        named = "trigger captures" if of else "flight records"
-        text = (
-            f"the {gone} oldest {named} were deleted: at most {quota.records} and "
-            f"{quota.size_bytes / 1e6:.0f} MB are kept"
+        text = messages.oldest_records_deleted(
+            deleted=gone, captures=bool(of), kept=quota.records, size_bytes=quota.size_bytes
         )
         events.add(session, EventKind.FLIGHT_QUOTA, text)
 

@@ -161,11 +161,13 @@ def find_tick_range(session: Session, run_id: int, from_s: float = 0.0, to_s: fl
     slack_s = _EXACT * period_s
     within = messages.range_beyond_recording(run_id=run_id, end_s=last_s)
     if not -slack_s <= from_s <= last_s + slack_s:
-        check_range("from", from_s, minimum=0.0, maximum=last_s, unit="s", remedy=within, label="start of the range")
+        check_range(
+            "from", from_s, minimum=0.0, maximum=last_s, unit="s", remedy=within, label=messages.start_of_range()
+        )
     if to_s is None:
         to_s = last_s
     if not from_s <= to_s <= last_s + slack_s:
-        check_range("to", to_s, minimum=from_s, maximum=last_s, unit="s", remedy=within, label="end of the range")
+        check_range("to", to_s, minimum=from_s, maximum=last_s, unit="s", remedy=within, label=messages.end_of_range())
     begin = int(np.ceil(from_s / period_s - _EXACT))
     end = int(np.floor(to_s / period_s + _EXACT)) + 1
     if end <= begin:
@@ -176,7 +178,7 @@ def find_tick_range(session: Session, run_id: int, from_s: float = 0.0, to_s: fl
             maximum=None,
             unit="s",
             remedy=messages.range_between_samples(),
-            label="length of the range",
+            label=messages.length_of_range(),
         )
     return TickInterval(run_id, begin, min(end, last + 1), period_s)
 

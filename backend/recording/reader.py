@@ -178,7 +178,7 @@ def read_envelope(
     and ValueError for fewer than one point.
     """
     if points < 1:
-        raise ValueError(f"points = {points} is out of range: it must be at least 1")
+        raise ValueError(messages.too_few_points(points=points))
     recording, span = recordings.get(session, run_id), recordings.span(session, run_id)
     made = select_derived(session, names)
     combined = list(made.values())

@@ -106,10 +106,7 @@ CHUNKS_AT_ONCE = 20
 """Largest number of chunks stored together: a transaction costs more than a chunk."""
 DRAIN_PERIOD_S = 0.25
 
-RECORDER_PART = Part(
-    "The recorder",
-    "The ring buffer keeps the last minute of samples: runs are complete if the recorder restarts within that time.",
-)
+RECORDER_PART = Part(messages.recorder(), messages.runs_complete_within_a_minute())
 
 _TICK, _RUN = INDEX["tick"], INDEX["run"]
 _LOG = logging.getLogger(__name__)
@@ -184,7 +181,7 @@ class Recorder:
         """
         self._closing.set()
         self.drain()
-        self._attempt(lambda: self._finish(EndState.STOPPED, "the recorder was closed during the run"))
+        self._attempt(lambda: self._finish(EndState.STOPPED, messages.recorder_closed()))
         if self.problem:
             raise RecordingError(self.problem)
 
@@ -239,9 +236,9 @@ class Recorder:
             case WallChanged():
                 self._obstacle_changes.add(note)
             case LoopExited(reason):
-                self._finish(EndState.LINK_LOST, f"the control loop died: {reason}")
+                self._finish(EndState.LINK_LOST, messages.loop_died(reason=reason))
             case Ring():
-                self._finish(EndState.LINK_LOST, "the control loop was restarted")
+                self._finish(EndState.LINK_LOST, messages.loop_restarted())
                 self._ring, self._position = note, 0
                 self._obstacle_changes.reset()
 
@@ -262,7 +259,7 @@ class Recorder:
         # samples of an unknown run were rejected
         with suppress(UnknownRecordError), self._database.session() as session:
             if skipped := self._skipped.get(run):
-                recordings.add_gap(session, run, skipped, f"{skipped} samples are omitted")
+                recordings.add_gap(session, run, skipped, messages.samples_omitted(count=skipped))
             runs.end(session, run, end_state, detail)
         self._open.discard(run)
         if run == self._run:
@@ -284,12 +281,12 @@ class Recorder:
             return False
         invalid = _count_invalid(rows)
         if invalid:
-            self._end_recording(f"invalid sample of run {rows[0, _RUN]:g} at tick {rows[0, _TICK]:g}", invalid)
+            self._end_recording(messages.invalid_sample(run=rows[0, _RUN], tick=rows[0, _TICK]), invalid)
             self._position += invalid
             return True
         run, tick = int(rows[0, _RUN]), int(rows[0, _TICK])
         if run == self._run != 0 and tick < self._next_tick:
-            self._end_recording(f"tick {tick} after tick {self._next_tick - 1}", 0)
+            self._end_recording(messages.tick_not_increasing(tick=tick, previous=self._next_tick - 1), 0)
         if self._run and run != self._run:
             self._leave_run(tick)
         if run not in (0, self._run, self._refused_run):
@@ -314,10 +311,11 @@ class Recorder:
         _LOG.critical("The samples are not consistent: %s", reason)
         if not self._run:
             return
-        text = f"the rest of the run is not recorded, because its samples are not consistent: {reason}"
+        text = messages.rest_not_recorded(reason=reason)
         with self._database.session() as session:
             recordings.add_gap(session, self._run, 0, text)
-            events.add(session, EventKind.RECORDING, f"run {self._run}: {text}", tick=self._next_tick)
+            found = messages.finding_about_run(run_id=self._run, finding=text)
+            events.add(session, EventKind.RECORDING, found, tick=self._next_tick)
         self._open.add(self._run)
         self._skipped[self._run] = samples
         self._refused_run, self._run = self._run, 0
@@ -329,12 +327,11 @@ class Recorder:
                 if not (again and recordings.is_begun(session, run)):
                     recordings.begin(session, run, list(STORED_NAMES), T_s)
                     if missed:
-                        recordings.add_gap(
-                            session, run, missed, f"up to {missed} samples before the first recorded sample were lost"
-                        )
+                        recordings.add_gap(session, run, missed, messages.first_samples_lost(count=missed))
         except (UnknownRecordError, NotRecordableError) as error:
             with self._database.session() as session:
-                events.add(session, EventKind.RECORDING, f"samples of run {run} are not recorded: {error}", tick=tick)
+                text = messages.samples_not_recorded(run_id=run, reason=str(error))
+                events.add(session, EventKind.RECORDING, text, tick=tick)
             self._refused_run = run
         else:
             self._run, self._next_tick = run, tick
@@ -363,7 +360,7 @@ class Recorder:
     def _note_gap(self, session: Session, tick: int) -> None:
         missed = tick - self._next_tick
         if missed:
-            text = f"{missed} samples from tick {self._next_tick} on were overwritten before they could be stored"
+            text = messages.samples_overwritten(count=missed, tick=self._next_tick)
             recordings.add_gap(session, self._run, missed, text)
 
 
@@ -381,10 +378,12 @@ def describe_end(end: RunEnded) -> tuple[EndState, str]:
     if end.completed:
         return EndState.COMPLETED, ""
     if not isinstance(end.why, Fault):
-        return EndState.STOPPED, "the program was stopped before its end"
+        return EndState.STOPPED, messages.program_stopped()
     if end.why is Fault.SERVICE_ENDED:  # the detail says who ended it
-        return runs.derive_end_state(end.why), end.detail or "service ended"
-    return runs.derive_end_state(end.why), f"{end.why}: {end.detail}" if end.detail else end.why.value
+        return runs.derive_end_state(end.why), end.detail or messages.run_ended_with_service()
+    if not end.detail:
+        return runs.derive_end_state(end.why), end.why.value
+    return runs.derive_end_state(end.why), messages.stopped_by_fault(fault=end.why, detail=end.detail)
 
 
 def _stretch(rows: Rows) -> int:

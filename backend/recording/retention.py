@@ -10,7 +10,6 @@ from datetime import UTC, datetime, timedelta
 
 from backend.recording import messages
 from backend.storage import Database, EventKind, RetentionEntry, events, recordings
-from backend.units import format_count
 from plant import ErrorCode, SinewError
 
 _CHUNKS_AT_ONCE = 200
@@ -48,18 +47,17 @@ class Overview:
         """One sentence if the limit is exceeded, else an empty string."""
         if self.total_bytes <= self.rule.max_bytes:
             return ""
-        takes = f"recordings use {_gigabytes(self.total_bytes)}, limit {_gigabytes(self.rule.max_bytes)}"
-        age = format_count(self.rule.keep_days, "day")
+        max_bytes, keep_days = self.rule.max_bytes, self.rule.keep_days
         if not self.may_go:
-            return (
-                f"{takes}: none can be deleted, because all of them are in use or younger than {age}; "
-                "raise SINEW_RECORDINGS_GB or lower SINEW_RECORDINGS_KEEP_DAYS"
+            return messages.no_recording_deletable(
+                total_bytes=self.total_bytes, max_bytes=max_bytes, keep_days=keep_days
             )
-        freed = sum(run.size_bytes for run in self.may_go)
-        going = format_count(len(self.may_go), "run")
-        return (
-            f"{takes}: the samples of {going} older than {age} ({_gigabytes(freed)}) can be deleted; see "
-            "the System page or `sinew db recordings`"
+        return messages.recordings_deletable(
+            total_bytes=self.total_bytes,
+            max_bytes=max_bytes,
+            keep_days=keep_days,
+            runs=len(self.may_go),
+            freed_bytes=sum(run.size_bytes for run in self.may_go),
         )
 
 
@@ -95,18 +93,14 @@ def delete_recordings(database: Database, rule: RetentionRule, run_ids: Sequence
 
 
 def _remove(database: Database, run: RetentionEntry, who: str) -> None:
-    day = datetime.now(UTC).date().isoformat()
+    day = datetime.now(UTC).date()
     with database.session() as session:
         if next((held.in_use for held in recordings.load_held(session) if held.run_id == run.run_id), True):
             raise NotRemovableError(messages.run_came_into_use(run_id=run.run_id))
-        recordings.mark_removed(session, run.run_id, f"the samples were deleted by {who} on {day} to free storage")
-        text = f"samples of run {run.run_id} deleted to free storage, {_gigabytes(run.size_bytes)}"
+        recordings.mark_removed(session, run.run_id, messages.samples_deleted_by(who=who, day=day))
+        text = messages.samples_deleted(run_id=run.run_id, size_bytes=run.size_bytes)
         events.add(session, EventKind.RETENTION, text, who=who, run_id=run.run_id)
     more = True
     while more:
         with database.session() as session:
             more = recordings.remove_chunks(session, run.run_id, _CHUNKS_AT_ONCE)
-
-
-def _gigabytes(size_bytes: int) -> str:
-    return f"{size_bytes / 1e9:.1f} GB" if size_bytes >= 1e8 else f"{size_bytes / 1e6:.1f} MB"

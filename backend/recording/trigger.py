@@ -20,10 +20,7 @@ from backend.recording.flight import Quota, compute_sample_time, enforce_quota, 
 from backend.sample import COMBINED_SIGNAL_BY_NAME, INDEX, STORED_COLUMNS, STORED_NAMES, UNIT_BY_SIGNAL
 from backend.storage import TRIGGER, Database, Document, EventKind, NewFlight, StorageError, events, flights, settings
 from backend.supervision import Part
-from plant import (
-    Quantity,
-    T_s,
-)
+from plant import T_s
 
 # Condition -----------------------------------------------------------------------------------------
 # Condition on a signal: a level, an edge through a level, or a window. NaN never meets it.
@@ -106,9 +103,12 @@ class Condition:
     def describe(self) -> str:
         """Return a description of the condition in SI units."""
         if self.kind in WINDOWS:
-            return f"{self.signal} {self.kind} {Quantity(self.level, self.unit, self._upper)}"
-        through = " through" if self.kind in EDGES else ""
-        return f"{self.signal} {self.kind}{through} {Quantity(self.level, self.unit)}"
+            return messages.window_condition(
+                signal=self.signal, kind=self.kind, lower=self.level, upper=self._upper, unit=self.unit
+            )
+        if self.kind in EDGES:
+            return messages.edge_condition(signal=self.signal, kind=self.kind, level=self.level, unit=self.unit)
+        return messages.level_condition(signal=self.signal, kind=self.kind, level=self.level, unit=self.unit)
 
 
 # Trigger -------------------------------------------------------------------------------------------
@@ -123,7 +123,7 @@ AT_ONCE = 8192
 SETTING = "trigger"
 """Setting with the armed condition, which the next start of the service reports; null for none."""
 
-TRIGGER_PART = Part("The trigger", "A capture may be late, or lack samples that the ring buffer no longer holds.")
+TRIGGER_PART = Part(messages.trigger(), messages.capture_incomplete())
 
 _LOG = logging.getLogger(__name__)
 
@@ -208,16 +208,18 @@ class _Capture:
         before = self.tick - self.first_tick
         missing = []
         if before < self.armed.before:
-            missing.append(
-                f"{before * T_s:.3f} of {self.armed.before * T_s:.3f} s recorded before it: the control "
-                "loop had just started"
-            )
+            missing.append(messages.lead_too_short(recorded_s=before * T_s, wanted_s=self.armed.before * T_s))
         if self.have < self.armed.after:
-            missing.append(f"{self.have * T_s:.3f} of {self.armed.after * T_s:.3f} s recorded after it: {self.ended}")
+            missing.append(
+                messages.capture_ended_early(
+                    recorded_s=self.have * T_s, wanted_s=self.armed.after * T_s, reason=self.ended
+                )
+            )
         if self.lost:
-            missing.append(f"{self.lost} samples are missing (NaN): the service read too late")
-        of = f", {self.number} of {self.armed.captures}" if self.armed.captures > 1 else ""
-        return "; ".join([f"trigger: {self.armed.condition.describe()}{of}", *missing])
+            missing.append(messages.samples_missing(count=self.lost))
+        return messages.captured(
+            condition=self.armed.condition.describe(), number=self.number, captures=self.armed.captures, gaps=missing
+        )
 
 
 @dataclass
@@ -308,7 +310,7 @@ class Trigger:
     def close(self) -> None:
         """End with the service; samples of a capture in progress are stored."""
         self.step()
-        self.disarm("the service ended")
+        self.disarm(messages.service_ended())
         self.drain()
 
     def step(self) -> None:
@@ -319,7 +321,7 @@ class Trigger:
         self._evaluate(self._ring)
         if present is not self._ring:
             if self._capture is not None:
-                self._finish(self._capture, "the control loop ended")
+                self._finish(self._capture, messages.loop_ended())
             self._ring, self._position, self._previous = present, 0, np.nan
             self._evaluate(present)
 
@@ -365,7 +367,7 @@ class Trigger:
             number=number,
             run=get_run_number(rows[:1]),
         )
-        self._events.publish(Triggered(tick, f"trigger: {armed.condition.describe()}"))
+        self._events.publish(Triggered(tick, messages.triggered(condition=armed.condition.describe())))
 
     def _finish_if_whole(self) -> None:
         if self._capture is not None and self._capture.wanted == 0:
@@ -377,7 +379,7 @@ class Trigger:
         self._capture = None
         self.status.captured, self.status.left = capture.number, 0
         if capture.number == capture.armed.captures:
-            self.status.ended = "all captures are complete"
+            self.status.ended = messages.captures_complete()
         self._waiting.append(capture)
         self._events.publish(StateChanged())
 

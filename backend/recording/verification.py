@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from backend.recording import messages
 from backend.recording.codec import CodecError, Table, summarize_buckets, unpack
 from backend.storage import Chunk, Database, Session, recordings
 
@@ -32,10 +33,7 @@ def check_recordings(database: Database) -> RecordingsCheck:
             found, without = _of_run(session, number)
         problems += found
         if without:
-            not_compared.append(
-                f"run {number}: {without} chunks of samples are from before digests were stored; only "
-                "their minima and maxima were compared"
-            )
+            not_compared.append(messages.chunks_without_digest(run_id=number, chunks=without))
     return RecordingsCheck(len(numbers), tuple(problems), tuple(not_compared))
 
 
@@ -49,21 +47,21 @@ def _of_run(session: Session, number: int) -> tuple[list[str], int]:
     for chunk in recordings.chunks(session, number, first, max(digests) + 1):
         if why := _problem(chunk, digests[chunk.first_tick], len(recording.fields)):
             at_s = (chunk.first_tick - first) * recording.period_s
-            problems.append(f"run {number}: the samples from {at_s:g} s on differ from the recorded ones: {why}")
+            problems.append(messages.samples_differ(run_id=number, from_s=at_s, reason=why))
     return problems, sum(digest == "" for digest in digests.values())
 
 
 def _problem(chunk: Chunk, digest: str, columns: int) -> str:
     if digest and (found := hashlib.sha256(chunk.samples).hexdigest()) != digest:
-        return f"their sha256 is {found}, but the recorded one is {digest}"
+        return messages.digest_differs(found=found, recorded=digest)
     try:
         table, summary = unpack(chunk.samples, columns), unpack(chunk.summary, columns)
     except CodecError as error:
         return str(error)
     if len(table) != chunk.count:
-        return f"their number is {len(table)}, but {chunk.count} were recorded"
+        return messages.count_differs(found=len(table), recorded=chunk.count)
     if not _is_equal(summarize_buckets(table), summary):
-        return "their minima or maxima differ from the stored ones"
+        return messages.summaries_differ()
     return ""
 
 

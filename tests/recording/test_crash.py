@@ -13,6 +13,7 @@ from sqlalchemy import event
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import RunEnded
 from backend.realtime.ring_buffer import Ring
+from backend.recording import messages
 from backend.recording.reader import read_samples
 from backend.recording.recorder import Recorder, RecordingError
 from backend.sample import INDEX
@@ -201,7 +202,8 @@ def test_what_the_ring_could_not_keep_is_a_gap_of_the_run(database: Database, wr
         recording, extent = recordings.get(session, run.id), recordings.extent(session, run.id)
     assert recording.missed > 0
     assert recording.missed + extent.count == 1000 + written
-    assert "overwritten before they could be stored" in recording.problem
+    lost = messages.samples_overwritten(count=recording.missed, tick=1000)
+    assert recording.problem == lost
 
 
 def test_a_recorder_that_ends_with_samples_unstored_says_so(database: Database, writer: Writer) -> None:

@@ -13,11 +13,13 @@ from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import Stopped
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopExited
+from backend.recording import messages
 from backend.recording.flight import DIED, POLL_S, FlightRecorder, Quota, read_flight_columns
 from backend.sample import INDEX
 from backend.storage import events, flights
 from backend.storage.database import Database
 from backend.storage.orm import StorageError, UnknownRecordError
+from plant.interface import T_s
 from tests.recording.stand_in import Writer, new_run, read_problem
 from tests.refusals import refused
 
@@ -110,7 +112,8 @@ def test_trips_soon_after_each_other_are_one_record_that_names_them(database: Da
     recorder.drain()
     (flight,) = stored(database)
     assert (flight.fault, flight.trip_tick, flight.first_tick, flight.count) == ("slack", 3_000, 0, 8_000)
-    assert "Followed by stop_pressed after 1.00 s." in flight.text
+    told = messages.following_trip(fault="stop_pressed", delay_s=1.0)
+    assert f"Followed by {told}." in flight.text
 
 
 def test_a_fault_that_trips_in_every_tick_is_a_record_each_five_seconds(database: Database, writer: Writer) -> None:
@@ -125,10 +128,8 @@ def test_a_fault_that_trips_in_every_tick_is_a_record_each_five_seconds(database
     recorder.drain()
     later, first = stored(database)
     assert (first.trip_tick, first.count) == (10_000, 15_000)
-    assert first.text.endswith(
-        "Followed by plant_error after 0.00 s, plant_error after 0.00 s, plant_error after 0.00 s, "
-        "plant_error after 0.00 s, plant_error after 0.01 s and 2994 more."
-    )
+    told = [messages.following_trip(fault="plant_error", delay_s=ticks * T_s) for ticks in range(1, 6)]
+    assert first.text.endswith(f"Followed by {messages.following_trips(trips=told, others=2994)}.")
     assert (later.trip_tick, later.count) == (25_000, 15_000)
 
 

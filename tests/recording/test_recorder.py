@@ -18,6 +18,7 @@ from backend.realtime.headless import SimulatedLoop
 from backend.realtime.modes import MODE_CODE, Cause, Mode, ModeCause
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopExited
+from backend.recording import messages
 from backend.recording.codec import unpack
 from backend.recording.reader import read_envelope, read_samples
 from backend.recording.recorder import ObstacleChanges, Recorder, RecordingError
@@ -90,7 +91,7 @@ def test_a_recorder_left_behind_tells_the_gap(database: Database, writer: Writer
     with database.reading() as session:
         recording = recordings.get(session, run.id)
     assert recording.missed == 500
-    assert "500 samples from tick 1000 on were overwritten" in recording.problem
+    assert recording.problem == messages.samples_overwritten(count=500, tick=1000)
 
 
 def test_a_run_whose_beginning_is_lost_says_so(database: Database, writer: Writer) -> None:
@@ -334,7 +335,7 @@ def test_a_position_beyond_the_ring_is_noticed(database: Database, writer: Write
 
 # How a run ended: as the loop says it, whatever is stored when, and as what is known where the loop says nothing.
 
-EARLY = "the program was stopped before its end"
+EARLY = messages.program_stopped()
 
 
 @pytest.mark.parametrize(
@@ -344,7 +345,12 @@ EARLY = "the program was stopped before its end"
         (Fault.STOP_PRESSED, "", EndState.STOPPED, "stop_pressed"),
         (Fault.OPERATOR_LOST, "", EndState.LINK_LOST, "operator_lost"),
         (Fault.SERVICE_LOST, "", EndState.SERVICE_DIED, "service_lost"),
-        (Fault.FORCE_LIMIT, "F_A = 161 N", EndState.TRIPPED, "force_limit: F_A = 161 N"),
+        (
+            Fault.FORCE_LIMIT,
+            "F_A = 161 N",
+            EndState.TRIPPED,
+            messages.stopped_by_fault(fault="force_limit", detail="F_A = 161 N"),
+        ),
         (Fault.SERVICE_ENDED, "service ended by SIGTERM", EndState.STOPPED, "service ended by SIGTERM"),
     ],
 )
@@ -387,7 +393,7 @@ def test_what_samples_show_ends_no_run(database: Database, writer: Writer) -> No
     recorder.on_event(LoopExited("killed by SIGKILL"))
     recorder.drain()
     ended = stored_run(database, run.id)
-    assert (ended.end_state, ended.end_detail) == (EndState.LINK_LOST, "the control loop died: killed by SIGKILL")
+    assert (ended.end_state, ended.end_detail) == (EndState.LINK_LOST, messages.loop_died(reason="killed by SIGKILL"))
 
 
 @pytest.mark.parametrize("sampled", [0, 10])

@@ -8,6 +8,7 @@ import pytest
 from sqlalchemy import text
 
 from backend.models.run import Metrics
+from backend.recording import messages
 from backend.recording.reader import read_samples
 from backend.recording.retention import NotRemovableError, RetentionRule, delete_recordings, summarize_retention
 from backend.storage import events, identifications, recordings, results, runs
@@ -16,6 +17,7 @@ from backend.storage.orm import UnknownRecordError
 from backend.storage.recordings import Chunk
 from backend.storage.results import NewResult
 from backend.storage.runs import EndState
+from tests.reasons import assert_reason
 from tests.recording.stand_in import new_run
 from tests.refusals import refused
 from tests.storage.test_lineage import NEW_IDENTIFICATION
@@ -58,7 +60,15 @@ def test_the_oldest_go_first_and_only_as_many_as_have_to(database: Database) -> 
     assert ids(database, RetentionRule(BYTES, 30)) == [first, second]
     assert ids(database, RetentionRule(1, 30)) == [first, second, third]
     says = summarize_retention(database, RetentionRule(BYTES, 30)).describe
-    assert "limit 0.0 MB: the samples of 2 runs older than 30 days (0.1 MB) can be deleted" in says
+    assert_reason(
+        says,
+        "recordings_deletable",
+        max_bytes=BYTES,
+        total_bytes=3 * BYTES,
+        freed_bytes=2 * BYTES,
+        runs=2,
+        keep_days=30,
+    )
 
 
 def test_what_is_young_or_open_stays(database: Database) -> None:
@@ -66,7 +76,7 @@ def test_what_is_young_or_open_stays(database: Database) -> None:
     recorded(database, days=90, end=EndState.RUNNING)
     found = summarize_retention(database, RetentionRule(1, 30))
     assert found.may_go == ()
-    assert "none can be deleted" in found.describe
+    assert_reason(found.describe, "no_recording_deletable", max_bytes=1, keep_days=30)
 
 
 def _identified(session: Session, run: int) -> None:
@@ -113,7 +123,7 @@ def test_the_samples_go_and_the_run_stays_and_says_so(database: Database) -> Non
         recording = recordings.get(session, gone)
         assert recording.removed_at is not None
         assert recording.size_bytes == 0
-        assert recording.problem.startswith("the samples were deleted by Ana on 20")
+        assert recording.problem == messages.samples_deleted_by(who="Ana", day=recording.removed_at.date())
         with refused(UnknownRecordError, "recording_removed", run_id=gone, reason=recording.problem):
             read_samples(session, gone)
         (told,) = events.find(session, kind="retention")

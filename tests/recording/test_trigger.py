@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from backend.event_bus import EventBus
 from backend.experiments.parser import parse_derived_signal
 from backend.realtime.ring_buffer import Ring
+from backend.recording import messages
 from backend.recording.flight import FlightRecorder, Quota, read_flight_columns
 from backend.recording.trigger import Armed, Condition, ConditionKind, Trigger, Triggered, load_armed_trigger
 from backend.sample import INDEX, NAMES
 from backend.storage import events, flights
 from backend.storage.database import Database
 from backend.storage.orm import StorageError
-from plant.quantity import Angle
 from tests.recording.stand_in import Writer, new_run, read_problem
 from tests.recording.test_flight import stored, trip
 
@@ -115,21 +115,28 @@ def test_a_formula_is_computed_for_each_sample_and_told_in_its_unit() -> None:
     asked = Condition("F_sum", ConditionKind.RISING, 3.0, derived=derived)
     expected = rows[:, INDEX["F_A"]] + 2.0 * rows[:, INDEX["F_B"]]
     np.testing.assert_array_equal(asked.values(rows, {"r_m": 0.01, "r_j": 0.1}), expected)
-    assert asked.describe() == "F_sum rising through 3 N"
+    assert asked.describe() == messages.edge_condition(signal="F_sum", kind="rising", level=3.0, unit="N")
     rows[0, INDEX["F_A"]] = np.nan
     assert np.isnan(asked.values(rows, {})[0])  # a gap meets nothing
 
 
 def test_it_is_told_with_its_unit() -> None:
-    assert condition(ConditionKind.RISING, 20.0).describe() == "F_A rising through 20 N"
-    assert Condition("q", ConditionKind.INSIDE, -0.1, 0.2).describe() == f"q inside {Angle(-0.1, 0.2)}"
-    assert Condition("mode", ConditionKind.ABOVE, 1.5).describe() == "mode above 1.5"
+    assert condition(ConditionKind.RISING, 20.0).describe() == messages.edge_condition(
+        signal="F_A", kind="rising", level=20.0, unit="N"
+    )
+    assert Condition("q", ConditionKind.INSIDE, -0.1, 0.2).describe() == messages.window_condition(
+        signal="q", kind="inside", lower=-0.1, upper=0.2, unit="rad"
+    )
+    assert Condition("mode", ConditionKind.ABOVE, 1.5).describe() == messages.level_condition(
+        signal="mode", kind="above", level=1.5, unit="1"
+    )
 
 
 # What a trigger keeps: exactly the samples asked for around the exact tick, or what of them is missing.
 
 QUOTA = Quota(100, 10**9)
 LENGTHS = {"r_m": 0.0075, "r_j": 0.075}
+ABOVE_1_N = messages.triggered(condition=messages.level_condition(signal="F_A", kind="above", level=1.0, unit="N"))
 
 
 def append(ring: Ring, F_A: NDArray[np.float64], run: int = 0) -> None:
@@ -174,13 +181,13 @@ def test_samples_before_and_after_are_exactly_those_asked_for(database: Database
         "trigger",
         "Ana",
         run.id,
-        "trigger: F_A above 1 N",
+        ABOVE_1_N,
     )
     columns = read_flight_columns(database, flight.event_id)
     np.testing.assert_array_equal(columns["q"], np.arange(801, 1301))
     np.testing.assert_array_equal(columns["F_A"], np.float32(np.maximum(0.0, (np.arange(801, 1301) - 1000) * 0.01)))
     assert (columns["t"][0], columns["t"][300], columns["t"][-1]) == (-0.3, 0.0, pytest.approx(0.199))
-    assert told == [(1101, "trigger: F_A above 1 N")]
+    assert told == [(1101, ABOVE_1_N)]
     assert trigger.status is not None
     assert (trigger.is_armed, trigger.status.captured) == (False, 1)
     assert flight.trigger is not None
@@ -258,7 +265,7 @@ def test_what_the_loop_had_not_made_yet_is_told_as_missing(database: Database) -
     trigger.drain()
     (flight,) = kept(database)
     assert (flight.first_tick, flight.trip_tick, flight.count) == (0, 30, 80)
-    assert "0.030 of 0.100 s recorded before it" in flight.text
+    assert messages.lead_too_short(recorded_s=0.03, wanted_s=0.1) in flight.text
 
 
 def test_samples_that_were_overwritten_are_nan_and_counted(database: Database) -> None:
@@ -276,7 +283,7 @@ def test_samples_that_were_overwritten_are_nan_and_counted(database: Database) -
     q = read_flight_columns(database, flight.event_id)["q"]
     lost = 3000 - 1023
     assert (len(q), int(np.isnan(q).sum())) == (4010, lost + 10)
-    assert f"{lost + 10} samples are missing" in flight.text, "those before it were overwritten too"
+    assert messages.samples_missing(count=lost + 10) in flight.text, "those before it were overwritten too"
     np.testing.assert_array_equal(q[-950:], np.arange(3070, 4020))
 
 
@@ -304,7 +311,8 @@ def test_a_loop_that_starts_anew_ends_a_capture_and_the_trigger_stays_armed(data
     trigger.drain()
     cut, whole = kept(database)
     assert (cut.first_tick, cut.trip_tick, cut.count) == (40, 50, 45), "all that the first loop made"
-    assert "0.035 of 0.100 s recorded after it: the control loop ended" in cut.text
+    told = messages.capture_ended_early(recorded_s=0.035, wanted_s=0.1, reason=messages.loop_ended())
+    assert told in cut.text
     assert (whole.first_tick, whole.trip_tick, whole.count) == (50, 60, 110), "no edge from one loop to the next"
 
 
@@ -322,7 +330,8 @@ def test_disarming_keeps_what_there_is(database: Database) -> None:
     trigger.step()
     (flight,) = kept(database)
     assert (flight.count, trigger.is_armed) == (50, False)
-    assert "0.040 of 0.100 s recorded after it: Ana disarmed it" in flight.text
+    told = messages.capture_ended_early(recorded_s=0.04, wanted_s=0.1, reason="Ana disarmed it")
+    assert told in flight.text
 
 
 def test_combined_signals_and_the_time_of_the_trigger(database: Database) -> None:
