@@ -51,3 +51,23 @@ def view_ended() -> str:
 @catalogue_entry
 def view_failed(*, error: str) -> str:
     return f"the 3D view failed: {error}"
+
+
+@catalogue_entry
+def scene() -> str:
+    return "A 3D view"
+
+
+@catalogue_entry
+def view_stands_still() -> str:
+    return "The view does not move until it has restarted."
+
+
+@catalogue_entry
+def viewer_opens_port(*, version: str) -> str:
+    return f"viser {version} opens its own port: install the version of pyproject.toml"
+
+
+@catalogue_entry
+def client_without_head() -> str:
+    return "viser's client page has no <head>: this version of viser is not known to work"

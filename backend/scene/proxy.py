@@ -97,7 +97,7 @@ def page() -> str:
     html = (files("viser") / "client" / "build" / "index.html").read_text(encoding="utf-8")
     before, head, after = html.partition("<head>")
     if not head:
-        raise RuntimeError("viser's client page has no <head>: this version of viser is not known to work")
+        raise RuntimeError(messages.client_without_head())
     return before + _HEAD + _STAGES + after
 
 

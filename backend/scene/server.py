@@ -52,7 +52,7 @@ class PortlessServer(viser.ViserServer):
             super().__init__(host="nowhere", port=0, verbose=False)
         if not transport.is_open:
             self.stop()
-            raise RuntimeError(f"viser {viser.__version__} opens its own port: install the version of pyproject.toml")
+            raise RuntimeError(messages.viewer_opens_port(version=viser.__version__))
         # The remaining handlers are the requests to publish the scene and the browser's file uploads.
         self._websock_server._incoming_handlers.clear()
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from viser.infra import _messages
 
 from backend.sample import FIELDS, INDEX
+from backend.scene.messages import viewer_opens_port, viewer_thread_ended
 from backend.scene.model import SCENE_PART, SceneMirror
 from backend.scene.proxy import POLICY, page
 from backend.scene.server import PortlessServer, SceneEndedError
@@ -191,7 +192,7 @@ def test_when_visers_own_thread_dies_it_is_told_and_another_scene_put_up() -> No
         done, _ = await asyncio.wait([looking])
         assert done == {looking}
         await until(lambda: len(supervision.problems) == 1)
-        assert "viser's thread has ended" in supervision.problems[0]
+        assert viewer_thread_ended() in supervision.problems[0]
         await until(lambda: mirror.server._event_loop is not died)
         viewer.messages.clear()
         looking = asyncio.create_task(mirror.show(viewer.take))
@@ -245,7 +246,7 @@ def test_a_viser_that_listens_in_another_way_is_refused(monkeypatch: pytest.Monk
 
     monkeypatch.setattr(WebsockServer, "start", begin_by_itself)
     before = sockets()
-    with pytest.raises(RuntimeError, match=f"viser {viser.__version__} opens its own port"):
+    with pytest.raises(RuntimeError, match=re.escape(viewer_opens_port(version=viser.__version__))):
         PortlessServer()
     assert sockets() == before
 
