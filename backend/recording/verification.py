@@ -43,7 +43,7 @@ def _of_run(session: Session, number: int) -> tuple[list[str], int]:
     if not digests:
         return [], 0
     first = next(iter(digests))
-    problems = []
+    problems: list[str] = []
     for chunk in recordings.chunks(session, number, first, max(digests) + 1):
         if why := _problem(chunk, digests[chunk.first_tick], len(recording.fields)):
             at_s = (chunk.first_tick - first) * recording.period_s
