@@ -31,7 +31,6 @@ from plant.interface import (
 )
 from plant.message import Message
 from plant.parameters import PlantParameters
-from plant.quantity import Angle, Quantity
 
 # Check types ---------------------------------------------------------------------------------------
 # Types and building blocks of the checks.
@@ -218,7 +217,7 @@ def _is_a_plant(subject: Subject) -> str:
     )
     require(isinstance(plant.unready, str), messages.unready_is_not_text())
     require(not (plant.stepped and plant.paces_loop), messages.stepped_and_paced())
-    return f"may run unattended for {1e3 * limit_s:g} ms"
+    return messages.unattended_time(limit_s=limit_s)
 
 
 @requirement("Once it is open, its description names the plant and its timing in one line.")
@@ -247,7 +246,7 @@ def _reads_in_si(subject: Subject) -> str:
         m = plant.read()
         check_reading(plant, m, subject.parameters)
         require(isinstance(plant.raw, RawReading), messages.not_a_raw_reading())
-    return f"q = {Angle(m.q):.4g}, F_A = {Quantity(m.F_A, 'N'):.3g}, F_B = {Quantity(m.F_B, 'N'):.3g}"
+    return messages.first_reading(q=m.q, F_A=m.F_A, F_B=m.F_B)
 
 
 @requirement("At zero volts joint and motors stay at rest, and every reading within one second is plausible.")
@@ -268,7 +267,7 @@ def _rests_at_zero_volts(subject: Subject) -> None:
 )
 def _a_voltage_acts(subject: Subject) -> str:
     volts = require_driving_voltage(subject)
-    moved = []
+    moved = {}
     for side, command in enumerate((MotorCommand(volts, 0.0), MotorCommand(0.0, volts))):
         with open_subject(subject) as plant:
             first = plant.read()
@@ -284,8 +283,8 @@ def _a_voltage_acts(subject: Subject) -> str:
             abs(other) < own,
             messages.other_motor_turned(voltage=volts, motor=letter, angle=other),
         )
-        moved.append(f"{letter} by {Angle(own):.3g}")
-    return f"{volts:g} V turned {', '.join(moved)}"
+        moved[letter] = own
+    return messages.motors_turned(voltage=volts, angles=moved)
 
 
 @requirement(
@@ -313,10 +312,10 @@ def _keeps_to_its_voltages(subject: Subject) -> str:
         try:
             beyond = drive(plant, MotorCommand(100.0 * u_max, 100.0 * u_max), 20)
         except PlantError as error:
-            return f"refused: {error}"
+            return messages.voltage_refused(reason=str(error))
     for excess in (beyond.theta_A - at_bound.theta_A, beyond.theta_B - at_bound.theta_B):
         require(excess < MOVED_RAD, messages.voltage_not_limited(voltage=100.0 * u_max, excess=excess, u_max=u_max))
-    return f"limited to {u_max:g} V"
+    return messages.voltage_limited(u_max=u_max)
 
 
 @requirement(
@@ -330,14 +329,14 @@ def _no_number_is_no_voltage(subject: Subject) -> str:
             try:
                 plant.write(command)
             except PlantError as error:
-                outcomes.append(f"refused: {error}")
+                outcomes.append(messages.voltage_refused(reason=str(error)))
             for _ in range(20):
                 m = plant.read()
                 check_reading(plant, m, subject.parameters)
                 if subject.answers:
                     require_at_rest(first, m)
                 plant.write(ZERO_VOLTS)
-    return outcomes[0] if outcomes else "replaced by zero volts"
+    return outcomes[0] if outcomes else messages.replaced_by_zero_volts()
 
 
 @requirement(
@@ -369,7 +368,7 @@ def _refuses_in_a_sentence(subject: Subject) -> str:
                 messages.attribute_contradicted(attribute=attribute, value=is_able, operation=name),
             )
         check_reading(plant, plant.read(), subject.parameters)
-    return f"refuses {', '.join(refused)}" if refused else "supports all of them"
+    return messages.operations_refused(operations=refused) if refused else messages.operations_supported()
 
 
 @requirement("Without a trip, it accepts an acknowledgement and can be read afterwards.")
@@ -420,9 +419,9 @@ def _keeps_the_time(subject: Subject) -> str:
     whole_s, usual_s, due_s = sum(took_s), median(took_s), len(took_s) * T_s
     if paces:
         require(whole_s > 0.9 * due_s, messages.readings_before_due(readings=len(took_s), duration_s=whole_s))
-        return f"{len(took_s)} ticks took {whole_s:.3f} s"
+        return messages.duration_of_ticks(ticks=len(took_s), duration_s=whole_s)
     require(usual_s < T_s, messages.cycle_longer_than_period(cycle_s=usual_s))
-    return f"a reading and a write take {1e6 * usual_s:.0f} µs (median)"
+    return messages.duration_of_cycle(cycle_s=usual_s)
 
 
 @requirement("Its memory use does not grow over 10 000 ticks at zero volts.")
@@ -439,7 +438,7 @@ def _keeps_nothing_of_a_tick(subject: Subject) -> str:
             plant.write(ZERO_VOLTS)
         grown = sys.getallocatedblocks() - before
     require(grown < GROWTH_BLOCKS, messages.memory_grows(blocks=grown, ticks=whole - warm_up))
-    return f"{whole - warm_up} ticks"
+    return messages.ticks_without_growth(ticks=whole - warm_up)
 
 
 @requirement("A stepped plant created again with the same seed repeats its readings bit for bit.")

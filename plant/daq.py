@@ -49,10 +49,10 @@ def read_driver_version() -> str:
     try:
         system = System.local()
         version = system.driver_version
-        cards = ", ".join(f"{device.name} ({device.product_type})" for device in system.devices) or "no card"
+        cards = [(device.name, device.product_type) for device in system.devices]
     except _FAILED as error:
         _raise_plant_error(error)
-    return f"NI-DAQmx {version.major_version}.{version.minor_version}, {cards}"
+    return messages.driver_version(major=version.major_version, minor=version.minor_version, cards=cards)
 
 
 class Raw(NamedTuple):
@@ -93,10 +93,10 @@ class Daq:
     def timing(self) -> str:
         """How the card is timed, as a phrase."""
         if self.is_timed_by_card:
-            return "timed by the card's clock"
+            return messages.timed_by_card()
         if self._wiring.card.timing == "hardware":
-            return "timed by this machine: the card offers no hardware-timed single point"
-        return "timed by this machine, on demand"
+            return messages.timed_by_machine()
+        return messages.timed_on_demand()
 
     def open(self) -> None:
         """Reserve the card: zero volts, drives off, watchdog configured but not started."""

@@ -280,13 +280,13 @@ def polynomial_spring(coefficients: tuple[float, ...], x_solid: float, k_solid: 
     x = np.linspace(-x_solid, x_solid, 4001)
     negative = np.flatnonzero(curve(x) <= 0.0)
     if negative.size == 0 or negative[-1] == x.size - 1:
-        raise ValueError(f"the spring polynomial has no zero-force root below x_solid = {x_solid:g} m")
+        raise ValueError(messages.spring_without_root(x_solid=x_solid))
     below = int(negative[-1])
     x_slack = find_root(lambda value: float(curve(value)), float(x[below]), float(x[below + 1]))
     falling = np.flatnonzero(curve.deriv()(x[below + 1 :]) <= 0.0)
     if falling.size:
         at = x[below + 1 + int(falling[0])]
-        raise ValueError(f"the spring polynomial must rise up to x_solid = {x_solid:g} m, but falls at x = {at:.4f} m")
+        raise ValueError(messages.spring_falls(x_solid=x_solid, x=at))
     k = tuple(float(coefficient) for coefficient in coefficients)
     return Spring(k=k, pieces=None, x_slack=x_slack, x_solid=x_solid, F_solid=float(curve(x_solid)), k_solid=k_solid)
 
@@ -300,10 +300,7 @@ def require_stiffening(spring: Spring) -> None:
     slopes = np.array([spring_slope(spring, value) for value in x])
     flat = np.flatnonzero(np.diff(slopes) <= 1e-9 * slopes[-1])
     if flat.size:
-        raise ValueError(
-            f"the spring does not stiffen at x = {x[flat[0]]:.4f} m, so that tension cannot set the joint's stiffness "
-            "there: fit a polynomial of order 2, or give fewer and smoother points"
-        )
+        raise ValueError(messages.spring_does_not_stiffen(x=x[flat[0]]))
 
 
 def spring_elongation(spring: Spring, F: float) -> float:
@@ -312,10 +309,7 @@ def spring_elongation(spring: Spring, F: float) -> float:
     Raises ValueError unless 0 < F <= force at ``x_solid``.
     """
     if not 0.0 < F <= spring.F_solid:
-        raise ValueError(
-            f"tension {F:g} N is outside 0-{spring.F_solid:.1f} N, where the spring is neither slack nor "
-            "fully compressed"
-        )
+        raise ValueError(messages.tension_outside_spring(F=F, F_solid=spring.F_solid))
     return find_root(lambda x: spring_polynomial(spring, x) - F, spring.x_slack, spring.x_solid)
 
 
@@ -670,21 +664,17 @@ def tabulated_spring(x: Array, F: Array, x_solid: float, k_solid: float) -> Spri
     touch, lies inside the table. Raises ValueError for points that do not rise.
     """
     if x.ndim != 1 or x.shape != F.shape or x.size < 3:
-        raise ValueError(
-            f"a spring table needs two columns of equal length, 3 rows or more; got {x.shape} and {F.shape}"
-        )
+        raise ValueError(messages.spring_table_of_wrong_shape(x=x.shape, F=F.shape))
     if not (np.all(np.isfinite(x)) and np.all(np.isfinite(F))):
-        raise ValueError("the spring table holds values that are not finite: remove those rows")
+        raise ValueError(messages.spring_table_not_finite())
     wrong = np.flatnonzero((np.diff(x) <= 0.0) | (np.diff(F) <= 0.0))
     if wrong.size:
-        raise ValueError(
-            "elongation [m] and force [N] of the spring table must both rise from row to row, but do not after "
-            f"row {wrong[0] + 1}: ({x[wrong[0]]:g} m, {F[wrong[0]]:g} N)"
-        )
+        row = int(wrong[0])
+        raise ValueError(messages.spring_table_falls(row=row + 1, x=x[row], F=F[row]))
     if abs(F[0]) > 1e-9:
-        raise ValueError(f"the spring table must begin at zero force, not {F[0]:g} N")
+        raise ValueError(messages.spring_table_not_from_zero(F=F[0]))
     if not x[0] < x_solid <= x[-1]:
-        raise ValueError(f"x_solid = {x_solid:g} m lies outside the spring table, {x[0]:g} to {x[-1]:g} m")
+        raise ValueError(messages.x_solid_outside_table(x_solid=x_solid, lowest=x[0], highest=x[-1]))
     h, secant = np.diff(x), np.diff(F) / np.diff(x)
     at_node = _monotone_slopes(h, secant)
     left, right = at_node[:-1], at_node[1:]

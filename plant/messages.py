@@ -1,6 +1,6 @@
 """Messages about plants: why one is not available, obstructed, wired or configured, and what it refuses to do."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from plant.message import catalogue_entry
 from plant.quantity import Angle, Quantity
@@ -58,6 +58,60 @@ def joint_inside_obstacle(*, q: float, q_wall: float, side: float) -> str:
         f"the joint is at {Angle(q):.4g}, inside the obstacle at {Angle(q_wall):.4g}: move it "
         f"{where} that angle first, or place the obstacle elsewhere"
     )
+
+
+# Springs -------------------------------------------------------------------------------------------
+
+
+@catalogue_entry
+def spring_without_root(*, x_solid: float) -> str:
+    return f"the spring polynomial has no zero-force root below x_solid = {x_solid:g} m"
+
+
+@catalogue_entry
+def spring_falls(*, x_solid: float, x: float) -> str:
+    return f"the spring polynomial must rise up to x_solid = {x_solid:g} m, but falls at x = {x:.4f} m"
+
+
+@catalogue_entry
+def spring_does_not_stiffen(*, x: float) -> str:
+    return (
+        f"the spring does not stiffen at x = {x:.4f} m, so that tension cannot set the joint's stiffness "
+        "there: fit a polynomial of order 2, or give fewer and smoother points"
+    )
+
+
+@catalogue_entry
+def tension_outside_spring(*, F: float, F_solid: float) -> str:
+    return f"tension {F:g} N is outside 0-{F_solid:.1f} N, where the spring is neither slack nor fully compressed"
+
+
+@catalogue_entry
+def spring_table_of_wrong_shape(*, x: tuple[int, ...], F: tuple[int, ...]) -> str:
+    return f"a spring table needs two columns of equal length, 3 rows or more; got {x} and {F}"
+
+
+@catalogue_entry
+def spring_table_not_finite() -> str:
+    return "the spring table holds values that are not finite: remove those rows"
+
+
+@catalogue_entry
+def spring_table_falls(*, row: int, x: float, F: float) -> str:
+    return (
+        "elongation [m] and force [N] of the spring table must both rise from row to row, but do not after "
+        f"row {row}: ({x:g} m, {F:g} N)"
+    )
+
+
+@catalogue_entry
+def spring_table_not_from_zero(*, F: float) -> str:
+    return f"the spring table must begin at zero force, not {F:g} N"
+
+
+@catalogue_entry
+def x_solid_outside_table(*, x_solid: float, lowest: float, highest: float) -> str:
+    return f"x_solid = {x_solid:g} m lies outside the spring table, {lowest:g} to {highest:g} m"
 
 
 # Parameter files -----------------------------------------------------------------------------------
@@ -436,6 +490,26 @@ def server_not_answering(*, address: str, within_s: float) -> str:
     )
 
 
+@catalogue_entry
+def driver_version(*, major: int, minor: int, cards: Sequence[tuple[str, str]]) -> str:
+    return f"NI-DAQmx {major}.{minor}, {', '.join(f'{name} ({kind})' for name, kind in cards) or 'no card'}"
+
+
+@catalogue_entry
+def timed_by_card() -> str:
+    return "timed by the card's clock"
+
+
+@catalogue_entry
+def timed_by_machine() -> str:
+    return "timed by this machine: the card offers no hardware-timed single point"
+
+
+@catalogue_entry
+def timed_on_demand() -> str:
+    return "timed by this machine, on demand"
+
+
 # Rig -----------------------------------------------------------------------------------------------
 
 
@@ -536,6 +610,22 @@ def rig_without_fault_injection() -> str:
 @catalogue_entry
 def safety_module_tripped() -> str:
     return "the safety module stays tripped: remove the cause that it displays, and acknowledge the trip at the rig"
+
+
+@catalogue_entry
+def wired_card(*, wiring: str, device: str, address: str, timing: str) -> str:
+    server = f" at {address}" if address else ""
+    return f"{wiring} as {device}{server}, {timing}"
+
+
+@catalogue_entry
+def card_with_cycle(*, card: str, cycle_s: float) -> str:
+    return f"{card}, {1e3 * cycle_s:.2f} ms to read and write"
+
+
+@catalogue_entry
+def virtual_card(*, card: str) -> str:
+    return f"virtual card, {card}"
 
 
 # Simulator -----------------------------------------------------------------------------------------
@@ -684,6 +774,11 @@ def replay_without_fault_injection() -> str:
 @catalogue_entry
 def replay_has_its_zeros() -> str:
     return "a recording contains its zeros: they cannot be set"
+
+
+@catalogue_entry
+def replay_of(*, file: str, duration_s: float) -> str:
+    return f"replay of {file}, {duration_s:.3f} s"
 
 
 # Plants of packages --------------------------------------------------------------------------------
@@ -913,3 +1008,61 @@ def check_failed(*, reason: str) -> str:
 @catalogue_entry
 def other_error_raised(*, kind: str, reason: str) -> str:
     return f"{kind} instead of a PlantError: {reason}"
+
+
+# Observations of the checks that hold.
+
+
+@catalogue_entry
+def unattended_time(*, limit_s: float) -> str:
+    return f"may run unattended for {1e3 * limit_s:g} ms"
+
+
+@catalogue_entry
+def first_reading(*, q: float, F_A: float, F_B: float) -> str:
+    return f"q = {Angle(q):.4g}, F_A = {Quantity(F_A, 'N'):.3g}, F_B = {Quantity(F_B, 'N'):.3g}"
+
+
+@catalogue_entry
+def motors_turned(*, voltage: float, angles: Mapping[str, float]) -> str:
+    return f"{voltage:g} V turned {', '.join(f'{motor} by {Angle(angle):.3g}' for motor, angle in angles.items())}"
+
+
+@catalogue_entry
+def voltage_refused(*, reason: str) -> str:
+    return f"refused: {reason}"
+
+
+@catalogue_entry
+def voltage_limited(*, u_max: float) -> str:
+    return f"limited to {u_max:g} V"
+
+
+@catalogue_entry
+def replaced_by_zero_volts() -> str:
+    return "replaced by zero volts"
+
+
+@catalogue_entry
+def operations_refused(*, operations: Sequence[str]) -> str:
+    return f"refuses {', '.join(operations)}"
+
+
+@catalogue_entry
+def operations_supported() -> str:
+    return "supports all of them"
+
+
+@catalogue_entry
+def duration_of_ticks(*, ticks: int, duration_s: float) -> str:
+    return f"{ticks} ticks took {duration_s:.3f} s"
+
+
+@catalogue_entry
+def duration_of_cycle(*, cycle_s: float) -> str:
+    return f"a reading and a write take {1e6 * cycle_s:.0f} µs (median)"
+
+
+@catalogue_entry
+def ticks_without_growth(*, ticks: int) -> str:
+    return f"{ticks} ticks"

@@ -249,7 +249,7 @@ class Replay:
         self._raw = np.column_stack([columns[name] for name in RawReading._fields])
         self._recorded_outputs = np.column_stack([columns["u_A"], columns["u_B"]])
         self._t = columns["t"]
-        self.description = f"replay of {recording.path.name}, {recording.duration_s:.3f} s"
+        self.description: str = messages.replay_of(file=recording.path.name, duration_s=recording.duration_s)
         self.samples = len(recording)
         self.sample = 0
         self.difference = ReplayDifference(0.0, "u_A", float(self._t[0]))

@@ -172,8 +172,9 @@ class Rig:
             raise
 
     def _describe(self) -> str:
-        server = f" at {self._server}" if self._server else ""
-        return f"{self.wiring.title} as {self.wiring.card.device}{server}, {self._daq.timing}"
+        return messages.wired_card(
+            wiring=self.wiring.title, device=self.wiring.card.device, address=self._server, timing=self._daq.timing
+        )
 
     def _prove_watchdog(self) -> None:
         """Test that the watchdog disables the drive-enable line, not only reports it."""
@@ -215,7 +216,7 @@ class Rig:
                     cycle_s=cycle_s, longest_s=longest_s, cycles=TRIED_CYCLES, maximum_s=CYCLE_MAX_S
                 )
             )
-        self.description += f", {1e3 * cycle_s:.2f} ms to read and write"
+        self.description = messages.card_with_cycle(card=self.description, cycle_s=cycle_s)
 
     def _start_outputs(self, *, drives: bool) -> None:
         """Write zero volts, start the watchdog, then set the drive-enable line.

@@ -21,6 +21,7 @@ from nidaqmx._stubs import nidaqmx_pb2_grpc
 from nidaqmx.constants import AcquisitionType, Level, WDTTaskAction
 from nidaqmx.error_codes import DAQmxErrors
 
+from plant import messages
 from plant.compilation import PrecompiledCall
 from plant.daq import Daq
 from plant.dynamics import Obstacle
@@ -708,7 +709,7 @@ class VirtualRig(Rig):
         self.zeroed = is_wired_right
 
     def _describe(self) -> str:
-        return f"virtual card, {super()._describe()}"
+        return messages.virtual_card(card=super()._describe())
 
     def _measure_cycle(self) -> None:
         """Skip the measurement: each write would advance the simulation."""

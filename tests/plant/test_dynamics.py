@@ -1,6 +1,9 @@
 """The plant's differential equation: joint, springs, load at the shaft, wall."""
 
 import math
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
@@ -12,6 +15,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
+from plant import messages
 from plant.dynamics import (
     K_LEAST,
     NO_OBSTACLE,
@@ -43,6 +47,7 @@ from plant.dynamics import (
 from plant.interface import NO_LOAD, ZERO_VOLTS, MotorCommand, PlantError, ShaftLoad, T_s
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
+from tests.reasons import assert_reason
 from tests.refusals import refused
 
 # The plant's differential equation: closed forms, an integrator and equations of the test's own, conservation laws.
@@ -351,20 +356,27 @@ def test_elongation_inverts_tension(F: float) -> None:
     assert tendon_tension(PAPER_SPRING, spring_elongation(PAPER_SPRING, F)) == pytest.approx(F, rel=1e-12)
 
 
+@contextmanager
+def value_refused(message: str) -> Iterator[None]:
+    with pytest.raises(ValueError, match=re.escape(message)):
+        yield
+
+
 @pytest.mark.parametrize("F", [-1.0, 0.0, 51.0])
 def test_elongation_refuses_what_the_spring_cannot_carry(F: float) -> None:
-    with pytest.raises(ValueError, match=rf"{F:g} N is outside 0-50\.0 N"):
+    with value_refused(messages.tension_outside_spring(F=F, F_solid=50.0)):
         spring_elongation(PAPER_SPRING, F)
 
 
 def test_curves_that_do_not_rise_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"no zero-force root below x_solid = 0\.06 m"):
+    with value_refused(messages.spring_without_root(x_solid=0.06)):
         polynomial_spring((3.0, 300.0, 8000.0), 0.06, 1e5)
-    with pytest.raises(ValueError, match=r"falls at x = 0\.05"):
+    with pytest.raises(ValueError, match=r"0\.05") as falling:
         polynomial_spring((-2.0, 400.0, 5000.0, -1e5), 0.06, 1e5)
+    assert_reason(falling.value.args[0], "spring_falls", x_solid=0.06, x=pytest.approx(0.05, abs=0.01))
     x, F = table_of(K, 8)
     F[4] = F[3]
-    with pytest.raises(ValueError, match="do not after row 4"):
+    with value_refused(messages.spring_table_falls(row=4, x=x[3], F=F[3])):
         tabulated_spring(x, F, 0.06, 1e5)
 
 
@@ -377,25 +389,27 @@ def test_what_a_curve_does_below_its_root_is_of_no_concern() -> None:
 
 def test_tables_that_cannot_be_used_are_refused() -> None:
     x, F = table_of(K, 8)
-    with pytest.raises(ValueError, match="3 rows or more"):
+    with value_refused(messages.spring_table_of_wrong_shape(x=(2,), F=(2,))):
         tabulated_spring(x[:2], F[:2], 0.06, 1e5)
-    with pytest.raises(ValueError, match="not finite"):
+    with value_refused(messages.spring_table_not_finite()):
         tabulated_spring(x, np.where(F > 30.0, np.nan, F), 0.06, 1e5)
-    with pytest.raises(ValueError, match="begin at zero force"):
+    with value_refused(messages.spring_table_not_from_zero(F=1.0)):
         tabulated_spring(x, F + 1.0, 0.06, 1e5)
-    with pytest.raises(ValueError, match=r"x_solid = 0\.07 m lies outside the spring table"):
+    with value_refused(messages.x_solid_outside_table(x_solid=0.07, lowest=x[0], highest=x[-1])):
         tabulated_spring(x, F, 0.07, 1e5)
 
 
 def test_a_spring_that_does_not_stiffen_cannot_set_stiffness() -> None:
     require_stiffening(PAPER_SPRING)
     require_stiffening(tabulated_spring(*table_of(CUBIC_SPRING, 9), 0.06, 1e5))
-    with pytest.raises(ValueError, match="does not stiffen at x = "):
+    with pytest.raises(ValueError, match="x = ") as straight:
         require_stiffening(polynomial_spring((-2.0, 300.0, 0.0), 0.06, 1e5))
+    assert_reason(straight.value.args[0], "spring_does_not_stiffen")
     x, F = table_of(K, 9)
     F[4] += 1.0
-    with pytest.raises(ValueError, match="fewer and smoother points"):
+    with pytest.raises(ValueError, match="x = ") as uneven:
         require_stiffening(tabulated_spring(x, F, 0.06, 1e5))
+    assert_reason(uneven.value.args[0], "spring_does_not_stiffen")
 
 
 def test_the_curve_goes_on_where_the_tendon_is_slack(ideal: PlantParameters) -> None:

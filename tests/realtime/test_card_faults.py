@@ -39,7 +39,7 @@ from backend.storage import recordings
 from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState
 from backend.tuning.gains import TuningParameters
-from plant import virtual_daq
+from plant import messages, virtual_daq
 from plant.interface import ONLY_OF_A_CARD, InjectedFault, InjectedFaultKind, Sensor
 from plant.parameters import PlantParameters, load_parameters
 from plant.safety_card import WATCHDOG_S, Card, CardState
@@ -300,7 +300,8 @@ def test_the_cards_clock_paces_the_loop(
     ring = Ring.create()
     loop = Loop(plant, ideal, ring, tuning)
     assert plant.paces_loop
-    assert plant.description == "virtual card, pcie-6323 as Dev1, timed by the card's clock"
+    card = messages.wired_card(wiring="pcie-6323", device="Dev1", address="", timing=messages.timed_by_card())
+    assert plant.description == messages.virtual_card(card=card)
     worker = Worker(plant, loop, Channel(theirs))
 
     def seen_s() -> float:
@@ -331,12 +332,12 @@ def test_without_a_clock_at_the_card_this_machine_keeps_the_time_and_says_so(ide
     plant = VirtualRig(HARDWARE, Simulator(ideal, 0), has_clock=False)
     plant.open()
     assert not plant.paces_loop
-    assert "timed by this machine: the card offers no hardware-timed single point" in plant.description
+    assert messages.timed_by_machine() in plant.description
     plant.close()
     asked_for_less = VirtualRig(SHIPPED, Simulator(ideal, 0), has_clock=True)
     asked_for_less.open()
     assert not asked_for_less.paces_loop
-    assert "timed by this machine, on demand" in asked_for_less.description
+    assert messages.timed_on_demand() in asked_for_less.description
     asked_for_less.close()
 
 

@@ -18,6 +18,7 @@ from backend.realtime.supervisor import Supervisor
 from backend.sample import INDEX
 from plant.calibration import wiring_fingerprint
 from plant.interface import InjectedFault, InjectedFaultKind, PlantChoice, PlantKind
+from plant.messages import timed_by_card
 from plant.wiring import load_wiring
 from tests.realtime.test_supervisor import TIMEOUT_S, loop_processes
 
@@ -127,7 +128,7 @@ def test_the_cards_clock_paces_a_loop_whose_wiring_asks_for_it(tuning: SetTuning
     async def session() -> None:
         supervisor = on(replace(VIRTUAL, wiring=str(wiring)), tuning)
         ready = await supervisor.start()
-        assert "timed by the card's clock" in supervisor.plant_description
+        assert timed_by_card() in supervisor.plant_description
         assert ready == supervisor.granted
         begun = supervisor.ring.count
         await supervisor.advance(0.3)

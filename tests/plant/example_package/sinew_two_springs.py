@@ -77,7 +77,7 @@ class TwoSprings:
 
     def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:
         """Refuse: its encoders know where they are."""
-        raise PlantError("two-springs knows angle of the obstacle")
+        raise PlantError("two-springs counts from its own zeros")
 
     def acknowledge(self) -> None:
         """Re-arm what watches over the tendons."""
