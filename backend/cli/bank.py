@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from backend.cli import messages
 from backend.cli.experiments import current_user, parse_values
 from backend.cli.options import (
     DataFolder,
@@ -120,7 +121,7 @@ def diff(
     from backend.storage import banks, identifications
 
     if (after is None) == (not again):
-        fail("specify either a second bank or --with identifications", status=2)
+        fail(messages.bank_or_identifications(), status=2)
     lambdas = build_plan(LoopSettings, parse_values(values or [])).lambdas
     settings = load_settings(data=data, params=params, station=station)
     with open_configured_database(settings, read_only=True) as database, database.reading() as session:
@@ -155,7 +156,7 @@ def export(
     ):
         document = build_bank_document(banks.get(session, bank))
     write_file_whole((json.dumps(document, indent=2, ensure_ascii=False).encode() + b"\n",), file)
-    console.print(f"wrote {file}", highlight=False, markup=False)
+    console.print(messages.wrote(files=str(file)), highlight=False, markup=False)
 
 
 @app.command("import")
@@ -239,8 +240,8 @@ def _print_bank(bank: "Bank", runs: "Mapping[int, int | None]", fits: "Fits", *,
         )
         for entry in bank.entries
     ]
-    print_table(columns, rows, title=f"bank {bank.id}: {bank.name}, version {bank.version}")
+    print_table(columns, rows, title=messages.bank_title(bank_id=bank.id, name=bank.name, version=bank.version))
     for entry in bank.entries:
         entry_fits = fits.get(entry.identification_id or 0, {})
         texts = [f"{name} {entry_fits[name].in_words()}" for name in CHANNELS if name in entry_fits]
-        console.print(f"{stored_entry_name(entry)}: {'; '.join(texts) or 'imported, fit unknown'}", highlight=False)
+        console.print(messages.fits_of_entry(entry=stored_entry_name(entry), fits=texts), highlight=False)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Protocol, TypeVar
 
 import typer
 
+from backend.cli import messages
 from backend.cli.options import (
     DataFolder,
     ParameterSet,
@@ -40,8 +41,6 @@ from backend.cli.output import (
 )
 from backend.plain_text import escape_line, escape_lines
 from backend.settings import Settings
-from backend.units import format_count
-from plant import Quantity
 
 if TYPE_CHECKING:
     from backend.banks import TuningSettings
@@ -70,7 +69,7 @@ def parse_values(words: list[str]) -> dict[str, object]:
     for word in words:
         name, equals, value = word.partition("=")
         if not equals or not name:
-            fail(f"--set {word}: write key=value, for example --set lam_q=0.6", status=2)
+            fail(messages.not_a_setting(word=word), status=2)
         values[name.strip()] = value.strip()
     return values
 
@@ -99,8 +98,8 @@ def resolve_settings(
 
     values = complete_motion(values)
     plan, loop = split_values(settings, make, {**base.parts, **values})
-    parts = [f"{text} ({'set' if name in values else base.origin})" for name, text in loop.format_parts().items()]
-    return plan, loop, f"tuning: {', '.join(parts)}"
+    parts = [(text, "set" if name in values else base.origin) for name, text in loop.format_parts().items()]
+    return plan, loop, messages.tuning_of_run(parts=parts)
 
 
 def load_active_tuning(settings: Settings) -> BaseTuning:
@@ -116,7 +115,7 @@ def load_active_tuning(settings: Settings) -> BaseTuning:
             stored = tuning_settings.load_last_tuning(database, parameters)
         except (SettingError, OutOfRangeError, UnreadableDocumentError) as error:
             error_console.print(
-                f"using the default tuning, because the active tuning is not valid: {error}",
+                messages.tuning_not_valid(reason=str(error)),
                 highlight=False,
                 markup=False,
             )
@@ -124,9 +123,7 @@ def load_active_tuning(settings: Settings) -> BaseTuning:
     if stored is None:
         return _build_default_tuning(parameters)
     if not stored.same_plant:
-        error_console.print(
-            "using the default tuning, because the active tuning belongs to other plant parameters", highlight=False
-        )
+        error_console.print(messages.tuning_of_other_parameters(), highlight=False)
         return _build_default_tuning(parameters)
     return BaseTuning(stored.tuning.to_document(), "active")
 
@@ -284,9 +281,9 @@ def _fail_unless_completed(result: "RunResult") -> None:
 
     run = result.run
     if run.end_state != EndState.COMPLETED:
-        fail(f"run {run.id} {run.end_state}: {run.end_detail or 'no further reason known'}")
+        fail(messages.run_not_completed(run_id=run.id, end=run.end_state, reason=run.end_detail))
     if result.evaluation.problem:
-        fail(f"run {run.id}: {result.evaluation.problem}", status=2)
+        fail(messages.problem_of_run(run_id=run.id, reason=result.evaluation.problem), status=2)
 
 
 # sinew experiment ----------------------------------------------------------------------------------
@@ -376,7 +373,9 @@ def warn_if_deprecated(name: str) -> None:
 
     definition = experiments_by_name().get(name)
     if definition is not None and definition.replacement:
-        error_console.print(f"{name} is deprecated: {definition.replacement}", highlight=False, markup=False)
+        error_console.print(
+            messages.deprecated(name=name, replacement=definition.replacement), highlight=False, markup=False
+        )
 
 
 def read_text_file(file: Path) -> str:
@@ -384,7 +383,7 @@ def read_text_file(file: Path) -> str:
     try:
         return file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        fail(f"{file} cannot be read: {error}", status=2)
+        fail(messages.file_not_read(file=file, reason=str(error)), status=2)
 
 
 # sinew experiments ---------------------------------------------------------------------------------
@@ -420,7 +419,13 @@ def show_experiment(name: Name, data: DataFolder = None, as_json: AsJson = False
         return
     console.print(f"{definition.title}. {' '.join(definition.description.split())}", highlight=False, markup=False)
     rows = [
-        (s.name, f"{s.default}", ", ".join(s.choices or ()) or f"{s.minimum} to {s.maximum}", s.unit, s.meaning)
+        (
+            s.name,
+            f"{s.default}",
+            ", ".join(s.choices or ()) or messages.bounds(minimum=s.minimum, maximum=s.maximum),
+            s.unit,
+            s.meaning,
+        )
         for s in definition.settings
     ]
     print_table(("setting", "default", "bounds", "unit", "meaning"), rows)
@@ -454,13 +459,17 @@ def check(file: File, params: ParameterSet = None, data: DataFolder = None, as_j
     if as_json:
         print_json(checked.model_dump())
         return
-    changes = f", {checked.changes_of_tuning} changes of the tuning" if checked.changes_of_tuning else ""
-    segments = format_count(checked.segments, "segment")
-    text = f"{checked.name} is valid: {checked.duration_s:.6g} s in {segments}{changes}"
+    text = messages.experiment_valid(
+        name=checked.name,
+        duration_s=checked.duration_s,
+        segments=checked.segments,
+        changes_of_tuning=checked.changes_of_tuning,
+    )
     console.print(text, highlight=False, markup=False)
     if checked.peak_voltage_V is not None and checked.min_tension_N is not None and checked.max_tension_N is not None:
-        tensions = f"tensions {Quantity(checked.min_tension_N, 'N', checked.max_tension_N):.3g}"
-        text = f"on the simulator: at most {Quantity(checked.peak_voltage_V, 'V'):.3g}, {tensions}"
+        text = messages.simulated_extremes(
+            u_max=checked.peak_voltage_V, F_min=checked.min_tension_N, F_max=checked.max_tension_N
+        )
         console.print(text, highlight=False, markup=False)
 
 
@@ -479,7 +488,9 @@ def save(file: File, params: ParameterSet = None, data: DataFolder = None, as_js
     if as_json:
         print_json({"name": stored.name, "version": stored.version})
     else:
-        console.print(f"saved as {stored.name}@{stored.version}", highlight=False, markup=False)
+        console.print(
+            messages.experiment_saved(name=stored.name, version=stored.version), highlight=False, markup=False
+        )
 
 
 @experiments_app.command()
@@ -589,7 +600,7 @@ def run(
         queue = _follow_queue(service, hidden=as_json)
     _print_queue(service, queue, as_json=as_json)
     if queue.problem:
-        fail(f"the queue is {queue.problem}")
+        fail(messages.queue_ended(problem=queue.problem))
 
 
 @queue_app.command()
@@ -641,7 +652,7 @@ def _follow_queue(service: RunningService, *, hidden: bool) -> "QueueView":
             if task is None and queue.run is None and not queue.running:
                 return queue
             if task is not None:
-                text = escape_line(f"run {task.run}, {task.phase}; {len(queue.items)} queued")
+                text = escape_line(messages.queue_progress(run_id=task.run, phase=task.phase, queued=len(queue.items)))
                 total = max(task.duration_s, 1e-9)
                 left = _format_time_left(task)
                 progress.update(bar, description=text, total=total, completed=task.elapsed_s, left=left)
@@ -649,7 +660,7 @@ def _follow_queue(service: RunningService, *, hidden: bool) -> "QueueView":
 
 
 def _format_time_left(task: "TaskView") -> str:
-    return f"{max(0.0, task.duration_s - task.elapsed_s):.0f} s left"
+    return messages.time_left(left_s=task.duration_s - task.elapsed_s)
 
 
 def _print_queue(service: RunningService, queue: "QueueView", *, as_json: bool) -> None:
@@ -662,18 +673,21 @@ def _print_queue(service: RunningService, queue: "QueueView", *, as_json: bool) 
             item.id,
             item.name,
             " ".join(f"{name}={value}" for name, value in item.settings.items()),
-            f"{item.who}, restored" if item.kept else item.who,
+            messages.restored_item(who=item.who) if item.kept else item.who,
         )
         for place, item in enumerate(queue.items, start=1)
     ]
     if rows:
         print_table(("position", "item", "experiment", "settings", "by"), rows)
     else:
-        console.print("the queue is empty", highlight=False)
+        console.print(messages.queue_empty(), highlight=False)
     task = _request_task(service)
     if task is not None:
         left = _format_time_left(task)
-        console.print(f"run {task.run} is in progress: {task.kind}, {left}", highlight=False, markup=False)
-    console.print("the queue continues automatically" if queue.running else "the queue is not running", highlight=False)
+        console.print(
+            messages.run_in_progress(run_id=task.run, kind=task.kind, left=left), highlight=False, markup=False
+        )
+    state = messages.queue_continues() if queue.running else messages.queue_not_running()
+    console.print(state, highlight=False)
     if queue.problem:
         console.print(queue.problem, highlight=False, markup=False, soft_wrap=True)

@@ -232,13 +232,21 @@ def _parse_method(name: str) -> Any:
 
 
 def _print_import(summary: "ImportSummary") -> None:
-    steps = _describe_time_steps(summary)
+    steps = messages.sample_time(
+        sample_time_s=summary.sample_time_s,
+        origin=summary.sample_time_from,
+        least_step_s=summary.least_step_s,
+        largest_step_s=summary.largest_step_s,
+    )
+    rows_used = messages.rows_used(
+        used=summary.rows_used, available=summary.rows_in_file, first=summary.first_row, last=summary.last_row
+    )
     rows = [
         *((role, _format_column(column, summary.units.get(column))) for role, column in summary.columns.items()),
         ("time column", _describe_time_column(summary)),
-        ("sample time", f"{summary.sample_time_s:.6g} s, from {summary.sample_time_from}{steps}"),
-        ("rows used", f"{summary.rows_used} of {summary.rows_in_file}, {summary.first_row} to {summary.last_row}"),
-        *([("samples, resampled to a constant sample time", str(summary.samples))] if summary.resampled else []),
+        ("sample time", steps),
+        ("rows used", rows_used),
+        *([(messages.samples_resampled(), str(summary.samples))] if summary.resampled else []),
     ]
     print_layout(summary.file, summary.layout, rows, summary.not_read, summary.notes)
 
@@ -280,13 +288,7 @@ def _describe_time_column(summary: "ImportSummary") -> str:
         return "none"
     if summary.time_unit_from == "dates":
         return f"{summary.time_column}, {summary.time_unit}"
-    return f"{summary.time_column}, unit {summary.time_unit} ({summary.time_unit_from})"
-
-
-def _describe_time_steps(summary: "ImportSummary") -> str:
-    if summary.least_step_s is None or summary.largest_step_s is None:
-        return ""
-    return f"; rows are {summary.least_step_s:.6g} to {summary.largest_step_s:.6g} s apart"
+    return messages.time_column(column=summary.time_column, unit=summary.time_unit, origin=summary.time_unit_from)
 
 
 def _identify_motor(record: "Record", summary: "ImportSummary", resolution: float | None, *, as_json: bool) -> None:
@@ -304,7 +306,7 @@ def _identify_motor(record: "Record", summary: "ImportSummary", resolution: floa
     _print_import(summary)
     units = dict(zip(NAMES, ("rad/(V·s)", "s", "V", "s", "V"), strict=True))
     rows = [
-        (f"{name} [{units[name]}]", value, std or "omitted: not significantly different from 0")
+        (f"{name} [{units[name]}]", value, std or messages.parameter_omitted())
         for (name, value), std in zip(estimate.parameters.items(), estimate.std_errors, strict=True)
     ]
     print_table(("parameter", "value", "standard error"), rows)
@@ -358,7 +360,8 @@ def _build_friction_rows(estimate: "Estimate") -> list[tuple[str, str]]:
     if friction is None:
         return []
     if not friction.found:
-        return [("Coulomb friction u_c", f"not significant ({friction.u_c:.2g} ± {friction.u_c_std:.2g})")]
+        negligible = messages.friction_not_significant(u_c=friction.u_c, u_c_std=friction.u_c_std)
+        return [("Coulomb friction u_c", negligible)]
     return [
         ("Coulomb friction u_c", f"{friction.u_c:.4g} ± {friction.u_c_std:.2g}"),
         ("gain K with friction", f"{friction.K:.4g} ± {friction.K_std:.2g}"),
@@ -373,11 +376,11 @@ def _build_offset_rows(estimate: "Estimate") -> list[tuple[str, str]]:
 
 
 def _format_percent(value: float) -> str:
-    return format_percent(value, 2) if math.isfinite(value) else "not measured"
+    return format_percent(value, 2) if math.isfinite(value) else messages.not_measured()
 
 
 def _format_number(value: float | None, format_spec: str) -> str:
-    return format(value, format_spec) if value is not None and math.isfinite(value) else "not measured"
+    return format(value, format_spec) if value is not None and math.isfinite(value) else messages.not_measured()
 
 
 # sinew identify motor, spring and actuator ---------------------------------------------------------
@@ -461,11 +464,11 @@ def spring(
         plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station
     )
     if table is None and (header is not None or decimal is not None):
-        fail("--header and --decimal require --table", status=2)
+        fail(messages.header_requires_table(), status=2)
     elif table is None:
         _run_identification(SpringIdentificationPlan, parse_values(values or []), out, settings, as_json)
     elif values or out:
-        fail("--set and --out do not apply to --table: remove them", status=2)
+        fail(messages.options_exclude_table(), status=2)
     else:
         _identify_table(table, settings, header, decimal, as_json=as_json)
 
@@ -509,7 +512,7 @@ def actuator(
         )
         return
     if "tension_N" in chosen:
-        fail("--tensions and --set tension_N=... are mutually exclusive", status=2)
+        fail(messages.tensions_set_twice(), status=2)
     base = load_active_tuning(settings)
     built = [
         _build_request(ActuatorIdentificationPlan, {**chosen, "tension_N": tension}, base)
@@ -562,7 +565,7 @@ def _identify_table(table: Path, settings: Settings, header: int | None, decimal
         text = decode_text(table.read_bytes(), table.name)
         fitted = fit_spring_table(table.name, text, current_user(), __version__, header=header, decimal=mark)
     except (IdentificationError, OSError) as error:
-        fail(f"{table}: {error}", status=2)
+        fail(messages.error_in_file(file=table, reason=str(error)), status=2)
     with open_configured_database(settings) as database, database.session() as session:
         stored = identifications.add(session, fitted)
     if as_json:
@@ -574,11 +577,15 @@ def _identify_table(table: Path, settings: Settings, header: int | None, decimal
     print_layout(
         table.name,
         read.layout,
-        [*columns, ("rows used", f"{stored.table.points} of {read.layout['rows']}")],
+        [*columns, ("rows used", messages.part_of_whole(part=stored.table.points, whole=int(read.layout["rows"])))],
         read.not_read,
         read.notes,
     )
     fits = stored.springs["table"].model.fits
     rows = [(fit.order, fit.rms_N, fit.max_N, fit.cross_validation_N) for fit in fits]
-    print_table(("order", "RMS [N]", "largest [N]", "cross-validation [N]"), rows, title=f"identification {stored.id}")
+    print_table(
+        ("order", "RMS [N]", "largest [N]", "cross-validation [N]"),
+        rows,
+        title=messages.identification_title(number=stored.id),
+    )
     console.print(stored.verdict, highlight=False, markup=False)

@@ -61,7 +61,6 @@ Recording = Annotated[
 
 CACHE_FALLBACK = "SINEW_CACHE_FALLBACK"
 """Environment variable with the folder for compiled code if no cache folder is writable."""
-_INTERRUPTED = "the process that executed the run ended before the run; detected when the data folder was next opened"
 
 
 def load_settings(**options: object) -> Settings:
@@ -173,7 +172,7 @@ def _close_interrupted_runs(settings: Settings, database: "Database") -> None:
             with lock_if_unused(settings.data) as is_free:
                 if is_free:
                     with database.session() as session:
-                        runs.close_interrupted(session, _INTERRUPTED)
+                        runs.close_interrupted(session, messages.run_interrupted())
 
 
 # Running service -----------------------------------------------------------------------------------
@@ -209,7 +208,7 @@ class RunningService:
             response = connection.getresponse()
             text = response.read()
         except (OSError, http.client.HTTPException) as error:
-            fail(f"the service at {self.address} does not respond: {error or type(error).__name__}")
+            fail(messages.service_does_not_respond(address=self.address, reason=f"{error or type(error).__name__}"))
         finally:
             connection.close()
         return self._parse_response(response.status, text, response_type)
@@ -226,10 +225,7 @@ class RunningService:
                 return response_type.model_validate_json(text)
             message = ErrorResponse.model_validate_json(text).error.message
         except ValidationError:
-            fail(
-                f"the program at {self.address} is not Sinew: status {status}, {text[:80]!a}; find out "
-                "which program uses this port, and restart `sinew serve`"
-            )
+            fail(messages.other_program_responds(address=self.address, status=status, response=text))
         fail(message)
 
 

@@ -17,6 +17,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from backend.cli import messages
 from backend.execution import RunPhase
 from backend.plain_text import escape_line, escape_lines, format_json
 from backend.units import AngleUnit, convert_to_display, format_text, get_display_unit
@@ -55,11 +56,11 @@ def angle_unit() -> AngleUnit:
     return AngleUnit.RADIANS if os.environ.get(ANGLES_VARIABLE) == AngleUnit.RADIANS else AngleUnit.DEGREES
 
 
-def fail(*messages: str, status: int = 1) -> NoReturn:
-    """Print each message on one line of standard error and exit with ``status``."""
-    for message in messages:
+def fail(*reasons: str, status: int = 1) -> NoReturn:
+    """Print each reason on one line of standard error and exit with ``status``."""
+    for reason in reasons:
         error_console.print(
-            f"sinew: {' '.join(format_text(message, angle_unit()).split())}",
+            f"sinew: {' '.join(format_text(reason, angle_unit()).split())}",
             style="red",
             highlight=False,
             soft_wrap=True,
@@ -144,7 +145,7 @@ def show_progress(duration_s: float, *, hidden: bool) -> Iterator[ProgressBar]:
 # Runs ----------------------------------------------------------------------------------------------
 
 
-_VERDICTS = {True: "passed", False: "FAILED", None: "not measured"}
+_VERDICTS = {True: "passed", False: "FAILED", None: messages.not_measured()}
 
 
 def print_run(source: "RunData", files: Sequence[Path] = ()) -> None:
@@ -153,7 +154,7 @@ def print_run(source: "RunData", files: Sequence[Path] = ()) -> None:
 
     run, result = source.run, source.result
     end = ": ".join(filter(None, (run.end_state, run.end_detail)))
-    _print_text(f"run {run.id}, {run.kind}: {end}", style="bold")
+    _print_text(messages.run_title(run_id=run.id, kind=run.kind, end=end), style="bold")
     sentence = judge_stored_run(result.metrics if result else None, result.criteria if result else ()).sentence
     if result is not None:
         _print_metrics(result.metrics.figures)
@@ -163,7 +164,7 @@ def print_run(source: "RunData", files: Sequence[Path] = ()) -> None:
     elif result is None or not result.metrics.figures:
         _print_text(sentence)
     for path in files:
-        console.print(f"wrote {path}", highlight=False, markup=False)
+        console.print(messages.wrote(files=str(path)), highlight=False, markup=False)
 
 
 def print_settings(source: "RunData") -> None:
@@ -226,7 +227,7 @@ def _describe_verdict(item: "RunCriterion") -> str:
 
 
 def _convert_metric(value: float | None, unit: str) -> float | str:
-    return "not measured" if value is None else convert_to_display(value, unit, angle_unit())
+    return messages.not_measured() if value is None else convert_to_display(value, unit, angle_unit())
 
 
 def _print_text(text: str, style: str = "") -> None:

@@ -11,7 +11,6 @@ from backend.cli import messages
 from backend.cli.options import DataFolder, StationName, has_database, load_settings, open_configured_database
 from backend.cli.output import AsJson, angle_unit, console, error_console, fail, print_json
 from backend.settings import Settings
-from backend.units import format_count
 
 if TYPE_CHECKING:
     from backend.recording import Columns
@@ -36,14 +35,14 @@ def series(
     kinds, files = {".html": "html", ".pdf": "pdf"}, to or [Path("series.html")]
     unknown = next((file for file in files if file.suffix not in kinds), None)
     if unknown is not None:
-        fail(f"{unknown}: use the suffix .html or .pdf")
+        fail(messages.unknown_report_suffix(file=unknown))
     with open_configured_database(load_settings(data=data), read_only=True) as database:
         sources = load_series(database, numbers, angle_unit())
     write_files_whole({file: (render_series_report(sources, kinds[file.suffix]),) for file in files})
     if as_json:
         print_json({"runs": [source.run.id for source in sources], "files": [str(file) for file in files]})
         return
-    console.print(f"wrote {', '.join(map(str, files))}", highlight=False, markup=False, soft_wrap=True)
+    console.print(messages.wrote(files=", ".join(map(str, files))), highlight=False, markup=False, soft_wrap=True)
 
 
 @app.command()
@@ -91,30 +90,31 @@ def sign(
 
     settings = load_settings(data=data, station=station)
     if file.suffix == ".pdf":
-        fail(f"{file} is not signed: a PDF cannot be signed; sign {file.with_suffix('.html').name}", status=2)
+        fail(messages.pdf_not_signed(file=file, page=file.with_suffix(".html").name), status=2)
     try:
         _require_regular_file(file)
         page = file.read_bytes()
         found = _verify_against_database(read_signature(page).page.decode("utf-8"), settings)
     except _verification_errors() as error:
-        fail(f"{file} is not signed: {error}", status=2)
+        fail(messages.not_signed(file=file, reason=str(error)), status=2)
     for difference in found.differences:
         error_console.print(difference.sentence, highlight=False, markup=False, soft_wrap=True)
     if found.differences:
-        fail(f"{file} is not signed: {format_count(len(found.differences), 'difference')} found")
+        fail(messages.not_signed_with_differences(file=file, count=len(found.differences)))
     if found.left_out:
-        fail(f"{file} is not signed: it is only partly verified: {'; '.join(found.left_out)}", status=2)
+        fail(messages.not_signed_unless_verified(file=file, left_out=found.left_out), status=2)
     try:
         private = load_or_make_signing_key(settings.data)
         name = _find_signer_name(settings)
         write_file_whole((sign_page(page, private, name),), file)
     except (OSError, SigningKeyError, UnsignableError) as error:
-        fail(f"{file} is not signed: {error}", status=2)
+        fail(messages.not_signed(file=file, reason=str(error)), status=2)
     public = derive_public_key(private)
     if as_json:
         print_json({"file": str(file), "public_key": public.text, "fingerprint": public.fingerprint, "name": name})
         return
-    console.print(f"{file} is signed by {public.fingerprint} ({name})", highlight=False, markup=False, soft_wrap=True)
+    text = messages.signed_file(file=file, fingerprint=public.fingerprint, name=name)
+    console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
 @app.command()
@@ -147,9 +147,9 @@ def verify(
         expected_key = None if key is None else find_public_key(key)
         signed = read_signature(_read_page(file))
     except SigningKeyError as error:
-        fail(f"--key: {error}", status=2)
+        fail(messages.invalid_key(reason=str(error)), status=2)
     except _verification_errors() as error:
-        fail(f"{file}: not verified: {error}", status=2)
+        fail(messages.not_verified(file=file, reason=str(error)), status=2)
     problem = ""
     try:
         found, origin, checked = _verify(file, signed.page.decode("utf-8"), samples, settings)
@@ -171,24 +171,23 @@ def verify(
     else:
         _print_signature(signed, expected_key, settings)
     for left_out in () if as_json or problem else found.left_out:
-        console.print(f"not compared: {left_out}", highlight=False, markup=False)
+        console.print(messages.not_compared(part=left_out), highlight=False, markup=False)
     if found.differences:
         for difference in () if as_json else found.differences:
             error_console.print(difference.sentence, highlight=False, markup=False, soft_wrap=True)
         if not as_json and len(checked) > 1:
-            text = f"computed from {origin}; also compared: {', '.join(checked[1:])}"
+            text = messages.compared_sources(origin=origin, others=checked[1:])
             error_console.print(text, highlight=False, markup=False, soft_wrap=True)
         if problem:
-            error_console.print(f"the rest is not verified: {problem}", highlight=False, markup=False, soft_wrap=True)
-        fail(f"{file}: verification failed, {format_count(len(found.differences), 'difference')}")
+            text = messages.rest_not_verified(reason=problem)
+            error_console.print(text, highlight=False, markup=False, soft_wrap=True)
+        fail(messages.verification_failed(file=file, count=len(found.differences)))
     if problem:
-        fail(f"{file}: not verified: {problem}", status=2)
+        fail(messages.not_verified(file=file, reason=problem), status=2)
     if found.holds is None:
-        fail(f"{file} is only partly verified: no difference was found, but some parts were not compared", status=2)
+        fail(messages.partly_verified(file=file), status=2)
     if not as_json:
-        text = f"{file} is verified: {found.compared}, recomputed from {origin}"
-        if len(checked) > 1:
-            text += f"; also compared: {', '.join(checked[1:])}"
+        text = messages.verified(file=file, compared=found.compared, origin=origin, others=checked[1:])
         console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
@@ -215,17 +214,19 @@ def _print_signature(signed: "SignedPage", expected_key: "PublicKey | None", set
     if signed.problem:
         return  # it is one of the printed differences
     if signed.signature is None:
-        console.print("not signed", highlight=False, markup=False)
+        console.print(messages.no_signature(), highlight=False, markup=False)
         return
     owners = {
-        KeyOwner.GIVEN: "the given key",
-        KeyOwner.OWN: "the key of this installation",
-        KeyOwner.UNKNOWN: "an unknown key: it does not prove the origin of the report; specify the "
-        "expected key with --key",
+        KeyOwner.GIVEN: messages.given_key(),
+        KeyOwner.OWN: messages.own_key(),
+        KeyOwner.UNKNOWN: messages.unknown_key(),
     }
     owner = signed.whose(expected_key, load_own_public_key(settings.data))
-    name = f" ({signed.signature.name})" if signed.signature.name else ""
-    text = f"signed by {signed.signature.key.fingerprint}{name}, {owners[owner] if owner else 'invalid'}"
+    text = messages.signature(
+        fingerprint=signed.signature.key.fingerprint,
+        name=signed.signature.name,
+        owner=owners[owner] if owner else "",
+    )
     console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
@@ -293,7 +294,7 @@ def _verify(file: Path, page: str, samples: Path | None, settings: Settings) -> 
         if is_pdf or samples is not None:
             raise EvidenceError(messages.page_of_several_runs_needed())
         found = verify_series_report(page, manifest, lambda run: _load_stored_samples(settings, run)[0])
-        return found, "its stored runs", ("its stored runs",)
+        return found, messages.stored_runs(), (messages.stored_runs(),)
     sources = _find_samples(file, samples, settings, manifest)
     metrics_file = file.with_name("metrics.json")
     metrics = metrics_file.read_text(encoding="utf-8") if metrics_file.is_file() else None
@@ -340,19 +341,19 @@ def _find_samples(file: Path, samples: Path | None, settings: Settings, manifest
     samples_file = samples or next((one for one in candidates if one.is_file()), None)
     if samples_file is None:
         stored, number = _load_stored_samples(settings, manifest)
-        return _SampleSources(stored=stored, stored_as=f"run {number} of the data folder")
+        return _SampleSources(stored=stored, stored_as=messages.run_of_data_folder(run_id=number))
     columns, problems = read_samples_file(samples_file)
     found = _SampleSources(file=str(samples_file), columns=columns, problems=problems)
     try:
         stored, number = _load_stored_samples(settings, manifest)
     except CodecError as error:
-        damage = ReportDifference("the stored run", "readable samples", str(error)[:200])
-        return replace(found, problems=(*problems, damage), stored_as="the stored run")
+        damage = ReportDifference(messages.stored_run(), messages.readable_samples(), str(error)[:200])
+        return replace(found, problems=(*problems, damage), stored_as=messages.stored_run())
     except (SchemaError, StorageError) as error:
-        return replace(found, left_out=(f"the stored run: {error}",))
+        return replace(found, left_out=(messages.stored_run_not_read(reason=str(error)),))
     if stored is None or stored["t"].size == 0:  # not in this data folder, or deleted to free space
         return found
-    return replace(found, stored=stored, stored_as=f"run {number} of the data folder")
+    return replace(found, stored=stored, stored_as=messages.run_of_data_folder(run_id=number))
 
 
 def _load_stored_samples(settings: Settings, manifest: "ReportManifest") -> "tuple[Columns | None, int | None]":

@@ -68,13 +68,13 @@ class Terminal:
 
         Raises AbandonedError.
         """
-        await self.ask(f"{instruction}.", "Enter when done")
+        await self.ask(f"{instruction}.", messages.enter_when_done())
 
     async def ask(self, question: str, hint: str) -> str:
         """Print a question and return the next line that is typed. Raises AbandonedError."""
         while self._is_interactive and not self._lines.empty():  # an earlier Enter must not answer this question
             self._ended = self._lines.get_nowait() is None or self._ended
-        print_message(f"  > {question} [{hint}, {QUIT_KEY} to cancel]")
+        print_message(f"  > {messages.prompt(question=question, hint=hint, quit_key=QUIT_KEY)}")
         line = None if self._ended else await self._lines.get()
         if line is None:
             self._ended = True
@@ -130,17 +130,13 @@ def check(
         print_json({"wiring": checked.title, "problems": []} | ({} if raw is None else {"read": raw._asdict()}))
         return
     title = escape_line(checked.title)
-    print(f"{title}: channels, units and calibrations are valid")
+    print(messages.wiring_valid(wiring=title))
     if raw is not None:
-        counts = f"{raw.n_q:g}, {raw.n_A:g}, {raw.n_B:g}"
-        print(f"{title}: {raw.V_A:.4f} V, {raw.V_B:.4f} V; counts {counts}")
-        module, switch = "tripped" if raw.tripped else "not tripped", "active" if raw.at_end else "inactive"
-        print(f"safety module {module}, end switch {switch}")
+        counts = {"n_q": raw.n_q, "n_A": raw.n_A, "n_B": raw.n_B}
+        print(messages.card_reading(wiring=title, V_A=raw.V_A, V_B=raw.V_B, **counts))
+        print(messages.card_lines(tripped=raw.tripped, at_end=raw.at_end))
     else:
-        print(
-            "The wiring test and the direction step of the bring-up detect wrong signs and swapped "
-            "wires, and name the entry to correct"
-        )
+        print(messages.bring_up_detects_wires())
 
 
 def _read_card(wiring: str) -> "Raw":
@@ -159,10 +155,6 @@ def _read_card(wiring: str) -> "Raw":
 
 
 # Commissioning steps -------------------------------------------------------------------------------
-
-
-_STATE_LABELS = {"never": "to do", "current": "done", "out_of_date": "out of date", "failed": "failed"}
-"""Labels of the states of a step, as on the page."""
 
 
 @dataclass(frozen=True)
@@ -186,10 +178,7 @@ def require_rig(settings: Settings) -> None:
 
     choice = settings.plant_choice
     if choice.kind not in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
-        fail(
-            f"only a rig requires the bring-up, but the plant is the {choice.name}: use --plant rig, with "
-            "--virtual-card to practise without hardware"
-        )
+        fail(messages.only_for_a_rig(plant=choice.name))
     require_available(choice)
 
 
@@ -231,14 +220,14 @@ def run_steps(settings: Settings, requests: Sequence[StepRequest], *, as_json: b
     from backend.data_folder import AlreadyRunningError, lock_for_service, read_service_address
 
     if not settings.plant_choice.simulated and not sys.stdin.isatty():
-        fail("standard input is not a terminal: a person at the rig has to confirm each step")
+        fail(messages.steps_require_terminal())
     try:
         with lock_for_service(settings.data), open_configured_database(settings, owns_folder=True) as database:
             _require_unblocked(settings, database, requests)
             done = asyncio.run(_run_session(settings, database, requests))
     except AlreadyRunningError as error:
         address = read_service_address(settings.data)
-        fail(f"{error}" if not address else f"{error}. Alternatively, use the page Bring-up at {address}")
+        fail(f"{error}" if not address else messages.page_instead(reason=str(error), address=address))
     _print_steps(done, as_json=as_json)
     if done.ended:
         fail(done.ended)
@@ -251,7 +240,7 @@ def _require_unblocked(settings: Settings, database: "Database", requests: Seque
     first = STEP[requests[0].step]
     blocked = find_blocking_steps(first, _derive_step_states(settings, database))
     if blocked:
-        fail(f"{first.title}: {blocked}; sinew rig bring-up runs all pending steps")
+        fail(messages.step_blocked(step=first.title, reason=blocked))
 
 
 async def _run_session(settings: Settings, database: "Database", requests: Sequence[StepRequest]) -> "_Commissioning":
@@ -267,16 +256,11 @@ async def _run_session(settings: Settings, database: "Database", requests: Seque
     setup = Setup(choice, settings.params, 0, tuning, find_completed_commissioning(database, choice))
     terminal = Terminal()
     dialog = OperatorDialog(current_user(), terminal.confirm, terminal.show_phase)
-    print_message(
-        f"{choice.name}, {choice.wiring}. Press Ctrl+C at any time for zero volts; the result "
-        "of an unfinished step is not stored, except that of a motor test that has moved the motor."
-    )
+    print_message(messages.session_begins(plant=choice.name, wiring=choice.wiring))
     if choice.simulated:
-        print_message("No hardware moves: at each Enter the program simulates the action of the operator.")
+        print_message(messages.operator_simulated())
     try:
-        await terminal.confirm(
-            "Keep clear of the rig: the control loop starts, and the drives are enabled at zero volts"
-        )
+        await terminal.confirm(messages.keep_clear_of_start())
     except AbandonedError as error:
         fail(str(error))
     ended = ""
@@ -285,13 +269,13 @@ async def _run_session(settings: Settings, database: "Database", requests: Seque
             try:
                 result = await _run_step(session, terminal, request)
             except AbandonedError as error:
-                ended = f"{error}: no result of {STEP[request.step].title} was stored"
+                ended = messages.result_not_stored(reason=str(error), step=STEP[request.step].title)
                 break
             except BlockedError as error:
                 ended = str(error)
                 break
             if not result.passed:
-                ended = f"{STEP[request.step].title}: {result.text}"
+                ended = messages.step_failed(step=STEP[request.step].title, result=result.text)
                 break
         states, drives_locked, lockout_problem = (
             session.states(),
@@ -301,12 +285,9 @@ async def _run_session(settings: Settings, database: "Database", requests: Seque
     if lockout_problem:
         print_message(lockout_problem, style="red")
     elif drives_locked:
-        print_message("The next service or command for this rig keeps the drives disabled until a person enables them.")
+        print_message(messages.drives_stay_disabled())
     if any(request.step in ALTERNATIVES for request in requests):
-        print_message(
-            "The zero is lost when the control loop of this command ends: set it again in the "
-            "next service or command for this rig."
-        )
+        print_message(messages.zero_is_lost())
     return _build_commissioning(settings, states, database, ended)
 
 
@@ -316,9 +297,8 @@ async def _run_step(session: "CommissioningSession", terminal: Terminal, request
     print_message(f"  {STEP[step].instruction}")
     session.require_startable(step)
     result = await session.run(step, request.values or await _ask_values(terminal, step), request.cells)
-    print_message(
-        f"  {'passed' if result.passed else 'FAILED'}: {result.text}", style="green" if result.passed else "red"
-    )
+    text = messages.result_of_step(passed=result.passed, result=result.text)
+    print_message(f"  {text}", style="green" if result.passed else "red")
     for figure in result.figures:
         print_message(f"    {figure['words']}: {_format_value(figure['value'], figure['unit'])}")
     return result
@@ -332,14 +312,16 @@ async def _ask_values(terminal: Terminal, step: StepId) -> dict[str, float]:
     while True:
         try:
             answers = {
-                value.name: await terminal.ask(f"{value.words} [{value.unit}]", f"Enter for {value.default:g}")
+                value.name: await terminal.ask(
+                    f"{value.words} [{value.unit}]", messages.enter_for_default(default=value.default)
+                )
                 for value in STEP[step].inputs
             }
             return collect_values(step, {name: float(answer) for name, answer in answers.items() if answer})
         except InvalidValueError as error:
             print_message(f"  {error.format_message(angle_unit())}", style="red")
         except ValueError as error:
-            print_message(f"  {error}: enter a number", style="red")
+            print_message(f"  {messages.not_a_number(reason=str(error))}", style="red")
 
 
 @dataclass(frozen=True)
@@ -411,13 +393,13 @@ def _print_steps(commissioning: _Commissioning, *, as_json: bool) -> None:
     for step in commissioning.steps:
         result = step.result
         who, at = (result.who, f"{result.at.astimezone():%Y-%m-%d %H:%M}") if result else ("", "")
-        rows.append((step.id, _STATE_LABELS[step.state], who, at, step.why))
+        rows.append((step.id, messages.STEP_STATES[step.state], who, at, step.why))
     print_table(("step", "state", "by", "on", "reason"), rows)
 
 
 def _format_value(value: float | None, unit: str) -> str:
     if value is None:
-        return "not measured"
+        return messages.not_measured()
     return append_unit(
         f"{convert_to_display(value, unit, angle_unit()):.4g}", get_display_unit(unit, angle_unit()).unit
     )
@@ -522,7 +504,7 @@ def calibrate(
 
     most = 2 + len(FURTHER_WEIGHTS)
     if not 2 <= len(weight) <= most:
-        fail(f"--weight: specify 2 to {most} known weights; {len(weight)} given", status=2)
+        fail(messages.wrong_number_of_weights(maximum=most, given=len(weight)), status=2)
     lightest, *between, heaviest = sorted(weight)
     names = ["weight_1_N", "weight_2_N", *(more.name for more in FURTHER_WEIGHTS)]
     values = collect_values(StepId.CALIBRATE, dict(zip(names, (lightest, heaviest, *between), strict=False)))
@@ -598,8 +580,8 @@ def conformance(
     if as_json:
         print_json({"plant": choice.name, "findings": [asdict(finding) for finding in findings]})
     if broken:
-        fail(f"{choice.name}: {len(broken)} of {len(findings)} requirements of the plant interface are not met")
-    error_console.print(f"{choice.name}: meets the requirements of the plant interface", highlight=False, markup=False)
+        fail(messages.requirements_not_met(plant=choice.name, broken=len(broken), checked=len(findings)))
+    error_console.print(messages.requirements_met(plant=choice.name), highlight=False, markup=False)
 
 
 def _confirm_drives() -> None:
@@ -608,11 +590,8 @@ def _confirm_drives() -> None:
     They do even if a drive lockout of the service is active.
     """
     if not sys.stdin.isatty():
-        fail(
-            "standard input is not a terminal: a person at the rig has to confirm that everyone is clear "
-            "of the rig, because the drives will be enabled"
-        )
-    typer.confirm("The drives will be enabled. Is everyone clear of the rig?", abort=True, err=True)
+        fail(messages.drives_require_terminal())
+    typer.confirm(messages.confirm_drives(), abort=True, err=True)
 
 
 def _print_finding(finding: "CheckFinding") -> None:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from backend.cli import messages
 from backend.cli.experiments import current_user
 from backend.cli.options import (
     DataFolder,
@@ -15,7 +16,7 @@ from backend.cli.options import (
     open_configured_database,
 )
 from backend.cli.output import AsJson, angle_unit, console, fail, print_json, print_run, print_settings, print_table
-from backend.units import convert_to_display, format_count, get_display_unit
+from backend.units import convert_to_display, get_display_unit
 
 if TYPE_CHECKING:
     from backend.schemas import ComparedValue, RunView
@@ -39,13 +40,13 @@ def export(
 
     kind = file.suffix.removeprefix(".")
     if kind not in set(DataFormat):
-        fail(f"{file}: use the suffix .csv, .parquet, .mat or .mcap", status=2)
+        fail(messages.unknown_export_suffix(file=file), status=2)
     with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
         try:
             write_export(export_run(database, run, list(dict.fromkeys(formula or ()))), DataFormat(kind), file)
         except (UnknownRecordError, ExportError) as error:
             fail(str(error), status=2)
-    console.print(f"wrote {file}", highlight=False, markup=False)
+    console.print(messages.wrote(files=str(file)), highlight=False, markup=False)
 
 
 def layout(file: Annotated[Path, typer.Argument(help="File to write, .json.")]) -> None:
@@ -53,7 +54,7 @@ def layout(file: Annotated[Path, typer.Argument(help="File to write, .json.")]) 
     from backend.exports import mcap, write_file_whole
 
     write_file_whole((mcap.foxglove_layout().encode(),), file)
-    console.print(f"wrote {file}", highlight=False, markup=False)
+    console.print(messages.wrote(files=str(file)), highlight=False, markup=False)
 
 
 def import_run(
@@ -71,18 +72,16 @@ def import_run(
         try:
             imported = import_run_file(database, file, current_user(), settings.data)
         except (ImportRefusedError, OSError) as error:
-            fail(f"nothing was imported from {file}: {error}", status=2)
+            fail(messages.nothing_imported(file=file, reason=str(error)), status=2)
             raise
     if as_json:
         print_json(vars(imported))
     elif imported.new:
-        console.print(f"run {imported.was} was imported as run {imported.run}", highlight=False, markup=False)
+        text = messages.run_imported(was=imported.was, run_id=imported.run)
+        console.print(text, highlight=False, markup=False)
     else:
-        console.print(
-            f"run {imported.was} is already stored as run {imported.run}: nothing was imported",
-            highlight=False,
-            markup=False,
-        )
+        text = messages.run_already_stored(was=imported.was, run_id=imported.run)
+        console.print(text, highlight=False, markup=False)
 
 
 def bundle(
@@ -102,7 +101,7 @@ def bundle(
             write_file_whole(stream_bundle(database, run, settings.data), file)
         except (UnknownRecordError, ExportError) as error:
             fail(str(error), status=2)
-    console.print(f"wrote {file}", highlight=False, markup=False)
+    console.print(messages.wrote(files=str(file)), highlight=False, markup=False)
 
 
 # Search, comparison, lineage and tags --------------------------------------------------------------
@@ -158,9 +157,7 @@ def list_runs(
     columns = ("run", "started (UTC)", "title", "parameters", "by", "station", "tags", "end")
     print_table(columns, rows, no_wrap=columns[:2])
     if found.total > len(rows):
-        console.print(
-            f"{len(rows)} of {found.total} runs; increase --limit to list more", highlight=False, markup=False
-        )
+        console.print(messages.more_runs(listed=len(rows), found=found.total), highlight=False, markup=False)
 
 
 def compare(
@@ -182,13 +179,15 @@ def compare(
         print_json(found.model_dump(mode="json"))
         return
     for run in found.runs:
-        marked = ", the reference" if run.id == found.reference else ""
-        at = f" at {run.station}" if run.station else ""
-        console.print(
-            f"run {run.id}{at}{marked}: {run.title}, {run.started:%Y-%m-%d %H:%M} UTC. {run.verdict}",
-            highlight=False,
-            markup=False,
+        text = messages.compared_run(
+            run_id=run.id,
+            station=run.station,
+            is_reference=run.id == found.reference,
+            title=run.title,
+            started=run.started,
+            verdict=run.verdict,
         )
+        console.print(text, highlight=False, markup=False)
     rows = [
         (
             item.label,
@@ -218,7 +217,7 @@ def history(
         print_json(found.model_dump(mode="json"))
         return
     if found.metric is None:
-        fail(f"no run of kind {kind} that matches the search has a result")
+        fail(messages.no_result_of_kind(kind=kind))
     reading = get_display_unit(found.metric.unit, angle_unit())
     rows = [
         (point.run, f"{point.at:%Y-%m-%d %H:%M}", convert_to_display(point.value, found.metric.unit, angle_unit()))
@@ -226,7 +225,7 @@ def history(
     ]
     print_table(("run", "started (UTC)", f"{found.metric.label} [{reading.unit}]"), rows)
     if found.without or found.left_out:
-        text = f"runs without a value: {found.without}; omitted older runs: {found.left_out}"
+        text = messages.runs_without_value(without=found.without, left_out=found.left_out)
         console.print(text, highlight=False, markup=False)
 
 
@@ -277,7 +276,7 @@ def tag(
     from backend.services import RunLibrary
 
     if not add and not remove:
-        fail("no tag specified: use --add TAG or --remove TAG", status=2)
+        fail(messages.no_tag(), status=2)
     with open_configured_database(load_settings(data=data, station=station)) as database:
         RunLibrary(database).change_tags(runs, add or [], remove or [])
 
@@ -293,7 +292,7 @@ def rename_tag(
 
     with open_configured_database(load_settings(data=data, station=station)) as database:
         renamed = RunLibrary(database).rename_tag(before, after)
-    console.print(f"renamed on {format_count(renamed, 'run')}", highlight=False, markup=False)
+    console.print(messages.tag_renamed(runs=renamed), highlight=False, markup=False)
 
 
 def save_search(
@@ -336,12 +335,12 @@ def _describe_end(run: "RunView") -> str:
 
     if run.evaluation is not EvaluationView.MISSING:
         return run.end_state
-    return f"{run.end_state}, not evaluated: {run.evaluation_problem or 'no evaluation was attempted'}"
+    return messages.not_evaluated(end=run.end_state, reason=run.evaluation_problem)
 
 
 def _format_comparison(value: "ComparedValue", unit: str) -> str:
     if value.value is None:
-        return f"not measured: {value.reason}"
+        return messages.not_measured_because(reason=value.reason)
     text = f"{convert_to_display(value.value, unit, angle_unit()):.4g}"
     if not value.difference:
         return text
@@ -396,8 +395,8 @@ def evaluate(run: RunNumber, data: DataFolder = None, station: StationName = Non
     with open_configured_database(load_settings(data=data, station=station)) as database:
         evaluation = reevaluate_run(database, run)
     if evaluation.problem:
-        fail(f"run {run}: {evaluation.problem}", status=2)
-    console.print(f"run {run} evaluated; to show the result: sinew runs show {run}", highlight=False, markup=False)
+        fail(messages.problem_of_run(run_id=run, reason=evaluation.problem), status=2)
+    console.print(messages.run_evaluated(run_id=run), highlight=False, markup=False)
 
 
 @app.command()
@@ -412,4 +411,4 @@ def report(
 
     with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
         for path in write_report_files(database, run, folder, angle_unit()):
-            console.print(f"wrote {path}", highlight=False, markup=False)
+            console.print(messages.wrote(files=str(path)), highlight=False, markup=False)

@@ -80,10 +80,8 @@ def doctor(data: DataFolder = None, as_json: AsJson = False) -> None:
         return
     print_table(("check", "result", "remedy"), [(f.what, f.found, f.remedy) for f in findings])
     open_points = sum(bool(finding.remedy) for finding in findings)
-    console.print(
-        f"{open_points} of {len(findings)} checks need attention" if open_points else "all checks passed",
-        highlight=False,
-    )
+    text = messages.checks_need_attention(open_points=open_points, checks=len(findings))
+    console.print(text if open_points else messages.all_checks_passed(), highlight=False)
 
 
 def _check_real_time() -> Iterator[DoctorFinding]:
@@ -115,17 +113,18 @@ def _check_pacing() -> DoctorFinding:
     pacer = Pacer(T_s)
     late_us = sorted(1e6 * pacer.wait() for _ in range(TICKS))
     resolution_ns = 1e9 * time.get_clock_info("monotonic").resolution
-    found = f"lateness {late_us[TICKS // 2]:.0f} µs (median), {late_us[int(0.99 * TICKS)]:.0f} µs (99 %)"
-    missed = f", {pacer.overruns} deadlines missed" if pacer.overruns else ""
-    remedy = "close other programs, or reserve a core for the control loop" if pacer.overruns > TICKS // 100 else ""
-    return DoctorFinding("1 ms period", f"{found}{missed}; clock {resolution_ns:.0f} ns", remedy)
+    found = messages.pacing(
+        median_us=late_us[TICKS // 2],
+        late_us=late_us[int(0.99 * TICKS)],
+        missed=pacer.overruns,
+        resolution_ns=resolution_ns,
+    )
+    return DoctorFinding("1 ms period", found, messages.reserve_core() if pacer.overruns > TICKS // 100 else "")
 
 
 def _check_cores() -> DoctorFinding:
     cores = len(os.sched_getaffinity(0))
-    return DoctorFinding(
-        "processor cores", str(cores), "" if cores >= 2 else "the control loop and the dashboard need one core each"
-    )
+    return DoctorFinding("processor cores", str(cores), "" if cores >= 2 else messages.two_cores_needed())
 
 
 def _check_card() -> DoctorFinding:
@@ -138,14 +137,12 @@ def _check_card() -> DoctorFinding:
         return DoctorFinding("DAQ card", read_driver_version())
     except PlantError as error:
         found, _, remedy = str(error).partition(": ")
-        return DoctorFinding("DAQ card", f"none: {found}", f"the simulator needs none; for a rig {remedy}")
+        return DoctorFinding("DAQ card", messages.no_card(reason=found), messages.card_only_for_rig(remedy=remedy))
 
 
 def _find_browser() -> DoctorFinding:
     found = next((name for name in _BROWSERS if shutil.which(name)), None)
-    return DoctorFinding(
-        "browser", found or "none on this machine", "" if found else "open the dashboard on another machine"
-    )
+    return DoctorFinding("browser", found or messages.no_browser(), "" if found else messages.use_other_machine())
 
 
 def _check_pages() -> DoctorFinding:
@@ -159,11 +156,10 @@ def _check_disk(data: Path) -> DoctorFinding:
         folder = folder.parent
     free = shutil.disk_usage(folder).free
     if not os.access(folder, os.W_OK):
-        return DoctorFinding(
-            "data folder", f"{data} is not writable", "choose another folder with --data, or change its owner"
-        )
-    remedy = "" if free >= MIN_FREE_BYTES else "free some space: recordings take 80 MB per hour"
-    return DoctorFinding("data folder", f"{data}: {free / 1024**3:.1f} GB free", remedy)
+        found = messages.folder_not_writable(data=data)
+        return DoctorFinding("data folder", found, messages.choose_other_folder())
+    remedy = "" if free >= MIN_FREE_BYTES else messages.free_some_space()
+    return DoctorFinding("data folder", messages.free_space(data=data, free_bytes=free), remedy)
 
 
 # sinew foxglove ------------------------------------------------------------------------------------
@@ -186,7 +182,7 @@ def foxglove(
     except ModuleNotFoundError as error:
         if error.name != "foxglove":
             raise
-        fail("this command requires the extra foxglove: pip install 'sinew[foxglove]'")
+        fail(messages.foxglove_not_installed())
     from backend.workers import BACKGROUND_NICENESS
 
     os.setpriority(os.PRIO_PROCESS, 0, BACKGROUND_NICENESS)  # below the control loop and the service
@@ -208,7 +204,7 @@ def foxglove(
     try:
         asyncio.run(serve_foxglove(find_source, lambda source: source.token or local_token, port, print_line))
     except OSError as error:
-        fail(f"port {port} of this machine is not available: {error.strerror}; choose another with --port")
+        fail(messages.port_not_available(port=port, reason=error.strerror))
     except OtherVersionError as error:
         fail(str(error))
 
@@ -245,12 +241,8 @@ def recordings(
         may_go = [{"run": run.run_id, "started": run.started_at, "size_bytes": run.size_bytes} for run in found.may_go]
         print_json({"total_bytes": found.total_bytes, "limit_bytes": rule.max_bytes, "may_go": may_go})
         return
-    total, limit = f"{found.total_bytes / 1e9:.3f} GB", f"{settings.recordings_GB:g} GB"
-    console.print(
-        found.describe or f"recordings use {total}, limit {limit}: nothing needs to be deleted",
-        highlight=False,
-        markup=False,
-    )
+    enough = messages.nothing_to_delete(total_bytes=found.total_bytes, limit_GB=settings.recordings_GB)
+    console.print(found.describe or enough, highlight=False, markup=False)
     if found.may_go:
         rows = [
             (
@@ -264,8 +256,8 @@ def recordings(
             for run in found.may_go
         ]
         print_table(("run", "started (UTC)", "kind", "by", "samples", "note"), rows)
-        named = " ".join(f"--delete {run.run_id}" for run in found.may_go)
-        console.print(f"to delete these samples: sinew db recordings {named}", highlight=False, markup=False)
+        text = messages.command_to_delete(run_ids=[run.run_id for run in found.may_go])
+        console.print(text, highlight=False, markup=False)
 
 
 # sinew db ------------------------------------------------------------------------------------------
@@ -287,7 +279,7 @@ def upgrade(data: DataFolder = None) -> None:
     from backend.storage import read_revision
 
     with open_configured_database(load_settings(data=data)) as database:
-        console.print(f"schema {read_revision(database.engine)}", highlight=False)
+        console.print(messages.schema_revision(revision=read_revision(database.engine)), highlight=False)
 
 
 @database_app.command()
@@ -303,8 +295,9 @@ def backup(
     with open_configured_database(settings) as database:
         backup_database(database.engine, target)
         with database.session() as session:
-            events.add(session, events.EventKind.BACKUP, f"database copied to {target.name}", who=current_user())
-    console.print(f"wrote {target}", highlight=False, markup=False)
+            text = messages.database_copied(file=target.name)
+            events.add(session, events.EventKind.BACKUP, text, who=current_user())
+    console.print(messages.wrote(files=str(target)), highlight=False, markup=False)
 
 
 @database_app.command()
@@ -327,7 +320,7 @@ def restore(
         if target.exists() and (holder := _describe_claim_holder(settings)):
             raise BackupError(messages.database_in_use(holder=holder, file=str(target)))
         restore_database(file, target)
-    console.print(f"restored {file}", highlight=False, markup=False)
+    console.print(messages.restored(file=file), highlight=False, markup=False)
 
 
 def _describe_claim_holder(settings: "Settings") -> str:
@@ -357,7 +350,7 @@ def name_station(
     from backend.storage import HeldClaim, HeldStation, assign_unowned_rows
 
     if not check_station_name(station):
-        fail("the name of the station is missing", status=2)
+        fail(messages.station_name_missing(), status=2)
     settings = load_settings(data=data, station="")
     with lock_for_service(settings.data), open_configured_database(settings, owns_folder=True) as database:
         station_lock = HeldStation(database.engine, "")
@@ -369,7 +362,7 @@ def name_station(
             claim.release()
             station_lock.release()
     with open_configured_database(settings):  # opening it rebuilds the search index
-        console.print(f"runs assigned to {station}: {run_count}; start its service with --station {station}")
+        console.print(messages.runs_assigned(station=station, runs=run_count))
 
 
 @database_app.command()
@@ -396,18 +389,17 @@ def check(data: DataFolder = None, as_json: AsJson = False) -> None:
             }
         )
     for left_out in () if as_json else checked.not_compared:
-        console.print(f"not compared: {left_out}", highlight=False, markup=False, soft_wrap=True)
+        console.print(messages.not_compared(part=left_out), highlight=False, markup=False, soft_wrap=True)
     if problems:
         fail("; ".join(problems))
     if not as_json:
-        console.print(f"the database is consistent; intact recordings: {checked.recordings}")
+        console.print(messages.database_consistent(recordings=checked.recordings))
 
 
 # sinew serve and link ------------------------------------------------------------------------------
 
 
 NOTICE_DELAY_S = 3.0
-STARTING_NOTICE = "Sinew is starting. The first start after an installation compiles code, which takes up to a minute."
 
 
 def serve(
@@ -464,15 +456,14 @@ def serve(
     require_available(settings.plant_choice)
     shows_link = sys.stdout.isatty() if settings.show_link is None else settings.show_link
 
-    notice = threading.Timer(NOTICE_DELAY_S, print, (STARTING_NOTICE,), {"flush": True})
+    notice = threading.Timer(NOTICE_DELAY_S, print, (messages.service_is_starting(),), {"flush": True})
     notice.daemon = True
 
     def announce(address: str, tokens: "Tokens | None") -> None:
         notice.cancel()
         addresses = [address, *([settings.public_url] if settings.public_url else [])]
         if tokens is not None and not shows_link:
-            joined = " and ".join(_strip_slashes(addresses))
-            print(f"Sinew is running at {joined}. For the sign-in link: sinew link --data {settings.data}", flush=True)
+            print(messages.running_without_link(addresses=_strip_slashes(addresses), data=settings.data), flush=True)
         else:
             _print_links(addresses, tokens)
         if served := describe_served_addresses(settings.host):
@@ -508,12 +499,12 @@ def _print_links(addresses: Sequence[str], tokens: "Tokens | None") -> None:
     """
     *others, base = _strip_slashes(addresses)
     if tokens is None:
-        print(f"Sinew is running at {base} without sign-in", flush=True)
+        print(messages.running_without_sign_in(address=base), flush=True)
         return
-    print(f"Sinew is running. Sign in: {base}/?token={tokens.operator}", flush=True)
-    print(f"View only:                {base}/?token={tokens.viewer}", flush=True)
+    print(messages.sign_in_link(address=base, token=tokens.operator), flush=True)
+    print(messages.view_only_link(address=base, token=tokens.viewer), flush=True)
     for other in others:
-        print(f"On this machine:          {other}/?token={tokens.operator}", flush=True)
+        print(messages.link_on_this_machine(address=other, token=tokens.operator), flush=True)
 
 
 def _strip_slashes(addresses: Sequence[str]) -> list[str]:
@@ -553,12 +544,12 @@ def rotate(
 
     settings = load_settings(data=data)
     if not settings.data.is_dir():
-        fail(f"the data folder {settings.data} does not exist: choose one with --data")
+        fail(messages.data_folder_missing(data=settings.data))
     roles = list(Role) if role is TokenOwner.BOTH else [Role(role)]
     replace_tokens(settings.data, roles)
     for one in roles:
         file = settings.data / TOKEN_FILES[one]
-        print(f"{one}: /?token={file.read_text().strip()}  (stored in {file})")
+        print(messages.new_token(role=one, token=file.read_text().strip(), file=file))
 
 
 # sinew touch ---------------------------------------------------------------------------------------
@@ -601,7 +592,8 @@ def sweep(data: DataFolder = None, as_json: AsJson = False) -> None:
     try:
         while (progress := touch.sweep) is not None and progress.under_way:
             if progress.point != printed_point and not as_json:
-                console.print(f"{progress.point} of {progress.points}: {progress.S_ref:.4g} N·m/rad")
+                text = messages.bias_point(point=progress.point, points=progress.points, S_ref=progress.S_ref)
+                console.print(text)
             printed_point = progress.point
             time.sleep(_POLL_S)
             touch = _send_touch(service, {})  # a command, because a script without commands loses the control lease
@@ -610,7 +602,7 @@ def sweep(data: DataFolder = None, as_json: AsJson = False) -> None:
         raise
     _print_touch(touch, as_json=as_json)
     if progress is not None and progress.why:
-        fail(f"the bias calibration over S ended at point {progress.point} of {progress.points}: {progress.why}")
+        fail(messages.bias_calibration_ended(point=progress.point, points=progress.points, reason=progress.why))
 
 
 @touch_app.command()
@@ -634,11 +626,11 @@ def _print_touch(touch: "TouchView", *, as_json: bool) -> None:
         print_json(touch.model_dump(mode="json"))
         return
     for point in touch.learned:
-        console.print(f"{point.S:.2f} N·m/rad: estimate {point.F:.2f} ± {point.std_N:.2f} N without external force")
+        console.print(messages.calibrated_bias(S=point.S, F=point.F, std_N=point.std_N))
     if not touch.learned:
-        console.print("no bias calibrated")
+        console.print(messages.no_bias())
     armed = touch.contact_N
-    console.print(f"contact reaction armed at {armed:g} N" if armed else "contact reaction disabled")
+    console.print(messages.reaction_armed(threshold_N=armed) if armed else messages.reaction_disabled())
 
 
 # sinew wall ----------------------------------------------------------------------------------------
@@ -667,7 +659,7 @@ def up(
     try:
         at = parse_quantity(q_wall, "rad")
     except ValueError:
-        fail(f"angle of the obstacle: {q_wall!r} is not a number; specify it in rad, or in degrees as 15deg", status=2)
+        fail(messages.not_an_angle(value=q_wall), status=2)
     wall = {"q_wall": at, "side": side, "k_wall": stiffness, "c_wall": damping}
     _send_wall(wall, data, as_json=as_json)
 
@@ -685,6 +677,7 @@ def _send_wall(wall: dict[str, Any] | None, data: Any, *, as_json: bool) -> None
     if as_json:
         print_json({"wall": present and present.model_dump(mode="json")})
     elif present is None:
-        console.print("no obstacle")
+        console.print(messages.no_obstacle())
     else:
-        console.print(f"obstacle {present.side} {format_quantity(present.q_wall, 'rad', angle_unit())}")
+        angle = format_quantity(present.q_wall, "rad", angle_unit())
+        console.print(messages.obstacle(side=present.side, angle=angle))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
+from backend.cli import messages
 from backend.cli.experiments import current_user, load_active_tuning, read_text_file
 from backend.cli.options import (
     DataFolder,
@@ -18,7 +19,7 @@ from backend.cli.options import (
     open_configured_database,
 )
 from backend.cli.output import AsJson, angle_unit, console, error_console, fail, print_json, print_table
-from backend.units import convert_to_display, count_range_digits, format_count, format_number, get_display_unit
+from backend.units import convert_to_display, count_range_digits, format_number, get_display_unit
 
 if TYPE_CHECKING:
     from backend.schemas import StudyDetail, StudyView
@@ -51,9 +52,9 @@ def run(
     --resume computes the missing runs. The study uses the active parameter set and tuning, unless it sets them.
     """
     if (file is None) == (resume is None):
-        fail("specify the file of a study, or --resume with the number of a study", status=2)
+        fail(messages.file_or_number_of_study(), status=2)
     if again and resume is None:
-        fail("--again requires --resume: a new study has no failed runs", status=2)
+        fail(messages.again_requires_resume(), status=2)
     from backend.services import Studies
     from backend.studies import run_study
 
@@ -69,14 +70,12 @@ def run(
         else:
             studies.resume(resume)
         if not as_json:
-            console.print(
-                f"study {resume}; to resume it after a stop: sinew study run --resume {resume}", highlight=False
-            )
+            console.print(messages.how_to_resume_study(study=resume), highlight=False)
         with _show_progress(hidden=as_json) as notify:
             is_complete = run_study(database, resume, _choose_executor(jobs, scheduler), notify, again=again)
         _print_study(studies.build_detail(resume, 0), as_json=as_json)
     if not is_complete:
-        fail(f"study {resume} was stopped; to resume it: sinew study run --resume {resume}")
+        fail(messages.study_stopped(study=resume))
 
 
 @app.command("list")
@@ -96,7 +95,7 @@ def list_studies(data: DataFolder = None, station: StationName = None, as_json: 
             study.title,
             study.who,
             study.state,
-            f"{study.done} of {study.points}",
+            messages.part_of_whole(part=study.done, whole=study.points),
             _format_time_left(study),
         )
         for study in found
@@ -130,7 +129,8 @@ def stop(study: Number, data: DataFolder = None, station: StationName = None, as
     if as_json:
         print_json(found.model_dump(mode="json"))
     else:
-        console.print(f"study {study}: {found.state}, {found.done} of {found.points} runs", highlight=False)
+        text = messages.study_progress(study=study, state=found.state, done=found.done, points=found.points)
+        console.print(text, highlight=False)
 
 
 @app.command("map")
@@ -156,7 +156,7 @@ def map_metric(
 ) -> None:
     """Map a metric over two axes of a study, as a table or an image."""
     if to is not None and to.suffix.lower() not in PICTURE_SUFFIXES:
-        fail(f"{to}: use one of the suffixes {', '.join(PICTURE_SUFFIXES)}", status=2)
+        fail(messages.unknown_image_suffix(file=to, suffixes=PICTURE_SUFFIXES), status=2)
     from dataclasses import asdict
 
     from backend.experiments import parse_canonical
@@ -167,13 +167,16 @@ def map_metric(
         found, design = Studies(database).build_map(study, figure, pick, over)
     metrics = list_metric_names(parse_canonical(design.base.experiment)) | SHARES
     if figure not in metrics:
-        fail(f"metric '{figure}' does not exist; choose one of {', '.join(metrics)}", status=2)
+        fail(messages.unknown_metric(name=figure, known=tuple(metrics)), status=2)
     unit = metrics[figure].unit
     statistic = STATISTIC_LABELS.get(found.pick, found.pick)
-    label = f"{_format_label(metrics[figure].label, unit)}, {statistic} of the runs in a cell"
     with_number, computed = (sum(map(sum, table)) for table in (found.counts, found.runs))
-    if with_number < computed:
-        label += f", {computed - with_number} of {computed} runs without a value"
+    label = messages.map_title(
+        metric=_format_label(metrics[figure].label, unit),
+        statistic=statistic,
+        computed=computed,
+        without_value=max(computed - with_number, 0),
+    )
     cells = [
         [None if value is None else convert_to_display(value, unit, angle_unit()) for value in row]
         for row in found.cells
@@ -188,8 +191,9 @@ def map_metric(
     if to is not None:
         from backend.reports import draw_map
 
-        blank = f", blank: {UNSTABLE}" if any(any(row) for row in found.unstable) else ""
-        draw_map(cells=cells, x=(x, at_x), y=(y, at_y), label=label + blank, file=to, notes=_build_notes(found))
+        has_blanks = any(any(row) for row in found.unstable)
+        title = messages.map_title_with_blanks(title=label, blank=UNSTABLE) if has_blanks else label
+        draw_map(cells=cells, x=(x, at_x), y=(y, at_y), label=title, file=to, notes=_build_notes(found))
     if as_json:
         print_json(asdict(found))
         return
@@ -203,11 +207,8 @@ def map_metric(
         print_table(
             (f"{y} \\ {x}", *at_x),
             list(zip(at_y, *zip(*_build_notes(found), strict=True), strict=True)),
-            title=_NOTES_TITLE,
+            title=messages.notes_of_map(),
         )
-
-
-_NOTES_TITLE = "95 % confidence interval of a share, or number of runs with a value of all computed runs"
 
 
 def _build_notes(found: "Map") -> list[list[str]]:
@@ -217,8 +218,10 @@ def _build_notes(found: "Map") -> list[list[str]]:
     def note(row: int, column: int) -> str:
         interval = found.intervals[row][column]
         if interval is not None:
-            return f"{interval[0]:.3g} to {interval[1]:.3g}, {found.counts[row][column]} runs"
-        return f"{found.counts[row][column]} of {found.runs[row][column]}" if most > 1 else ""
+            return messages.interval_of_cell(low=interval[0], high=interval[1], runs=found.counts[row][column])
+        if most <= 1:
+            return ""
+        return messages.part_of_whole(part=found.counts[row][column], whole=found.runs[row][column])
 
     return [[note(row, column) for column in range(len(found.cells[row]))] for row in range(len(found.cells))]
 
@@ -253,7 +256,7 @@ def _show_progress(*, hidden: bool) -> "Iterator[Callable[[Done], None]]":
         task = progress.add_task("", total=None)
 
         def notify(done: "Done") -> None:
-            left = "" if done.left_s is None else f"{_format_duration(done.left_s)} left"
+            left = "" if done.left_s is None else messages.duration_left(duration=_format_duration(done.left_s))
             progress.update(task, completed=done.done, total=done.points, description=left)
 
         yield notify
@@ -264,23 +267,25 @@ def _print_study(found: "StudyDetail", *, as_json: bool) -> None:
         print_json(found.model_dump(mode="json"))
         return
     study = found.study
-    ends = ", ".join(f"{count} {state}" for state, count in study.ends.items())
-    console.print(
-        f"study {study.id}, {study.title}: {study.state}, {study.done} of {study.points} runs", highlight=False
+    title = messages.study_title(
+        study=study.id, title=study.title, state=study.state, done=study.done, points=study.points
     )
-    console.print(
-        f"{ends or 'no run computed yet'}{f'; {study.problem}' if study.problem else ''}", highlight=False, markup=False
-    )
+    console.print(title, highlight=False)
+    console.print(messages.ends_of_runs(ends=study.ends, problem=study.problem), highlight=False, markup=False)
     for share in found.shares:
         if share.percent is None or share.low is None or share.high is None:
-            console.print(f"{share.label}: {format_count(share.left_out, 'run')} without a verdict", highlight=False)
-            continue
-        left = f", {format_count(share.left_out, 'run')} without a verdict" if share.left_out else ""
-        console.print(
-            f"{share.label}: {share.count} of {share.of}, {share.percent:.1f} % "
-            f"(95 % confidence interval {share.low:.1f} to {share.high:.1f} %){left}",
-            highlight=False,
-        )
+            text = messages.share_without_verdict(share=share.label, left_out=share.left_out)
+        else:
+            text = messages.share_of_runs(
+                share=share.label,
+                count=share.count,
+                of=share.of,
+                percent=share.percent,
+                low_percent=share.low,
+                high_percent=share.high,
+                left_out=share.left_out,
+            )
+        console.print(text, highlight=False)
     print_table(("metric", "runs", "mean", "std. dev.", "unit"), [_build_mean_row(item) for item in found.figures])
     print_table(
         ("metric", "least", "5 %", "median", "95 %", "largest"), [_build_percentile_row(item) for item in found.figures]
@@ -292,7 +297,7 @@ def _print_study(found: "StudyDetail", *, as_json: bool) -> None:
 
 
 def _build_mean_row(item: "Spreading") -> tuple[object, ...]:
-    runs = f"{item.count} of {item.count + item.missing}"
+    runs = messages.part_of_whole(part=item.count, whole=item.count + item.missing)
     unit = get_display_unit(item.unit, angle_unit()).unit
     return item.name, runs, _convert_statistic(item, item.mean), _convert_statistic(item, item.deviation), unit
 
@@ -306,7 +311,7 @@ def _convert_statistic(item: "Spreading", value: float | None) -> float | str:
     from backend.studies import UNSTABLE
 
     if value is None:
-        return UNSTABLE if item.unstable else "one run"
+        return UNSTABLE if item.unstable else messages.one_run()
     return convert_to_display(value, item.unit, angle_unit())
 
 

@@ -5,6 +5,7 @@ import importlib.metadata
 import json
 import math
 import os
+import re
 import shutil
 import socket
 import subprocess
@@ -20,8 +21,10 @@ import pytest
 from backend import main
 from backend.banks import tuning_settings
 from backend.banks.tuning_settings import TuningSettings
+from backend.cli import messages
 from backend.cli import server as serve
 from backend.cli.options import RunningService, load_settings
+from backend.recording.messages import recordings_deletable, runs_not_removable
 from backend.schemas.experiment import QueuePlace
 from backend.storage import events, runs
 from backend.storage.database import FILE_NAME, Database, open_database
@@ -81,11 +84,16 @@ def test_an_experiment_starts_from_what_is_in_force_and_says_so(command: Command
     segments = '[{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}]'
     ended = command(*order, str(tmp_path), "--set", f"segments={segments}", "--set", "b=1", "--set", "bank=0")
     assert ended.returncode == 0, ended.stderr
-    assert ended.stdout.splitlines()[0] == (
-        "tuning: λ_q 0.7 s (active), λ_S 0.42 s (active), λ_motor 0.0854 s (active), b 1 (set), "
-        "gains from geometry (set), switching between entries (active), "
-        "lambda motion (active)"
-    )
+    parts = [
+        ("λ_q 0.7 s", "active"),
+        ("λ_S 0.42 s", "active"),
+        ("λ_motor 0.0854 s", "active"),
+        ("b 1", "set"),
+        ("gains from geometry", "set"),
+        ("switching between entries", "active"),
+        ("lambda motion", "active"),
+    ]
+    assert ended.stdout.splitlines()[0] == messages.tuning_of_run(parts=parts)
     with closing(open_database(tmp_path)) as database:
         with database.reading() as session:
             used = runs.find(session, limit=1)[0].settings["loop"]
@@ -105,7 +113,8 @@ def test_an_experiment_on_a_plant_without_the_methods_lambda_says_which_stands_f
     assert (
         moved == "the method's default is outside the safe range of these models; the nearest safe tuning is: λ_q 0.5"
     )
-    assert ended.stdout.startswith(f"tuning: λ_q {lam_q} (default), λ_S 0.42 s (default), ")
+    tuning = messages.tuning_of_run(parts=[(f"λ_q {lam_q}", "default"), ("λ_S 0.42 s", "default")])
+    assert ended.stdout.startswith(f"{tuning}, ")
 
 
 def test_what_was_stored_is_listed_shown_and_exported(
@@ -202,7 +211,7 @@ def test_doctor_promises_no_rig_that_a_start_refuses(command: Command, tmp_path:
     assert ended.returncode == 1
     assert card["found"].startswith("none: ")
     assert card["found"].removeprefix("none: ") in " ".join(ended.stderr.split())
-    assert "the simulator needs none" in card["remedy"]
+    assert card["remedy"].startswith(messages.card_only_for_rig(remedy=""))
 
 
 def test_recordings_beyond_the_limit_are_listed_and_go_when_named(
@@ -212,14 +221,20 @@ def test_recordings_beyond_the_limit_are_listed_and_go_when_named(
     run = recorded(database, days=90)
     database.close()
     words = ["db", "recordings", "--data", str(tmp_path)]
-    assert "nothing needs to be deleted" in command(*words).stdout
+    held = json.loads(command(*words, "--json").stdout)
+    enough = messages.nothing_to_delete(total_bytes=held["total_bytes"], limit_GB=held["limit_bytes"] / 1e9)
+    assert enough in " ".join(command(*words).stdout.split())
     monkeypatch.setenv("SINEW_RECORDINGS_GB", "0.00001")
     listed = command(*words).stdout
-    assert "the samples of 1 run older than 30 days" in " ".join(listed.split())
-    assert f"sinew db recordings --delete {run}" in listed
+    excess = recordings_deletable(
+        total_bytes=held["total_bytes"], max_bytes=10_000, keep_days=30, runs=1, freed_bytes=held["total_bytes"]
+    )
+    assert excess in " ".join(listed.split())
+    assert messages.command_to_delete(run_ids=[run]) in listed
     assert json.loads(command(*words, "--json").stdout)["may_go"][0]["run"] == run
     refused = command(*words, "--delete", str(run + 1))
-    assert (refused.returncode, "may not be deleted" in refused.stderr) == (2, True)
+    reason = runs_not_removable(refused=[run + 1], removable=[run])
+    assert (refused.returncode, reason in refused.stderr) == (2, True)
     assert json.loads(command(*words, "--delete", str(run), "--json").stdout)["total_bytes"] == 0
 
 
@@ -352,17 +367,21 @@ def answer(said: bytes) -> object:
             thread.join(10)
 
 
+def of_other_program(status: int, response: bytes) -> str:
+    return messages.other_program_responds(address="@", status=status, response=response)
+
+
 @pytest.mark.parametrize(
     ("said", "why"),
     [
-        (b"SSH-2.0-OpenSSH\r\n", "does not respond"),
-        (b"", "does not respond"),
-        (OK + b"<html>", "is not Sinew: status 200"),
-        (REFUSED + b'{"detail": "no"}', "is not Sinew: status 409"),
-        (REFUSED + b"[]", "is not Sinew: status 409"),
-        (REFUSED, "is not Sinew: status 409"),
-        (OK + b'{"place": "behind"}', "is not Sinew: status 200"),
-        (OK + b'{"place": 3, "mode": "off"}', "is not Sinew: status 200"),
+        (b"SSH-2.0-OpenSSH\r\n", messages.service_does_not_respond(address="@", reason="")),
+        (b"", messages.service_does_not_respond(address="@", reason="")),
+        (OK + b"<html>", of_other_program(200, b"<html>")),
+        (REFUSED + b'{"detail": "no"}', of_other_program(409, b'{"detail": "no"}')),
+        (REFUSED + b"[]", of_other_program(409, b"[]")),
+        (REFUSED, of_other_program(409, b"")),
+        (OK + b'{"place": "behind"}', of_other_program(200, b'{"place": "behind"}')),
+        (OK + b'{"place": 3, "mode": "off"}', of_other_program(200, b'{"place": 3, "mode": "off"}')),
         (REFUSED + b'{"error": {"code": "busy", "message": "busy now"}}', "sinew: busy now"),
     ],
 )
@@ -371,7 +390,7 @@ def test_whatever_answers_a_command_ends_in_a_sentence(
 ) -> None:
     with pytest.raises(SystemExit):
         answer(said)
-    assert why in capsys.readouterr().err
+    assert why in re.sub(r"http://127\.0\.0\.1:\d+", "@", capsys.readouterr().err)
 
 
 def test_an_answer_is_read() -> None:
@@ -392,5 +411,5 @@ def test_a_slow_start_says_so_and_a_quick_one_nothing(
     told = []
     for _ in range(2):
         serve.serve(plant="simulator", data=tmp_path)
-        told.append(serve.STARTING_NOTICE in capsys.readouterr().out)
+        told.append(messages.service_is_starting() in capsys.readouterr().out)
     assert told == [True, False]

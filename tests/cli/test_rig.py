@@ -15,14 +15,17 @@ from pathlib import Path
 import pytest
 
 from backend.banks.builder import build_tuning_command
-from backend.cli import main
+from backend.cli import main, messages
 from backend.cli.experiments import current_user
 from backend.cli.rig import AbandonedError, Terminal
+from backend.commissioning import messages as step_messages
 from backend.commissioning import status as standing
 from backend.commissioning.procedure import StepFinding
+from backend.commissioning.procedures import START_N
 from backend.commissioning.session import OperatorDialog, open_session
 from backend.commissioning.steps import STEPS, StepId
 from backend.experiments.plans import LoopSettings
+from backend.realtime.commissioning_motions import HOMING_MAX_V
 from backend.realtime.ipc import Setup
 from backend.realtime.supervisor import Supervisor
 from backend.sample import INDEX
@@ -46,7 +49,7 @@ def test_the_shipped_wiring_is_in_order(monkeypatch: pytest.MonkeyPatch, capsys:
     with pytest.raises(SystemExit) as ended:
         main()
     assert not ended.value.code
-    assert "pcie-6323: channels, units and calibrations are valid" in capsys.readouterr().out
+    assert messages.wiring_valid(wiring="pcie-6323") in capsys.readouterr().out
 
 
 def test_each_mistake_is_told_with_its_line(
@@ -104,7 +107,7 @@ def test_a_card_that_cannot_be_opened_is_told_in_either_form(
 CARD = ["--plant", "rig", "--virtual-card"]
 ROOT = Path(__file__).parents[2]
 BEFORE_HOMING = (StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.DIRECTION)
-START = "Keep clear of the rig"
+START = messages.keep_clear_of_start()
 WIRING = load_wiring("pcie-6323")
 
 
@@ -186,7 +189,7 @@ def test_a_tare_at_the_terminal_is_what_the_service_shows(
 ) -> None:
     done(tmp_path, StepId.WIRING_TEST)
     with at_a_terminal("tare", *CARD, "--json", data=tmp_path) as (running, typing):
-        for question in (START, "Slacken both tendons", "Remove all weights"):
+        for question in (START, step_messages.unload_load_cells(), step_messages.remove_load()):
             asked(running, question)
             # After the first, while the loop starts and nothing is asked: no answer.
             os.write(typing, b"\nq\n" if question == START else b"\n")
@@ -201,17 +204,18 @@ def test_a_tare_at_the_terminal_is_what_the_service_shows(
     assert shown["tare"]["result"]["who"] == current_user()
     assert shown["tare"]["result"]["figures"] == told_of["tare"]["result"]["figures"]
     assert status == 1
-    assert f"use the page Bring-up at {service.url}" in complaint
+    assert messages.page_instead(reason="", address=service.url) in complaint
 
 
 @pytest.mark.live
 def test_ctrl_c_in_a_step_keeps_nothing_of_it(tmp_path: Path) -> None:
     done(tmp_path, StepId.WIRING_TEST)
     with at_a_terminal("bring-up", "--step", "zero", "--step", "direction", *CARD, data=tmp_path) as (running, typing):
-        for question in (START, "Turn the joint by hand to its zero mark", "Turn both motors by hand"):
+        by_hand = step_messages.hold_joint_at_mark(), step_messages.turn_motors_to_tension(F=START_N)
+        for question in (START, *by_hand):
             asked(running, question)
             os.write(typing, b"\n")
-        told(running, "motor A")
+        told(running, step_messages.testing_motor(motor="A"))
         running.send_signal(signal.SIGINT)
         running.communicate()
     assert running.returncode == 130
@@ -227,7 +231,8 @@ def test_the_joint_is_homed_from_the_terminal(tmp_path: Path) -> None:
     done(tmp_path, *BEFORE_HOMING, wiring=load_wiring(str(mine)))
     command = ("bring-up", "--step", "home", "--wiring", str(mine), "--json", *CARD)
     with at_a_terminal(*command, data=tmp_path) as (running, typing):
-        for question in (START, "Turn the joint by hand near to its middle"):
+        by_hand = step_messages.turn_joint_to_middle(voltage=HOMING_MAX_V, position=0.3, travel=0.0)
+        for question in (START, by_hand.partition(":")[0]):
             asked(running, question)
             os.write(typing, b"\n")
         printed, said = running.communicate()
@@ -262,7 +267,7 @@ def test_a_step_given_up_while_a_motor_is_driven_ends_at_zero_volts_and_proves_n
                 result = await playing
                 assert (result.passed, result.text) == (
                     False,
-                    "the step was abandoned after a motor test: repeat it",
+                    step_messages.abandoned_after_motor_test(),
                 )
                 await supervisor.advance(0.05)
                 return supervisor, driven, volts(supervisor)
@@ -303,16 +308,23 @@ def test_answers_of_a_pipe_end_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
         assert asyncio.run(asked()) == "12.5"
 
 
+def blocked(step: str, first: str) -> str:
+    return messages.step_blocked(step=step, reason=step_messages.other_steps_first(steps=first))
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["bring-up"], "the plant is the simulator: use --plant rig"),
-        (["bring-up", "--plant", "rig"], "standard input is not a terminal"),
-        (["bring-up", *CARD, "--step", "direction"], "Motor directions: do Wiring test, Zero first"),
-        (["tare", *CARD], "Tare: do Wiring test first"),
-        (["bring-up", *CARD, "--step", "home"], "Homing: end_switch.position is missing in the wiring file"),
-        (["calibrate", *CARD, "--weight", "5"], "specify 2 to 9 known weights; 1 given"),
-        (["calibrate", *CARD, "--weight", "7", "--weight", "5"], "at least 5 N apart"),
+        (["bring-up"], messages.only_for_a_rig(plant="simulator")),
+        (["bring-up", "--plant", "rig"], messages.steps_require_terminal()),
+        (["bring-up", *CARD, "--step", "direction"], blocked("Motor directions", "Wiring test, Zero")),
+        (["tare", *CARD], blocked("Tare", "Wiring test")),
+        (
+            ["bring-up", *CARD, "--step", "home"],
+            messages.step_blocked(step="Homing", reason=step_messages.no_end_switch_position()),
+        ),
+        (["calibrate", *CARD, "--weight", "5"], messages.wrong_number_of_weights(maximum=9, given=1)),
+        (["calibrate", *CARD, "--weight", "7", "--weight", "5"], step_messages.weights_too_close(minimum_N=5.0)),
         (["calibrate", *CARD, "--weight", "5", "--weight", "60"], "45 N"),
     ],
 )

@@ -1,5 +1,6 @@
 """``sinew serve``: addresses, and starts that are refused."""
 
+import errno
 import os
 import shutil
 import socket
@@ -17,10 +18,12 @@ from backend.auth.sessions import Tokens, load_tokens
 from backend.cli import main
 from backend.cli.server import link
 from backend.data_folder import lock_for_service, read_service_address, read_service_addresses
+from backend.messages import data_folder_is_a_file, data_folder_not_permitted
 from backend.public_url import LOOPBACK, PublicUrl, parse_networks, parse_public_url
 from backend.server import messages as server_messages
 from backend.server.listening import describe_served_addresses, listening_socket
 from backend.settings import Settings
+from plant.messages import card_package_not_installed, driver_not_installed, unknown_plant
 
 # The addresses of a service: the public one, the proxies that are trusted, what --host serves, the links.
 
@@ -168,7 +171,7 @@ def said_by(words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
         ("ALLOWED_HOSTS", "http://rig.lab/", "without http://"),
         ("ALLOWED_HOSTS", '["rig.lab"', "rig.lab"),
         ("ALLOWED_HOSTS", "[1, 2]", "SINEW_ALLOWED_HOSTS"),
-        ("PLANT", "toaster", "there is no plant toaster: choose simulator, rig or replay"),
+        ("PLANT", "toaster", unknown_plant(plant="toaster", installed=()).partition(";")[0]),
         ("PARAMS", "nowhere", "nowhere"),
         ("HOST", "a..b", "a..b"),
         ("PORT", "eight", PORT_IN_WORDS),
@@ -259,7 +262,7 @@ def test_a_data_folder_that_is_a_file(
 ) -> None:
     (tmp_path / "data").touch()
     line = said_by(["serve", "--port", "0", "--data", str(tmp_path / "data")], monkeypatch, capsys)
-    assert f"{tmp_path / 'data'} is a file or" in line
+    assert data_folder_is_a_file(folder=tmp_path / "data") in line
 
 
 def test_a_data_folder_that_may_not_be_read(tmp_path: Path) -> None:
@@ -272,8 +275,9 @@ def test_a_data_folder_that_may_not_be_read(tmp_path: Path) -> None:
     ended = subprocess.run(serve, capture_output=True, text=True, check=False)
     (line,) = ended.stderr.strip().splitlines()
     assert ended.returncode == 1
+    denied = data_folder_not_permitted(path=closed, reason=os.strerror(errno.EACCES))
+    assert denied.partition(": ")[2] in line
     assert str(closed) in line
-    assert "change its owner or mode, or choose another --data" in line
 
 
 def test_a_port_in_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -317,8 +321,8 @@ def test_modules_of_the_plant_load_nothing_that_they_do_not_need(module: str, he
 @pytest.mark.parametrize(
     ("start", "reason"),
     [
-        (["-m", "backend"], "NI's driver is not installed on this machine: install NI-DAQmx"),
-        (["-c", _WITHOUT_NIDAQMX], "NI's Python package, which is not installed: install Sinew with its extra rig"),
+        (["-m", "backend"], driver_not_installed()),
+        (["-c", _WITHOUT_NIDAQMX], card_package_not_installed()),
     ],
     ids=["without driver", "without extra"],
 )

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from backend.cli import messages
 from plant.factory import ATTRIBUTES, GROUP, METHODS, make_plant, require_available
 from plant.interface import NAME_MAX, PlantChoice, PlantError, PlantKind
 from plant.parameters import PlantParameters
@@ -49,7 +50,7 @@ def test_an_outsider_checks_drives_and_reports_a_plant_of_a_package(site: Path, 
     played = sinew(site, "rig", "conformance", "--plant", "replay", "--recording", str(file))
     assert played.returncode == 0, played.stderr
     assert "not tried" in played.stdout
-    assert "replay: meets the requirements of the plant interface" in played.stderr
+    assert messages.requirements_met(plant="replay") in played.stderr
 
 
 def package(folder: Path, name: str, entry: str, code: str, plant: str = "odd") -> None:
@@ -168,4 +169,4 @@ def test_a_plant_that_breaks_its_promise_ends_the_check_with_a_line(tmp_path: Pa
     checked = sinew(tmp_path, "rig", "conformance", "--plant", "mute")
     assert checked.returncode == 1
     assert "broken     Once it is open, its description names" in checked.stdout
-    assert checked.stderr.strip() == "sinew: mute: 1 of 16 requirements of the plant interface are not met"
+    assert checked.stderr.strip() == f"sinew: {messages.requirements_not_met(plant='mute', broken=1, checked=16)}"

@@ -1,6 +1,5 @@
 """The same rig through a gRPC server of its own on this machine, as through NI's device server at another one."""
 
-import re
 import socket
 from collections.abc import Iterator
 from dataclasses import replace
@@ -9,8 +8,9 @@ import pytest
 from nidaqmx import Task
 from typer.testing import CliRunner
 
+from backend.cli.messages import drives_require_terminal
 from backend.cli.rig import app
-from plant import device_server, rig
+from plant import device_server, messages, rig
 from plant.daq import Daq
 from plant.device_server import DeviceServer
 from plant.factory import make_plant
@@ -22,6 +22,7 @@ from plant.simulator import Simulator
 from plant.virtual_daq import VirtualCard
 from plant.wiring import Wiring, load_wiring
 from tests.plant.served_card import served
+from tests.reasons import assert_reason
 from tests.refusals import refused
 
 PARAMETERS = load_parameters("lab")
@@ -54,10 +55,10 @@ def test_the_same_rig_reads_and_writes_over_a_socket(registers: Card, monkeypatc
     with served(virtual(registers)) as address:
         far = network_rig(address)
         far.open()
-        assert re.fullmatch(
-            rf"pcie-6323 as Dev1 at {address}, timed by this machine, on demand, \d+\.\d\d ms to read and write",
-            far.description,
+        card = messages.wired_card(
+            wiring="pcie-6323", device="Dev1", address=address, timing=messages.timed_on_demand()
         )
+        assert_reason(far.description, "card_with_cycle", card=card)
         assert registers.state().drive_enabled
         for _ in range(50):
             m = far.read()
@@ -72,7 +73,7 @@ def test_conformance_of_a_rig_wants_a_person_at_it_before_the_drives_come_on(reg
     with served(virtual(registers)) as address:
         ended = CliRunner().invoke(app, ["conformance", "--plant", "rig", "--card-address", address])
     assert ended.exit_code == 1
-    assert "a person at the rig has to confirm that everyone is clear" in ended.stderr
+    assert drives_require_terminal() in ended.stderr
     assert registers.state().u_A == registers.state().u_B == 0.0
     assert not registers.state().drive_enabled
 
