@@ -41,13 +41,12 @@ from backend.services.contact import ContactService
 from backend.services.event_log import EventLog
 from backend.services.live_stream import build_mark
 from backend.services.player import RecordingPlayer
-from backend.services.state import F_PUSH_MAX, LiveState, compute_wall_bounds, describe_wall
+from backend.services.state import F_PUSH_MAX, LiveState, compute_wall_bounds
 from backend.services.tuning import TuningService
 from backend.services.tuning_state import ActiveTuning, TuningStore
 from backend.storage import Database, EndState, NewRun, RunKind, runs
 from backend.supervision import Part, SupervisedTask, Supervision
-from backend.units import format_number
-from plant import Angle, ErrorCode, InjectedFault, Obstacle, PlantKind, PlantParameters
+from plant import ErrorCode, InjectedFault, Obstacle, PlantKind, PlantParameters
 
 # Legality ------------------------------------------------------------------------------------------
 # Translates rejections of the control loop, and rejects illegal modes with the reason.
@@ -173,7 +172,7 @@ class SessionRuns:
     def abandon(self, run: int) -> None:
         """Close a run whose mode the control loop has refused."""
         with self._database.session() as session:
-            runs.end(session, run, EndState.STOPPED, "the control loop refused the mode before the run began")
+            runs.end(session, run, EndState.STOPPED, messages.mode_refused_before_run())
 
 
 # Actuator service ----------------------------------------------------------------------------------
@@ -271,7 +270,7 @@ class ActuatorService:
         finally:
             self._stop_waiters.remove(waiter)
         if self.player.has_recording:
-            self._event_log.add_mark(MarkKind.NOTE, "STOP was pressed: playback paused", stopped.arrived_tick, who)
+            self._event_log.add_mark(MarkKind.NOTE, messages.playback_paused_by_stop(), stopped.arrived_tick, who)
         else:
             self._event_log.add_mark(MarkKind.TRIP, EXPLANATIONS[Fault.STOP_PRESSED].message, stopped.arrived_tick, who)
         return self.live_state.build_stop_proof(stopped)
@@ -281,7 +280,7 @@ class ActuatorService:
 
         The references were held for HOLD_S before.
         """
-        self.log_control_change("control lost", who)
+        self.log_control_change(messages.control_lost(), who)
         if self.live_state.mode in _STOPPED or not self._supervisor.is_alive:
             return
         with suppress(LoopExitedError):
@@ -302,10 +301,10 @@ class ActuatorService:
             is_lost = has_failed or self._supervisor.watchdog_monitor.is_watchdog_lost or self.live_state.card_lost
             if self._supervisor.is_alive and not is_lost:
                 accepted = await self._send(commands.Reset())
-                self._event_log.add_mark(MarkKind.NOTE, "reset", accepted.tick, who)
+                self._event_log.add_mark(MarkKind.NOTE, messages.fault_reset(), accepted.tick, who)
             else:
                 self.require_unoccupied()  # a new process loses the encoder zeros that a commissioning step uses
-                await self._restart_loop("after it failed or ended", "control loop restarted", who)
+                await self._restart_loop(messages.restarted_after_failure(), messages.loop_restarted(), who)
         self.live_state.clear_stop()
         await self._wait_for_sample(lambda: self.live_state.fault is Fault.NONE)
 
@@ -322,9 +321,10 @@ class ActuatorService:
                 )
             apply_change()
             try:
-                await self._restart_loop(f"with {change}", f"control loop started with {change}", who)
+                purpose, text = messages.restarted_with_change(change=change), messages.loop_started_with(change=change)
+                await self._restart_loop(purpose, text, who)
             except LoopExitedError as error:
-                self._event_log.add_mark(MarkKind.FAULT, f"the control loop did not start with {change}", 0, who)
+                self._event_log.add_mark(MarkKind.FAULT, messages.loop_not_started_with(change=change), 0, who)
                 raise LoopExitedError(
                     messages.change_takes_effect_at_next_start(change=change, reason=error.message)
                 ) from error
@@ -338,7 +338,7 @@ class ActuatorService:
             self._supervisor.setup.commissioning_results is before
         ):  # else a commissioning step has stored a newer result meanwhile
             self._supervisor.setup = replace(self._supervisor.setup, commissioning_results=commissioning_results)
-        self.contact.discard("the control loop was restarted")
+        self.contact.discard(messages.bias_lost_by_restart())
         self.publish_change()
         await self._supervisor.restart(purpose)
         self._on_ring_changed(self._supervisor.ring)
@@ -392,7 +392,7 @@ class ActuatorService:
             if on:
                 self.require_unoccupied()
             accepted = raise_if_rejected(await switch_drives(self._supervisor, self._drive_lockout, on, who))
-            self._event_log.add_mark(MarkKind.NOTE, f"drives switched {'on' if on else 'off'}", accepted.tick, who)
+            self._event_log.add_mark(MarkKind.NOTE, messages.drives_switched(on=on), accepted.tick, who)
         self.publish_change()
 
     async def set_references(self, q_ref: float, S_ref: float, who: str) -> References:
@@ -403,9 +403,9 @@ class ActuatorService:
         bounds = self.live_state.bounds
         check_range("q_ref", q_ref, bounds.q_min, bounds.q_max, "rad")
         check_range("S_ref", S_ref, bounds.S_min, bounds.S_max, "N·m/rad")
-        self.contact.sweep.abort("other references were set", who)
+        self.contact.sweep.abort(messages.other_references_set(), who)
         accepted = await self._send(commands.SetReferences(q_ref, S_ref))
-        text = f"q_ref {Angle(q_ref)}, S_ref {format_number(S_ref, 4)} N·m/rad"
+        text = messages.references_set(q_ref=q_ref, S_ref=S_ref)
         self._event_log.add_mark(MarkKind.REFERENCES, text, accepted.tick, who)
         self.publish_change()
         return References(q_ref=q_ref, S_ref=S_ref)
@@ -420,7 +420,7 @@ class ActuatorService:
             message = messages.push_needs_simulated_plant(plant=plant.name, is_rig=plant.kind is PlantKind.RIG)
             raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
         check_range("F_push", push.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
-        remedy = "send it again to push for longer"
+        remedy = messages.push_again()
         check_range(
             "duration_s",
             push.duration_s,
@@ -433,13 +433,17 @@ class ActuatorService:
         # Set before the command is sent: if control is lost meanwhile, the push is released after it has started.
         self._pushed = push.F_push != 0.0
         accepted = await self._send(commands.ApplyPush(push.F_push, push.duration_s))
-        text = f"push of {push.F_push:.1f} N for {push.duration_s:.1f} s" if push.F_push else "push released"
+        text = (
+            messages.push_started(F_push=push.F_push, duration_s=push.duration_s)
+            if push.F_push
+            else messages.push_released()
+        )
         self._event_log.add_mark(MarkKind.NOTE, text, accepted.tick, who)
         return push
 
     def release_push(self) -> None:
         """Release a push and abort a sweep, because their operator has lost control."""
-        self.contact.sweep.abort("the operator who started it no longer holds control")
+        self.contact.sweep.abort(messages.sweep_without_operator())
         if self._pushed:
             self._releasing = self._supervision.start_task(_RELEASE, self._release_push)
 
@@ -449,14 +453,18 @@ class ActuatorService:
             return
         with suppress(LoopExitedError):
             await self._supervisor.send(commands.ApplyPush(0.0, 0.0))
-        self._event_log.add_mark(MarkKind.NOTE, "push released: the operator lost control", self.live_state.tick)
+        self._event_log.add_mark(MarkKind.NOTE, messages.push_without_operator(), self.live_state.tick)
 
     async def inject_fault(self, injected_fault: InjectedFault | None, who: str) -> None:
         """Inject a fault into a simulated plant; None clears all.
 
         Raises RequestRejectedError on another plant.
         """
-        text = "injected fault cleared" if injected_fault is None else f"fault injected: {injected_fault.words}"
+        text = (
+            messages.injected_fault_cleared()
+            if injected_fault is None
+            else messages.fault_injected(fault=injected_fault.words)
+        )
         await self.send_and_log(commands.Inject(injected_fault), text, who)
 
     async def send_and_log(self, command: Command, text: str, who: str) -> None:
@@ -467,9 +475,7 @@ class ActuatorService:
     def suspend_heartbeat(self, duration_s: float, who: str) -> None:
         """Suspend the heartbeat of the service, to test the reaction of the control loop."""
         self._supervisor.fall_silent(duration_s)
-        self._event_log.add_mark(
-            MarkKind.NOTE, "heartbeat of the service suspended for a test", self.live_state.tick, who
-        )
+        self._event_log.add_mark(MarkKind.NOTE, messages.heartbeat_suspended(), self.live_state.tick, who)
 
     async def _send(self, command: Command) -> Accepted:
         return raise_if_rejected(await self._supervisor.send(command))
@@ -487,9 +493,9 @@ class ActuatorService:
         if isinstance(event, PushReleased):
             self._pushed = False
         if isinstance(event, ModeChanged):
-            self.tuning_service.cancel_trial(f"because the mode is {event.after}")
+            self.tuning_service.cancel_trial(messages.trial_ended_by_mode(mode=event.after))
         elif isinstance(event, LoopExited):
-            self.tuning_service.cancel_trial("because the control loop ended")
+            self.tuning_service.cancel_trial(messages.trial_ended_by_loop())
         if (mark := build_mark(event, self.live_state.tick)) is not None:
             if isinstance(event, Stopped) and self.live_state.is_expected(event.fault):
                 mark = mark._replace(kind=MarkKind.NOTE)
@@ -528,14 +534,14 @@ async def set_obstacle(actuator: ActuatorService, order: WallOrder, who: str) ->
         message = messages.obstacle_needs_simulated_plant(plant=plant.name)
         raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
     wall = None if order.wall is None else _build_obstacle(order.wall, actuator.live_state.parameters)
-    await actuator.send_and_log(Obstruct(wall), describe_wall(wall), who)
+    await actuator.send_and_log(Obstruct(wall), messages.obstacle(wall=wall), who)
     return order
 
 
 def _build_obstacle(wall: WallView, parameters: PlantParameters) -> Obstacle:
     """Return a checked obstacle. Raises OutOfRangeError."""
     bounds, q_max = compute_wall_bounds(parameters), parameters.geometry.q_max
-    remedy = "the integration steps of the simulator do not resolve a larger value"
+    remedy = messages.larger_value_not_resolved()
     check_range("q_wall", wall.q_wall, -q_max, q_max, "rad", path=("wall", "q_wall"))
     check_range(
         "k_wall",

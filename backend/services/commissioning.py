@@ -95,8 +95,6 @@ def _build_result(stored: StoredStepResult) -> StepResult:
 # the motors if the control loop disproves them.
 
 
-NOT_YET = "takes effect at the next start of the control loop: repeat the step in mode off, or restart the service"
-
 _log = logging.getLogger(__name__)
 
 
@@ -136,9 +134,9 @@ class CommissioningResultStore:
         if not (finding.calibrations and finding.passed):
             return
         try:
-            await self._actuator.restart_loop_with(lambda: None, "the calibration of the bring-up", who)
+            await self._actuator.restart_loop_with(lambda: None, messages.calibration_of_bring_up(), who)
         except (RequestRejectedError, LoopExitedError) as error:
-            self.problem = f"The result of {STEP[step].title} of the bring-up {NOT_YET} ({error})."
+            self.problem = messages.result_not_active(title=STEP[step].title, reason=error.message)
 
     def _handle_event(self, event: Event | LoopExited) -> None:
         """Revoke the directions if a motor has turned the wrong way.
@@ -153,14 +151,11 @@ class CommissioningResultStore:
     async def _store_wrong_directions(self, detail: str) -> None:
         try:
             wiring = await asyncio.to_thread(self.load_wiring)
-            finding = StepFinding(False, f"the control loop stopped: {detail}")
+            finding = StepFinding(False, messages.loop_disproved_directions(detail=detail))
             await self.store(StepId.DIRECTION, wiring, finding, "the loop")
         except Exception as error:
             _log.exception("The service could not store that the directions are wrong.")
-            self.problem = (
-                f"Repeat {STEP[StepId.DIRECTION].title}: the service could not store that "
-                f"the directions are wrong ({error})."
-            )
+            self.problem = messages.wrong_directions_not_stored(title=STEP[StepId.DIRECTION].title, reason=str(error))
         finally:
             self._actuator.publish_change()
 
@@ -386,12 +381,12 @@ class CommissioningService:
             except LoopExitedError as error:
                 finding = StepFinding(False, str(error))
             running.is_over = True
-            report_phase("storing the result")
+            report_phase(messages.storing_result())
             await self._results.store(running.step, wiring, finding, who)
         except Exception as error:
             _log.exception("Step %s of the commissioning failed.", running.step)
             title = STEP[running.step].title
-            self._results.problem = f"{title} of the bring-up failed and must be repeated: {error}"
+            self._results.problem = messages.step_failed(title=title, reason=str(error))
             if running.step is StepId.DIRECTION:  # a result that is not stored is not valid for the running loop either
                 with suppress(LoopExitedError):
                     await self._supervisor.send(ProveDirections(proven=False))
@@ -409,7 +404,7 @@ class CommissioningService:
             for step in (StepId.TARE, StepId.CALIBRATE):
                 if statuses[step].state is StepState.CURRENT:
                     statuses[step] = statuses[step]._replace(
-                        state=StepState.OUT_OF_DATE, why=f"the calibration {NOT_YET}"
+                        state=StepState.OUT_OF_DATE, why=messages.calibration_not_active()
                     )
         return statuses
 

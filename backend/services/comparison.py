@@ -129,7 +129,7 @@ def select_runs(query: ComparisonRequest) -> tuple[list[int], int]:
         minimum=2,
         maximum=MAX_RUNS,
         unit="1",
-        remedy="select more or fewer runs",
+        remedy=record_messages.select_other_runs(),
         label="number of runs",
     )
     chosen = numbers[0] if query.reference is None else query.reference
@@ -489,14 +489,21 @@ def stream_curves_file(database: Database, query: DifferencesRequest) -> Iterato
     own = found.own.astype(np.float32)
     meaning = next((f"{field.symbol}: {field.meaning}" for field in FIELDS if field.name == query.signal), "")
     columns: dict[str, tuple[NDArray[Any], str, str]] = {}
-    columns["t"] = (found.t, "s", f"time since the first sample of run {found.reference}")
+    columns["t"] = (found.t, "s", record_messages.time_of_reference(run=found.reference))
     name, unit = query.signal, found.unit
-    columns[f"{name}_run_{found.reference}"] = own, unit, f"{meaning}; of run {found.reference}, the reference"
+    columns[f"{name}_run_{found.reference}"] = (
+        own,
+        unit,
+        record_messages.signal_of_reference(meaning=meaning, run=found.reference),
+    )
     for run, values in found.others.items():
-        shift = f"time-shifted by {found.offsets[run]:+.6g} s" if run in found.offsets else found.reasons[run]
-        columns[f"{name}_run_{run}"] = values.astype(np.float32), unit, f"{meaning}; of run {run}, {shift}"
+        shift = (
+            record_messages.time_shifted(offset_s=found.offsets[run]) if run in found.offsets else found.reasons[run]
+        )
+        words = record_messages.signal_of_run(meaning=meaning, run=run, shift=shift)
+        columns[f"{name}_run_{run}"] = values.astype(np.float32), unit, words
     for run, values in found.others.items():
-        words = f"run {run} minus run {found.reference}"
+        words = record_messages.difference_of_runs(run=run, reference=found.reference)
         columns[f"d_{name}_run_{run}"] = values - found.own, unit, words
     lines = [
         *_build_header(compared, query),
@@ -523,9 +530,7 @@ def stream_table_file(database: Database, query: ComparisonRequest) -> Iterator[
         "\n".join(
             [
                 *_build_header(found, query),
-                format_csv_comment(
-                    "difference: value minus reference; percent: relative to the magnitude of the reference"
-                ),
+                format_csv_comment(record_messages.explanation_of_differences()),
             ]
         )
         + "\n"
@@ -538,25 +543,30 @@ def stream_table_file(database: Database, query: ComparisonRequest) -> Iterator[
             lines.writerow(map(format_csv_cell, ("metric", metric.name, metric.label, metric.unit, run.id, *row)))
     for setting in found.settings:
         for run, value in zip(found.runs, setting.values, strict=True):
-            remark = "not set" if value is None else ""
+            remark = record_messages.value_not_set() if value is None else ""
             of_setting = ("setting", setting.name, "", setting.unit, run.id, value, "", "", remark)
             lines.writerow(map(format_csv_cell, of_setting))
     yield text.getvalue().encode()
 
 
 def _build_header(found: RunComparison, query: ComparisonRequest) -> Iterator[str]:
-    title = f"comparison with run {found.reference}, Sinew {__version__}; SI units, angles in rad"
-    yield format_csv_comment(f"{title}; {_describe_alignment(query)}")
+    heading = record_messages.heading_of_comparison(
+        reference=found.reference, software=__version__, alignment=_describe_alignment(query)
+    )
+    yield format_csv_comment(heading)
     for run in found.runs:
-        where = run.not_aligned or f"t is the time of the run {run.offset_s or 0.0:+.6g} s"
-        yield format_csv_comment(f"run {run.id}: {run.title}, {run.started.isoformat()}, by {run.who}; {where}")
+        where = run.not_aligned or record_messages.time_of_run(offset_s=run.offset_s or 0.0)
+        line = record_messages.compared_run(
+            run=run.id, title=run.title, started=run.started.isoformat(), who=run.who, alignment=where
+        )
+        yield format_csv_comment(line)
 
 
 def _describe_alignment(query: ComparisonRequest) -> str:
     match query.by:
         case AlignBy.BEGIN:
-            return "aligned by the start of each run"
+            return record_messages.aligned_by_start()
         case AlignBy.STEP:
-            return f"aligned by step {query.number} of {query.step}"
+            return record_messages.aligned_by_step(number=query.number, signal=query.step)
         case AlignBy.EVENT:
-            return f"aligned by event {query.number} of the kind {query.event}"
+            return record_messages.aligned_by_event(number=query.number, kind=query.event)

@@ -38,7 +38,6 @@ from backend.schemas import ContactView, MarkKind, SweepView, TouchOrder, TouchP
 from backend.services import messages
 from backend.services.event_log import EventLog
 from backend.services.state import LiveState
-from backend.units import format_number
 from plant import ErrorCode, T_s
 
 # Rest ----------------------------------------------------------------------------------------------
@@ -194,7 +193,7 @@ class BiasSweep:
         """
         if not self.is_running:
             raise RequestRejectedError(ErrorCode.NOT_NOW, messages.no_sweep_to_stop())
-        self.abort("stopped on request", who)
+        self.abort(messages.sweep_stopped_on_request(), who)
         await self._restore_stiffness()
 
     def abort(self, why: str, who: str = "") -> None:
@@ -218,7 +217,7 @@ class BiasSweep:
         except asyncio.CancelledError:
             if not self.is_running:  # ``abort`` has logged the reason
                 raise
-            why = self._record_failure("its task was cancelled")
+            why = self._record_failure(messages.sweep_task_cancelled())
         except (RequestRejectedError, LoopExitedError) as error:
             why = str(error)
         except Exception as error:
@@ -230,8 +229,8 @@ class BiasSweep:
             self._end(why)
 
     def _record_failure(self, cause: str) -> str:
-        self.problem = f"The calibration over S failed ({cause}): the points calibrated so far remain. Start it again."
-        return f"it failed ({cause})"
+        self.problem = messages.sweep_failed(cause=cause)
+        return messages.end_of_failed_sweep(cause=cause)
 
     async def _wait_at_rest(self, S_ref: float, since: int) -> None:
         """Wait for rest at ``S_ref``.
@@ -253,20 +252,17 @@ class BiasSweep:
             ErrorCode.NOT_NOW, messages.no_rest_in_sweep(S_ref=S_ref, duration_s=LONGEST_S, reason=why)
         )
 
-    async def _command_stiffness(
-        self, S_ref: float, who: str = "", why: str = "to calibrate the external-force bias"
-    ) -> Accepted:
+    async def _command_stiffness(self, S_ref: float, who: str = "", *, restored: bool = False) -> Accepted:
         accepted = await self._send(SetReferences(self._start_references[0], S_ref))
-        self._event_log.add_mark(
-            MarkKind.REFERENCES, f"S_ref {format_number(S_ref, 4)} N·m/rad, {why}", accepted.tick, who
-        )
+        text = messages.stiffness_of_sweep(S_ref=S_ref, restored=restored)
+        self._event_log.add_mark(MarkKind.REFERENCES, text, accepted.tick, who)
         return accepted
 
     async def _restore_stiffness(self) -> None:
         """Restore S_ref from before the sweep, if the joint is still in mode run."""
         if self._live_state.mode is Mode.RUN and self._supervisor.is_alive:
             with suppress(RequestRejectedError, LoopExitedError):
-                await self._command_stiffness(self._start_references[1], why="restored after the calibration")
+                await self._command_stiffness(self._start_references[1], restored=True)
 
     def _set_progress(self, point: int, S_ref: float) -> None:
         self._view = SweepView(under_way=True, point=point, points=SWEEP_POINTS, S_ref=S_ref, why="")
@@ -277,11 +273,10 @@ class BiasSweep:
         if view is None or not view.under_way:
             return
         self._view = view.model_copy(update={"under_way": False, "why": why})
-        at = f"at point {view.point} of {view.points}, {format_number(view.S_ref)} N·m/rad"
         text = (
-            f"calibration over S ended {at}: {why}"
+            messages.sweep_ended(point=view.point, points=view.points, S_ref=view.S_ref, reason=why)
             if why
-            else f"external-force bias calibrated over S at {view.points} points"
+            else messages.bias_calibrated_over_S(points=view.points)
         )
         self._event_log.add_mark(MarkKind.FAULT if self.problem else MarkKind.NOTE, text, self._live_state.tick, who)
         self._on_change()
@@ -398,7 +393,7 @@ class ContactService:
                     minimum=CONTACT_MIN_N,
                     maximum=CONTACT_MAX_N,
                     unit="N",
-                    remedy="0 N disables contact reaction",
+                    remedy=messages.zero_disables_contact_reaction(),
                 )
                 _require_calibrated(points, contact_N)
             tick = await self._configure(points, contact_N)
@@ -457,12 +452,12 @@ class ContactService:
             case ContactDetected(tick, F_ext_hat, contact_N):
                 self._detected = ContactView(F_ext_hat=F_ext_hat, contact_N=contact_N, tick=tick)
             case ModeChanged(after=mode, cause=cause):
-                self.sweep.abort(f"the mode is {mode} now")
+                self.sweep.abort(messages.mode_changed_in_sweep(mode=mode))
                 self._detected = self._detected if cause is Cause.CONTACT else None
             case BiasLost():
-                self.discard("the zeros were set again")
+                self.discard(messages.bias_lost_by_zeros())
             case LoopExited():
-                self.discard("the control loop died")
+                self.discard(messages.bias_lost_with_loop())
             case _:
                 return
         self._on_change()
@@ -494,12 +489,9 @@ def _require_calibrated(points: list[TouchPoint], contact_N: float) -> None:
 
 def _describe_changes(order: TouchOrder, points: list[TouchPoint]) -> list[str]:
     """Return the texts of an applied order for the event log."""
-    texts = ["external-force bias discarded"] if order.forget else []
+    texts: list[str] = [messages.bias_discarded()] if order.forget else []
     if order.learn:
-        known = ", ".join(f"{format_number(point.F)} N at {format_number(point.S)} N·m/rad" for point in points)
-        texts.append(f"external-force bias calibrated: {known}")
+        texts.append(messages.bias_calibrated(points=[(point.S, point.F) for point in points]))
     if order.contact_N is not None:
-        texts.append(
-            f"contact reaction armed at {order.contact_N:g} N" if order.contact_N else "contact reaction disabled"
-        )
+        texts.append(messages.contact_reaction_set(contact_N=order.contact_N))
     return texts

@@ -274,5 +274,7 @@ def _stream_run(
 
 def _stream_flight(database: Database, event_id: int, folder: Path, kind: DataFormat) -> Iterator[bytes]:
     return stream_export(
-        export_columns(read_flight_columns(database, event_id), f"flight record {event_id}"), kind, folder
+        export_columns(read_flight_columns(database, event_id), record_messages.flight_record(event=event_id)),
+        kind,
+        folder,
     )

@@ -13,6 +13,7 @@ from backend.event_bus import EventBus
 from backend.logs import EVENT
 from backend.plain_text import escape_line
 from backend.schemas import EventMessage, MarkKind
+from backend.services import messages
 from backend.storage import Database, EventKind, UnfitError, events
 from backend.supervision import Part
 
@@ -78,9 +79,8 @@ class EventLog:
         if not self._error:
             return ""
         lost = sum(entry.lost for entry in self._waiting)
-        and_lost = f", {lost} more were lost" if lost else ""
         waiting = sum(not entry.lost for entry in self._waiting)
-        return f"events cannot be stored: {self._error}; {waiting} wait in memory{and_lost}"
+        return messages.events_not_stored(reason=self._error, waiting=waiting, lost=lost)
 
     def add_mark(self, kind: MarkKind, text: str, tick: int, who: str = "", run: int | None = None) -> None:
         """Add an event with a mark at ``tick``.
@@ -123,7 +123,7 @@ class EventLog:
         else:
             is_last_a_count = self._waiting[-1].lost and len(self._waiting) > self._in_progress
             lost = self._waiting.pop().lost + 1 if is_last_a_count else 1
-            text = f"{lost} later events could not be stored"
+            text = messages.later_events_lost(count=lost)
             self._waiting.append(
                 _Entry(kind=EventKind.NOTE, text=text, tick=entry.tick, who="", run=None, at=entry.at, lost=lost)
             )
@@ -222,7 +222,7 @@ class RejectionLog:
 
         Angles in ``reason`` are in SI units.
         """
-        text = escape_line(f"{what} refused: {reason}")
+        text = escape_line(messages.command_refused(command=what, reason=reason))
         entry = (text if len(text) <= TEXT_MAX else f"{text[: TEXT_MAX - 1]}…", who)
         if entry in self._logged:
             self._repetitions[entry] += 1
@@ -237,10 +237,9 @@ class RejectionLog:
     def close(self) -> None:
         """End the window: log the numbers of repeated and of further refusals."""
         for (text, who), count in self._repetitions.items():
-            self._add_entry(f"{text} ({_format_times(count)} more in {self._window_s:g} s)", who)
+            self._add_entry(messages.refusal_repeated(refusal=text, count=count, window_s=self._window_s), who)
         if self._others:
-            commands = "command was" if self._others == 1 else "commands were"
-            self._add_entry(f"{self._others} further {commands} refused in {self._window_s:g} s", "")
+            self._add_entry(messages.further_commands_refused(count=self._others, window_s=self._window_s), "")
         has_counted = bool(self._repetitions or self._others)
         self._window_s = min(2.0 * self._window_s, LONGEST_WINDOW_S) if has_counted else WINDOW_S
         self._logged.clear()
@@ -249,7 +248,3 @@ class RejectionLog:
 
     def _add_entry(self, text: str, who: str) -> None:
         self._event_log.add_entry(EventKind.REFUSAL, text, who)
-
-
-def _format_times(count: int) -> str:
-    return "once" if count == 1 else f"{count} times"

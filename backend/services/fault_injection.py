@@ -45,9 +45,9 @@ CARD_INJECTIONS: tuple[tuple[Injection, tuple[Fault, ...]], ...] = (
 """Injections into a virtual card and its wiring, each with the faults that it may lead to while the joint moves."""
 
 MANUAL_CAUSES: dict[Fault, str] = {
-    Fault.STOP_PRESSED: "press STOP",
-    Fault.SERVICE_ENDED: "end the service with Ctrl+C or a signal",
-    Fault.INTERNAL_ERROR: "cannot be injected: it is an error in the program",
+    Fault.STOP_PRESSED: messages.press_stop(),
+    Fault.SERVICE_ENDED: messages.end_service(),
+    Fault.INTERNAL_ERROR: messages.error_in_program(),
 }
 """How the faults without injection are caused."""
 

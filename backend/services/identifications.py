@@ -137,7 +137,9 @@ def _build_motor_views(estimate: Identification) -> list[MotorView]:
                 rule_spread=_build_motor_estimate(model.rule_spread, estimate),
                 before=_build_motor_estimate(model.before, estimate),
                 rms_counts=_require_value(quality.rms_counts, estimate, "rms_counts"),
-                refused=[f"{item.voltage:g} V: {item.reason}" for item in quality.refused],
+                refused=[
+                    record_messages.step_not_used(voltage=item.voltage, reason=item.reason) for item in quality.refused
+                ],
                 grade=quality.grade,
                 verdict=quality.verdict,
             )

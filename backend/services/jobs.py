@@ -141,7 +141,7 @@ def predict_runs(
         u_peak_V=assessment.u_peak_V,
         F_min_N=assessment.F_min_N,
         enough_motion=not problem,
-        message=problem or f"{forecast.message}; {assessment.message}",
+        message=problem or messages.forecast_with_excitation(forecast=forecast.message, excitation=assessment.message),
     )
 
 
@@ -220,12 +220,15 @@ def _assess_actuator(
     # The worst run is one that fails because of voltage or slack; among feasible ones, that with the least motion.
     worst = min(predicted, key=lambda item: (item.is_feasible, item.q_counts))
     u_peak, F_min = max(item.u_peak_V for item in predicted), min(item.F_min_N for item in predicted)
-    label = "Peak-to-peak joint motion caused by the excitation alone"
+    label = messages.joint_motion_of_excitation()
     return _Assessment(
         figures=[
             Expectation(name="q_counts", label=label, value=worst.q_counts, unit="encoder counts"),
             Expectation(
-                name="u_peak_V", label=f"Peak voltage, limit {parameters.motor.u_max:g} V", value=u_peak, unit="V"
+                name="u_peak_V",
+                label=messages.peak_voltage_with_limit(u_max=parameters.motor.u_max),
+                value=u_peak,
+                unit="V",
             ),
         ],
         message=worst.message,
@@ -363,15 +366,6 @@ class Pause:
         self.remaining_runs -= 1
 
 
-def describe_runs_not_started(run: int, why: Exception, count: int) -> str:
-    """Return a message on ``count`` runs of a request that were not started.
-
-    ``run`` is its last run, ``why`` the reason.
-    """
-    runs, them = ("1 run was", "it") if count == 1 else (f"{count} runs were", "them")
-    return f"The request ended after run {run}: {str(why).rstrip('.')}; {runs} not started. Request {them} again."
-
-
 # Pending evaluations -------------------------------------------------------------------------------
 # Results of the runs of one request, which are computed while the next run is executed.
 
@@ -406,7 +400,7 @@ class PendingEvaluations:
             del self._in_progress[run_id]
             if evaluation.result is None and end_state is EndState.COMPLETED:
                 self.run_without_result, is_missing = run_id, True
-                self.problem = f"Run {run_id} is complete, but {evaluation.problem}. Evaluate it again."
+                self.problem = messages.run_without_result(run=run_id, reason=evaluation.problem)
         return is_missing
 
     async def end(self, *, cancel: bool) -> None:
@@ -581,7 +575,7 @@ class JobManager:
         """Return whether the result of a run is being computed."""
         return run_id in self._evaluations
 
-    async def close(self, cause: str = "service ended") -> None:
+    async def close(self, cause: str = messages.service_ended()) -> None:
         """Cancel the current run, which is stored as ended by ``cause``."""
         self._is_closing = True
         if self._running is not None:
@@ -637,7 +631,7 @@ class JobManager:
         """
         checked = await self._check_text(request.text, user, is_disconnected)
         if not request.play:
-            return checked.build_view({}, "the experiment was only checked, without a dry run")
+            return checked.build_view({}, messages.checked_without_dry_run())
         try:
             played = await self._run_dry(
                 RunRequest(checked.plan, self._get_loop_settings(), user.name), user, is_disconnected
@@ -768,14 +762,11 @@ class JobManager:
                 end_state = None  # a missing result pauses the queue until an operator has seen it
         except Exception as error:
             _log.exception("Run %s failed.", run.id)
-            self._problem = f"Run {run.id} failed ({type(error).__name__}: {error}): any motion of the run was stopped."
+            self._problem = messages.run_failed(run=run.id, error=f"{type(error).__name__}: {error}")
         finally:
             if is_executing and not self._is_closing:
                 # The run is closed and its execution is no longer monitored, so the program must not continue.
-                self._problem = (
-                    self._problem
-                    or f"The monitoring of run {run.id} ended before the run did: any motion of the run was stopped."
-                )
+                self._problem = self._problem or messages.run_without_monitoring(run=run.id)
                 self._safe_stop.begin(Fault.SERVICE_LOST)
             if not self._is_closing:  # a temporary tuning is not stored: the next service starts with the operator's
                 await self._actuator.tuning_service.restore_operator_tuning()
@@ -799,7 +790,7 @@ class JobManager:
                 error,
                 exc_info=not isinstance(error, NotReadyError),
             )
-            self._problem = describe_runs_not_started(run.id, error, len(requests))
+            self._problem = messages.runs_not_started(run=run.id, reason=str(error), count=len(requests))
             return None
 
     async def _list_program_tunings(self, request: RunRequest) -> list[ResolvedTuning]:

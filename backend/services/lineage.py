@@ -47,7 +47,6 @@ from backend.storage import (
     settings,
     stored_entry_name,
 )
-from backend.units import format_count
 from plant import PlantChoice, PlantKind, PlantParameters
 
 # Checklist -----------------------------------------------------------------------------------------
@@ -88,8 +87,8 @@ def build_checklist(session: Session, parameters: Document, in_use: int | None) 
 
 def _check_pretension(run: Run | None) -> ChecklistStep:
     if run is None:
-        return _build_step("pretension", ChecklistState.MISSING, "no run yet: start pretension")
-    return _build_step("pretension", ChecklistState.DONE, f"last used in run {run.id}", run)
+        return _build_step("pretension", ChecklistState.MISSING, record_messages.no_run_yet())
+    return _build_step("pretension", ChecklistState.DONE, record_messages.last_used_in_run(run=run.id), run)
 
 
 def _check_identification(
@@ -100,7 +99,7 @@ def _check_identification(
     before: tuple[OptionalIdentification, ...],
 ) -> ChecklistStep:
     if estimate is None:
-        return _build_step(name, ChecklistState.MISSING, "not identified yet")
+        return _build_step(name, ChecklistState.MISSING, record_messages.not_identified_yet())
     run = run_of(estimate)
     if not estimate.usable:
         return _build_step(name, ChecklistState.UNUSABLE, estimate.verdict, run)
@@ -108,11 +107,13 @@ def _check_identification(
         parameters, name
     ):
         return _build_step(
-            name, ChecklistState.OUTDATED, f"made with other plant parameters ({run.parameters_name})", run
+            name, ChecklistState.OUTDATED, record_messages.made_with_other_parameters(name=run.parameters_name), run
         )
     for other in before:
         if other is not None and other.created_at > estimate.created_at:
-            return _build_step(name, ChecklistState.OUTDATED, f"older than the {other.kind} identification", run)
+            return _build_step(
+                name, ChecklistState.OUTDATED, record_messages.older_than_identification(kind=other.kind), run
+            )
     return _build_step(name, ChecklistState.DONE, estimate.verdict, run)
 
 
@@ -134,7 +135,7 @@ def _check_bank(
     parameters: Document,
 ) -> ChecklistStep:
     if bank is None:
-        return _build_step("bank", ChecklistState.MISSING, "no bank built: the controller uses geometric gains")
+        return _build_step("bank", ChecklistState.MISSING, record_messages.no_bank_built())
     title = f"{bank.name} v{bank.version}"
     by_id = {estimate.id: estimate for estimate in estimates}
     sources = [by_id[entry.identification_id] for entry in bank.entries if entry.identification_id in by_id]
@@ -142,18 +143,15 @@ def _check_bank(
         run = run_of(source)
         if run is not None and run.parameters != parameters:
             entry = next(stored_entry_name(one) for one in bank.entries if one.identification_id == source.id)
-            detail = (
-                f"{title} does not match the plant parameters: its {entry} operating point (run {run.id}) was "
-                "identified with other parameters"
-            )
+            detail = record_messages.bank_unlike_parameters(bank=title, entry=entry, run=run.id)
             return _build_step("bank", ChecklistState.OUTDATED, detail, at=bank)
         newer = next((one for one in estimates if is_newer_at_same_point(one, source)), None)
         if newer is not None:
-            detail = f"{title} is older than the identification of run {newer.run_id} at the same operating point"
+            detail = record_messages.bank_older_than_identification(bank=title, run=newer.run_id)
             return _build_step("bank", ChecklistState.OUTDATED, detail, at=bank)
     if bank.id != in_use:
-        return _build_step("bank", ChecklistState.MISSING, f"{title} is built but not active: activate it", at=bank)
-    return _build_step("bank", ChecklistState.DONE, f"{title} is active", at=bank)
+        return _build_step("bank", ChecklistState.MISSING, record_messages.bank_not_active(bank=title), at=bank)
+    return _build_step("bank", ChecklistState.DONE, record_messages.bank_is_active(bank=title), at=bank)
 
 
 def is_newer_at_same_point(one: Identification, source: Identification) -> bool:
@@ -169,40 +167,36 @@ def is_newer_at_same_point(one: Identification, source: Identification) -> bool:
 def _check_tuning(session: Session, bank: Bank | None, in_use: int | None) -> ChecklistStep:
     """Return whether λ was saved for the active bank."""
     if bank is None or bank.id != in_use:
-        return _build_step("tuning", ChecklistState.MISSING, "requires an active bank")
+        return _build_step("tuning", ChecklistState.MISSING, record_messages.active_bank_needed())
     title = f"{bank.name} v{bank.version}"
     stored = settings.newest(session, saved_tuning_key(bank.id))
     if stored is None:
-        return _build_step(
-            "tuning", ChecklistState.MISSING, f"{title} has the default λ: choose λ_q and λ_S, and press Save"
-        )
+        return _build_step("tuning", ChecklistState.MISSING, record_messages.default_lambda(bank=title))
     parts = SAVED_TUNING.read(stored.value, f"setting “{stored.name}”").get_known_values()
-    description = ", ".join(
-        f"λ_{name} = {float(parts[key]):g} s" for name, key in (("q", "lam_q"), ("S", "lam_S")) if key in parts
-    )
-    detail = f"{description}, saved for {title} by {stored.who}"
+    lambdas = {name: float(parts[key]) for name, key in (("q", "lam_q"), ("S", "lam_S")) if key in parts}
+    detail = record_messages.saved_tuning(lambdas=lambdas, bank=title, who=stored.who)
     return ChecklistStep(name="tuning", state=ChecklistState.DONE, detail=detail, run=None, at=stored.at)
 
 
 def _check_experiment(run: Run | None, in_use: int | None) -> ChecklistStep:
     if run is None:
-        return _build_step("experiment", ChecklistState.MISSING, "no experiment completed yet")
+        return _build_step("experiment", ChecklistState.MISSING, record_messages.no_experiment_yet())
     if run.bank_id != in_use:
-        return _build_step("experiment", ChecklistState.OUTDATED, f"run {run.id} used another bank", run)
-    return _build_step("experiment", ChecklistState.DONE, f"{run.kind}, run {run.id}", run)
+        return _build_step("experiment", ChecklistState.OUTDATED, record_messages.run_used_other_bank(run=run.id), run)
+    return _build_step(
+        "experiment", ChecklistState.DONE, record_messages.newest_experiment(kind=run.kind, run=run.id), run
+    )
 
 
 def _check_report(session: Session, run: Run | None) -> ChecklistStep:
     if run is None:
-        return _build_step("report", ChecklistState.MISSING, "requires a completed experiment")
+        return _build_step("report", ChecklistState.MISSING, record_messages.completed_experiment_needed())
     stored_items = [
         one for form in ("html", "pdf") if (one := results.newest_report(session, run.id, form)) is not None
     ]
     if not stored_items:
-        return _build_step(
-            "report", ChecklistState.MISSING, f"run {run.id} has no report yet: open the report to create it", run
-        )
-    return _build_step("report", ChecklistState.DONE, f"created from run {run.id}", run)
+        return _build_step("report", ChecklistState.MISSING, record_messages.run_without_report(run=run.id), run)
+    return _build_step("report", ChecklistState.DONE, record_messages.report_created(run=run.id), run)
 
 
 def _find_newest(estimates: list[Identification], kind: str) -> OptionalIdentification:
@@ -346,15 +340,15 @@ class LineageGraph:
             bank = banks.get(self._session, run.bank_id)
             made_of, content = [self._add_bank_with_sources(bank)], document_digest(_extract_content(bank))
         made_of += [self._add_bank_with_sources(one) for one in used]
-        detail = ", ".join(f"{_SYMBOLS.get(name, name)} {_format_value(value)}" for name, value in loop.items())
+        detail = record_messages.loop_values(values=[(_SYMBOLS.get(name, name), value) for name, value in loop.items()])
         # The number of a bank differs between databases, so the digest has its content instead.
         choice = {name: value for name, value in loop.items() if name != "bank"}
         later = {"on_the_way": sorted(document_digest(_extract_content(one)) for one in used)} if used else {}
         digest: Digest = document_digest({"loop": choice, "from": content, **later}), ""
         if origins.BANKS in self._read_embedded(run):
-            digest = None, "its bank was not imported with the run: import the run in a bundle, which contains the bank"
+            digest = None, record_messages.bank_not_imported()
         elif banks_during_run.computed:
-            digest = None, f"the program computes its bank numbers: {', '.join(banks_during_run.computed)}"
+            digest = None, record_messages.bank_numbers_computed(expressions=banks_during_run.computed)
         return self._add_node(
             kind=LineageKind.GAINS, node="gains", title="Gains", detail=detail, digest=digest, origins=made_of
         )
@@ -377,10 +371,11 @@ class LineageGraph:
         if node in self._nodes:
             return node
         newest = banks.newest_version(self._session, bank)
-        marks = [f"version {newest} of this bank is newer"] if newest > bank.version else []
-        marks += ["an operating point was identified again" for one in made_of if self._nodes[one].out_of_date][:1]
-        title, entries = f"{bank.name} v{bank.version}", format_count(len(bank.entries), "operating point")
-        detail = entries if _list_sources(bank) else f"{entries}, imported"
+        marks: list[str] = [record_messages.newer_version_of_bank(version=newest)] if newest > bank.version else []
+        if any(self._nodes[one].out_of_date for one in made_of):
+            marks.append(record_messages.point_identified_again())
+        title = f"{bank.name} v{bank.version}"
+        detail = record_messages.entries_of_bank(count=len(bank.entries), imported=not _list_sources(bank))
         digest = document_digest(_extract_content(bank)), ""
         return self._add_node(
             kind=LineageKind.BANK,
@@ -405,9 +400,9 @@ class LineageGraph:
             ),
             None,
         )
-        mark = "" if newer is None else f"identified again in run {newer.run_id}"
+        mark: str = "" if newer is None else record_messages.identified_again(run=newer.run_id)
         if not estimate.usable:
-            mark = "; ".join(filter(None, (mark, "it is not usable")))
+            mark = "; ".join(filter(None, (mark, record_messages.not_usable())))
         made_of = self._add_data(estimate) if origins is None else list(origins)
         content = {
             "data": estimate.data,
@@ -415,7 +410,7 @@ class LineageGraph:
             "options": estimate.options,
             "model": estimate.model,
         }
-        title = f"Identification{': ' + name if name else ''}"
+        title = record_messages.title_of_identification(name=name)
         detail = f"{estimate.kind}, {estimate.method}"
         digest = document_digest(content), ""
         return self._add_node(
@@ -433,15 +428,15 @@ class LineageGraph:
         if estimate.run_id is None:
             name, sha256 = estimate.data.get("file"), estimate.data.get("sha256")
             stored_items: Digest = (
-                (sha256, "") if isinstance(sha256, str) else (None, "the service did not store the imported file")
+                (sha256, "") if isinstance(sha256, str) else (None, record_messages.imported_file_not_stored())
             )
             node = f"file-{estimate.id}"
             return [
                 self._add_node(
                     kind=LineageKind.DATA,
                     node=node,
-                    title="Imported data",
-                    detail=str(name or "not from a run"),
+                    title=record_messages.title_of_imported_data(),
+                    detail=str(name or record_messages.not_from_a_run()),
                     digest=stored_items,
                     origins=[],
                 )
@@ -455,7 +450,7 @@ class LineageGraph:
             self._add_node(
                 kind=LineageKind.DATA,
                 node=node,
-                title=f"Samples of run {run.id}",
+                title=record_messages.title_of_samples(run=run.id),
                 detail=started,
                 digest=digest,
                 origins=made_of,
@@ -469,7 +464,7 @@ class LineageGraph:
             recording = recordings.get(self._session, run.id)
         except UnknownRecordError as error:
             return str(error)
-        return "" if recording.removed_at is None else "the samples were deleted"
+        return "" if recording.removed_at is None else record_messages.samples_deleted()
 
     def _add_parameters(self, run: Run) -> str:
         digest = document_digest(run.parameters)
@@ -480,7 +475,7 @@ class LineageGraph:
             self._add_node(
                 kind=LineageKind.PARAMETERS,
                 node=node,
-                title=f"Parameters {run.parameters_name}",
+                title=record_messages.title_of_parameters(name=run.parameters_name),
                 detail="",
                 digest=(digest, ""),
                 origins=[],
@@ -499,20 +494,20 @@ class LineageGraph:
         then = {one.step: one for one in stored_items if one.at <= run.started_at}
         later = sorted({one.step for one in stored_items if one.at > run.started_at})
         if not then:
-            none = None, "no calibration was made before the run"
+            none = None, record_messages.no_calibration_before_run()
             return [
                 self._add_node(
                     kind=LineageKind.CALIBRATION,
                     node="calibration-none",
                     title="Calibration",
-                    detail="from the wiring file",
+                    detail=record_messages.calibration_from_wiring_file(),
                     digest=none,
                     origins=[],
                 )
             ]
         content = [commissioning.describe_calibration(one) for one in then.values()]
         detail = ", ".join(f"{one.step} {one.at:%Y-%m-%d}" for one in then.values())
-        mark = f"repeated since: {', '.join(later)}" if later else ""
+        mark = record_messages.calibration_repeated(steps=later) if later else ""
         digest = document_digest(content)
         node = f"calibration-{digest[:16]}"
         return [
@@ -531,7 +526,7 @@ class LineageGraph:
         """Add the calibration that was imported with a run; return its node."""
         content = origin.carried.get(origins.CALIBRATIONS)
         digest: Digest = (
-            (document_digest(content), "") if content else (None, "no calibration was imported with the run")
+            (document_digest(content), "") if content else (None, record_messages.no_calibration_imported())
         )
         node = f"calibration-{(digest[0] or 'none')[:16]}"
         return [
@@ -539,7 +534,7 @@ class LineageGraph:
                 kind=LineageKind.CALIBRATION,
                 node=node,
                 title="Calibration",
-                detail="of the rig that recorded the run",
+                detail=record_messages.calibration_of_recording_rig(),
                 digest=digest,
                 origins=[],
             )
@@ -561,19 +556,9 @@ def _describe_difference(then: Document, now: Document) -> str:
     before, after = dict(iterate_parameters(then)), dict(iterate_parameters(now))
     differing = [name for name in sorted({*before, *after}) if before.get(name) != after.get(name)]
     if not differing:
-        return "the active parameters differ in their sources or texts"
-    description = ", ".join(
-        f"{name} {_format_value(before.get(name))}, now {_format_value(after.get(name))}"
-        for name in differing[:_MAX_NAMED]
-    )
-    more = f" and {len(differing) - _MAX_NAMED} more" if len(differing) > _MAX_NAMED else ""
-    return f"the active parameters differ: {description}{more}"
-
-
-def _format_value(value: float | str | None) -> str:
-    if value is None:
-        return "not defined"
-    return f"{value:.6g}" if type(value) is float else str(value)
+        return record_messages.parameters_differ_in_texts()
+    changes = [(name, before.get(name), after.get(name)) for name in differing[:_MAX_NAMED]]
+    return record_messages.parameters_differ(changes=changes, more=len(differing) - len(changes))
 
 
 # Service -------------------------------------------------------------------------------------------

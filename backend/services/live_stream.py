@@ -34,7 +34,7 @@ from backend.realtime import (
 )
 from backend.sample import STORED
 from backend.schemas import EventMessage, LayoutMessage, MarkKind, StateMessage
-from backend.services.state import describe_wall
+from backend.services import messages
 from backend.supervision import Part
 from plant import T_s
 
@@ -57,33 +57,31 @@ def build_mark(event: Event | LoopExited, now: int) -> Mark | None:
     """
     match event:
         case ModeChanged(tick, before, after):
-            return Mark(MarkKind.MODE, f"{before} → {after}", tick)
+            return Mark(MarkKind.MODE, messages.mode_changed(before=before, after=after), tick)
         case PretensionReached(tick):
-            return Mark(MarkKind.MODE, "pretension reached", tick)
+            return Mark(MarkKind.MODE, messages.pretension_reached(), tick)
         case ContactDetected(tick, F_ext_hat, contact_N):
-            return Mark(
-                MarkKind.NOTE, f"contact: {F_ext_hat:.1f} N, threshold of the contact reaction {contact_N:g} N", tick
-            )
+            return Mark(MarkKind.NOTE, messages.contact_detected(F_ext_hat=F_ext_hat, contact_N=contact_N), tick)
         case BiasLost(tick):
-            return Mark(MarkKind.NOTE, "encoder zeros set again: recalibrate the external-force bias", tick)
+            return Mark(MarkKind.NOTE, messages.zeros_set_again(), tick)
         case PushReleased(tick, why):
-            return Mark(MarkKind.NOTE, f"push released: {why}", tick)
+            return Mark(MarkKind.NOTE, messages.push_released_by_loop(reason=why), tick)
         case TuningChanged(tick, 0, lam_q, lam_S):
-            return Mark(MarkKind.TUNING, f"as before the program: λ_q {lam_q:g} s, λ_S {lam_S:g} s", tick)
+            return Mark(MarkKind.TUNING, messages.tuning_after_program(lam_q=lam_q, lam_S=lam_S), tick)
         case TuningChanged(tick, _, lam_q, lam_S):
-            return Mark(MarkKind.TUNING, f"by the program: λ_q {lam_q:g} s, λ_S {lam_S:g} s", tick)
+            return Mark(MarkKind.TUNING, messages.tuning_by_program(lam_q=lam_q, lam_S=lam_S), tick)
         case WallChanged(tick, number, wall) if number:
-            return Mark(MarkKind.NOTE, f"by the program: {describe_wall(wall)}", tick)
+            return Mark(MarkKind.NOTE, messages.obstacle_by_program(wall=wall), tick)
         case Stopped(fault=Fault.STOP_PRESSED):
             return None
         case Stopped(fault=fault, arrived_tick=tick, detail=detail):
             return Mark(MarkKind.TRIP, describe_fault(fault, detail), tick)
         case PlantFailing(tick, reason):
-            return Mark(MarkKind.FAULT, f"the plant cannot be read or written: {reason}", tick)
+            return Mark(MarkKind.FAULT, messages.plant_failing(reason=reason), tick)
         case PlantAnswers(tick):
-            return Mark(MarkKind.NOTE, "the plant can be read and written again", tick)
+            return Mark(MarkKind.NOTE, messages.plant_answers(), tick)
         case LoopExited(reason):
-            return Mark(MarkKind.TRIP, f"The control loop died: {reason}", now)
+            return Mark(MarkKind.TRIP, messages.loop_died(reason=reason), now)
         case Accepted() | Refused() | RunEnded() | ReadinessChanged() | WallChanged() | PlayerMoved():
             return None
         case _:

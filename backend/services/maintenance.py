@@ -25,6 +25,7 @@ from backend.schemas import (
     RecordingsView,
     SystemView,
 )
+from backend.services import record_messages
 from backend.storage import (
     DamagedError,
     Database,
@@ -83,7 +84,7 @@ class Maintenance:
         backup_database(self._database.engine, target)
         # a database that cannot be written to still needs a copy: the missing log entry is no error
         with suppress(StorageError), self._database.session() as session:
-            events.add(session, EventKind.BACKUP, f"database copied to {target.name}", who=who)
+            events.add(session, EventKind.BACKUP, record_messages.database_copied(name=target.name), who=who)
         return _build_backup_view(target)
 
     def _build_database_view(self) -> DatabaseView:
@@ -140,7 +141,7 @@ class Retention:
             try:
                 await asyncio.to_thread(self.summarize_recordings)
             except StorageError as error:
-                self.problem = f"the size of the recordings is unknown: {error}"
+                self.problem = record_messages.size_of_recordings_unknown(reason=error.message)
             await asyncio.sleep(CHECK_PERIOD_S)
 
     def summarize_recordings(self) -> RecordingsView:
@@ -231,8 +232,8 @@ class DatabaseMonitor:
         try:
             require_intact_database(self._database, self._data)
         except DamagedError as error:
-            self.problem = f"{error}. Stop the service first"
+            self.problem = record_messages.damaged_database(reason=error.message)
             _log.error(self.problem)
         except Exception as error:
-            self.problem = f"the database could not be checked: {error}"
+            self.problem = record_messages.database_not_checked(reason=str(error))
             _log.exception("The check of the database failed.")

@@ -94,7 +94,7 @@ def build_proposal(base: PlantParameters, active: PlantParameters, found: Identi
         raise NotApplicableError(messages.actuator_identification(identification=named, kind=found.kind))
     if not found.usable:
         raise NotApplicableError(messages.identification_not_usable(identification=named, verdict=found.verdict))
-    source = f"{found.kind} identification of {named}"
+    source = messages.source_of_values(kind=found.kind, identification=named)
     sections = select_identified_sections(active)
     for side in SIDES:
         entries = dict(
@@ -304,10 +304,11 @@ class ParameterService:
             self._events.publish(ParametersApplied(parameters))
 
         self._require_idle(before)  # also before it waits for the restart
-        undone = "the previous parameters, because the last identification was undone"
-        run = f"the identification of run {applied.run}" if applied.run else "an imported spring table"
-        moved = ", ".join(tuning.settings.list_differences(before.settings))
-        description = f"{undone if applied.undone else run}{f' (tuning: {moved})' if moved else ''}"
+        description = messages.applied_parameters(
+            undone=applied.undone,
+            run=applied.run,
+            tuning=", ".join(tuning.settings.list_differences(before.settings)),
+        )
         await self._actuator.restart_loop_with(store_and_publish, description, who)
 
     def _require_idle(self, tuning: ActiveTuning) -> None:

@@ -73,7 +73,7 @@ def _derive_marks(recording: RecordedSamples) -> list[RunMark]:
         modes = columns["mode"]
         for at in _find_changes(modes):
             before, after = _look_up_name(MODES, modes[at - 1]), _look_up_name(MODES, modes[at])
-            marks.append(_build_mark(at, EventKind.MODE, f"{before} → {after}"))
+            marks.append(_build_mark(at, EventKind.MODE, messages.mode_changed(before=before, after=after)))
     for at in _find_changes(columns["fault"]):
         number = columns["fault"][at]
         if 0.0 < number < len(FAULTS):
@@ -89,7 +89,7 @@ def _find_changes(codes: Signal) -> list[int]:
 
 def _look_up_name(names: tuple[Any, ...], code: float) -> str:
     is_known = np.isfinite(code) and 0 <= code < len(names)
-    return str(names[int(code)]) if is_known else f"mode {code:g}"
+    return str(names[int(code)]) if is_known else messages.unknown_mode(code=code)
 
 
 def _build_mark(at: int, kind: EventKind, text: str) -> RunMark:

@@ -75,7 +75,7 @@ class DryRuns:
         Raises OutOfRangeError for a program longer than LONGEST_S, RequestRejectedError at a limit, WorkerDiedError.
         """
         duration_s = request.plan.program().duration_s
-        remedy = "run it with `sinew experiment` on the command line"
+        remedy = messages.run_on_command_line()
         check_range(
             "duration_s",
             duration_s,
@@ -224,8 +224,7 @@ class ExperimentQueue:
             return
         self._run = None
         if end_state is not EndState.COMPLETED:
-            how = "failed" if end_state is None else f"ended as {end_state.replace('_', ' ')}"
-            self._pause(f"run {run_id} {how}")
+            self._pause(messages.run_not_completed(run=run_id, end_state=end_state))
         elif not self._items:
             self._running = False
         elif self._running:
@@ -242,9 +241,9 @@ class ExperimentQueue:
             # Any error pauses the queue and is shown to an operator; the experiments stay in the queue.
             _log.warning("The queue is paused: %s", error)
             if next_item in self._items:
-                self._pause(f"the next experiment was refused: {error}", next_item.id)
+                self._pause(messages.next_experiment_refused(reason=str(error)), next_item.id)
             else:
-                self._pause(f"an experiment that a person has removed meanwhile was refused: {error}")
+                self._pause(messages.removed_experiment_refused(reason=str(error)))
 
     async def _start_first(self) -> None:
         item = self._items[0]
@@ -264,9 +263,7 @@ class ExperimentQueue:
 
         ``rejected_item`` is the experiment that has caused it.
         """
-        count = len(self._items)
-        remedy = "the queue is empty" if count == 0 else "start the queue again to continue with the next experiment"
-        self._set_problem(f"paused because {cause}; {remedy}", rejected_item)
+        self._set_problem(messages.queue_paused(cause=cause, waiting=len(self._items)), rejected_item)
         self._running = False
 
     def _set_problem(self, problem: str, rejected_item: int | None = None) -> None:
@@ -293,12 +290,12 @@ class ExperimentQueue:
                 stored = queue.load_waiting(session)
         except StorageError as error:
             _log.warning("The service cannot read the stored queue: %s", error)
-            self._set_problem(f"paused because the stored queue cannot be read: {error}")
+            self._set_problem(messages.stored_queue_not_readable(reason=error.message))
             return
         self._items = [QueuedView(id=it.id, name=it.name, settings=it.settings, who=it.who, kept=True) for it in stored]
         if stored:
             _log.warning("The stored queue contains %d experiments and waits until an operator starts it.", len(stored))
-            self._pause("the service was restarted")
+            self._pause(messages.service_was_restarted())
 
     def _store(self, request: ExperimentRequest, who: str) -> queue.StoredQueued:
         with self._database.session() as session:

@@ -107,7 +107,7 @@ from backend.storage import (
 )
 from backend.storage import search as run_search
 from backend.workers import WorkerProcess
-from plant import Angle, ErrorCode, Obstacle, ParameterError, Quantity, T_s, parse_parameters
+from plant import ErrorCode, Obstacle, ParameterError, T_s, parse_parameters
 
 # Evaluations ---------------------------------------------------------------------------------------
 
@@ -268,7 +268,7 @@ def build_recorded_experiment(database: Database, run_id: int) -> RecordedExperi
     document = {
         "format": FORMAT,
         "name": f"as_run_{run_id}",
-        "title": f"References of run {run_id}",
+        "title": record_messages.title_of_recorded_experiment(run=run_id),
         "description": _describe_recorded(run_id, found),
         **({} if made.law is Law.CASCADE else {"law": str(made.law)}),
         "phases": [{"name": "recorded", "title": "Recorded", "parts": found.parts}],
@@ -278,16 +278,12 @@ def build_recorded_experiment(database: Database, run_id: int) -> RecordedExperi
 
 
 def _describe_recorded(run_id: int, found: RecordedParts) -> str:
-    off = f"{found.deviation_q_rad:.2g} rad and {found.deviation_S:.2g} N·m/rad"
-    pushed = f", pushes within {found.deviation_F_N:.2g} N" if any(part["do"] == "push" for part in found.parts) else ""
-    late = (
-        f" Pushes, obstacles and changes of the tuning occur up to {found.delay_ticks} ms late."
-        if found.delay_ticks
-        else ""
-    )
-    return (
-        f"The references of run {run_id} as commanded, reproduced within {off} at every sample{pushed}. "
-        f"The experiment begins with the tuning of the run.{late}"
+    return record_messages.recorded_references(
+        run=run_id,
+        deviation_q=found.deviation_q_rad,
+        deviation_S=found.deviation_S,
+        deviation_F=found.deviation_F_N if any(part["do"] == "push" for part in found.parts) else None,
+        delay_ticks=found.delay_ticks,
     )
 
 
@@ -323,12 +319,12 @@ class _RunConversion:
         self.law = _select_law(run)
         missing = round((t[-1] - t[0]) / T_s) + 1 - len(t)
         if missing > 0:
-            self.left_out.append(f"{missing} samples are missing: the experiment omits their time")
+            self.left_out.append(record_messages.samples_missing(count=missing))
 
     def collect_changes(self) -> list[ReferenceChange]:
         """Return changes of tuning and obstacle in order of their ticks."""
-        tunings = self._limit_count(self._collect_tunings(), MAX_TUNINGS, "changes of the tuning")
-        walls = self._limit_count(self._collect_walls(), MAX_WALLS, "changes of the obstacle")
+        tunings = self._limit_count(self._collect_tunings(), MAX_TUNINGS, "tuning")
+        walls = self._limit_count(self._collect_walls(), MAX_WALLS, "obstacle")
         self._report_missing_marks()
         self._report_missing_program()
         return sorted([*tunings, *walls], key=lambda change: change.tick)
@@ -337,12 +333,12 @@ class _RunConversion:
         """Add to ``left_out`` the pushes that the experiment lacks."""
         for begin, end in found.unpushed:
             force, begins, ends = F_push[begin], self._t[begin], self._t[min(end, len(self._t) - 1)]
-            why = "the references change during the push, but a push part holds them constant"
-            self.left_out.append(f"push of {Quantity(force, 'N'):.3g} from {begins:.3f} s to {ends:.3f} s: {why}")
+            self.left_out.append(record_messages.push_not_repeated(F_push=force, begin_s=begins, end_s=ends))
 
-    def _limit_count(self, changes: list[ReferenceChange], most: int, what: str) -> list[ReferenceChange]:
+    def _limit_count(self, changes: list[ReferenceChange], most: int, subject: str) -> list[ReferenceChange]:
         if len(changes) > most:
-            self.left_out.append(f"the last {len(changes) - most} of {len(changes)} {what}: at most {most} are allowed")
+            message = record_messages.too_many_changes(subject=subject, count=len(changes), maximum=most)
+            self.left_out.append(message)
         return changes[:most]
 
     def _collect_tunings(self) -> list[ReferenceChange]:
@@ -360,7 +356,7 @@ class _RunConversion:
             others = {name: value for name, value in changed.items() if name not in _LAM}
             for name in ("k_ext", "bank"):
                 if name in others and others.pop(name):
-                    self.left_out.append(f"at {mark.t:.3f} s: {mark.text}")
+                    self.left_out.append(record_messages.event_not_repeated(t=mark.t, event=mark.text))
             if others:
                 parts.setdefault(tick, {}).update(others)
         return [ReferenceChange(tick, {"do": "tuning", **parts[tick]}) for tick in sorted(parts) if parts[tick]]
@@ -371,11 +367,9 @@ class _RunConversion:
         if loop.motion == LAMBDA:
             known.pop("u_plan", None)
         if known.pop("k_ext", 0.0):
-            self.left_out.append(
-                "disturbance rejection (k_ext): the bias that was calibrated before the run is not recorded"
-            )
+            self.left_out.append(record_messages.bias_not_recorded())
         if known.pop("bank", 0) and self._bank is None:
-            self.left_out.append(f"bank {loop.bank} does not belong to this station: the active bank is used")
+            self.left_out.append(record_messages.bank_of_other_station(bank=loop.bank))
         if self._bank is not None:
             known["bank"] = self._bank
         first = {name: round(float(self._columns[name][0]), _DECIMALS) for name in _LAM}
@@ -394,9 +388,9 @@ class _RunConversion:
             wall = stored.obstacle
             q_ref = float(self._columns["q_ref"][min(tick, len(self._t)) - 1])
             if wall is not None and stored.side * (q_ref - stored.q_wall) >= 0.0:
+                begin_s = float(self._t[tick])
                 self.left_out.append(
-                    f"obstacle at {Angle(stored.q_wall):.4g} from {self._t[tick]:.3f} s: "
-                    f"q_ref is beyond it, at {Angle(q_ref):.4g}"
+                    record_messages.obstacle_not_repeated(q_wall=stored.q_wall, begin_s=begin_s, q_ref=q_ref)
                 )
                 wall = None
             if wall is not None:
@@ -418,7 +412,7 @@ class _RunConversion:
                 parse_changes(mark.text) is not None or mark.text.startswith("by the program")
             )
             if not reproduced:
-                self.left_out.append(f"at {mark.t:.3f} s: {mark.text}")
+                self.left_out.append(record_messages.event_not_repeated(t=mark.t, event=mark.text))
 
     def _report_missing_program(self) -> None:
         """Add to ``left_out`` what the program did without a record of it."""
@@ -428,18 +422,18 @@ class _RunConversion:
         try:
             plan = parse_stored_plan(self._run.kind, stored)
         except (ValueError, UnreadableDocumentError):
-            self.left_out.append("other actions of the program: this version cannot read the stored program")
+            self.left_out.append(record_messages.program_not_readable())
             return
         if not isinstance(plan, ExperimentPlan):
             return
         compiled = plan.compiled
         if any(segment.load_A or segment.load_B for segment in compiled.segments):
-            self.left_out.append("loads on the motor shafts: they are not recorded")
+            self.left_out.append(record_messages.loads_not_recorded())
         if compiled.contact_detections:
-            self.left_out.append("calibration of the external-force bias and contact reaction")
+            self.left_out.append(record_messages.contact_not_repeated())
         others = {name for change in compiled.changes for name in change if name not in _LAM}
         if others:
-            self.left_out.append(f"changes of {', '.join(sorted(others))} by the program: only λ is recorded")
+            self.left_out.append(record_messages.changes_not_recorded(names=sorted(others)))
 
     def _find_tick(self, t: float) -> int | None:
         """Return the tick of a time [s] within the references, None outside of them."""
@@ -685,7 +679,7 @@ def build_dry_run_view(
 
 def _build_judgement(run: Run, result: Result | None) -> dict[str, Any]:
     metrics, criteria = (None, ()) if result is None else (result.metrics, result.criteria)
-    running = "" if run.ended_at is not None else "the run is still in progress"
+    running = "" if run.ended_at is not None else record_messages.run_still_in_progress()
     found = judge_stored_run(metrics, criteria, run.evaluation_problem or running)
     return {
         "outcome": found.outcome,
@@ -711,7 +705,7 @@ def _build_criterion(item: RunCriterion) -> Criterion:
 def build_run_message(run: Run, result: Result | None) -> str:
     """Return how a run ended, or why it has no result."""
     if result is None and run.evaluation_problem:
-        return ". ".join(filter(None, (run.end_detail, f"not evaluated: {run.evaluation_problem}")))
+        return ". ".join(filter(None, (run.end_detail, record_messages.not_evaluated(reason=run.evaluation_problem))))
     return run.end_detail or ("" if result is None else result.metrics.problem)
 
 

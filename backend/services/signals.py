@@ -175,7 +175,7 @@ def stream_statistics(database: Database, query: RangeQuery) -> Iterator[bytes]:
 def stream_spectra(database: Database, query: RangeQuery) -> Iterator[bytes]:
     """Yield ``SpectraLine`` with the progress, the last one with the result."""
     interval, described, samples = _find_interval(database, query), _describe_signals(database, query), 0
-    remedy = "choose a shorter range or fewer signals"
+    remedy = record_messages.choose_shorter_range()
     words = "samples times signals of a spectrum"
     check_range(
         "range",
@@ -211,8 +211,9 @@ def stream_range_csv(database: Database, query: RangeQuery) -> Iterator[bytes]:
 
     interval, described = _find_interval(database, query), _describe_signals(database, query)
     heading = [
-        f"run {interval.run_id} from {interval.from_s:.3f} s to {interval.to_s:.3f} s, Sinew {__version__}; "
-        "every sample; SI units, angles in rad; t counts from the first sample of the run",
+        record_messages.heading_of_range(
+            run=interval.run_id, from_s=interval.from_s, to_s=interval.to_s, software=__version__
+        ),
         *(
             f"{name} [{described[name].unit}] {_SYMBOLS.get(name, name)}: {described[name].meaning}"
             for name in query.signals
@@ -244,7 +245,7 @@ def read_values(database: Database, run: int, times_s: Sequence[float], signals:
         whole = find_tick_range(session, run)
         for time_s in times_s:
             if not 0 <= whole.tick_at(time_s) < whole.end:  # sums of times have rounding errors
-                remedy = f"choose a time within the recording of run {run}"
+                remedy = record_messages.choose_time_within(run=run)
                 check_range("at", time_s, minimum=0.0, maximum=whole.to_s, unit="s", remedy=remedy, label="time")
         ticks = [recordings.tick_before(session, run, whole.tick_at(time_s)) for time_s in times_s]
     return RecordedValues(

@@ -65,11 +65,11 @@ from backend.schemas import (
     TuningView,
     WallView,
 )
+from backend.services import messages
 from backend.services.tuning_state import ActiveTuning, ResolvedTuning, build_chosen_tuning, overlay_tuning
 from plant import (
     K_LEAST,
     SUBSTEPS,
-    Angle,
     CardState,
     Obstacle,
     PlantChoice,
@@ -207,13 +207,13 @@ def build_safety_chain(
             name="service",
             good=heartbeat_age_s is not None and heartbeat_age_s < SILENCE_S,
             silent_s=heartbeat_age_s,
-            says="last heartbeat" if heartbeat_age_s is not None else "no heartbeats: the control loop is not running",
+            says=messages.last_heartbeat() if heartbeat_age_s is not None else messages.no_heartbeats(),
         ),
         ChainLinkView(
             name="loop",
             good=is_ticking,
             silent_s=link.silent_s,
-            says="last sample" if is_ticking else "no new samples; last sample",
+            says=messages.last_sample() if is_ticking else messages.no_new_samples(),
         ),
         *build_downstream_links(
             supervisor.setup.plant, supervisor.card.state(), supervisor.watchdog_monitor, alive, fault
@@ -230,8 +230,8 @@ def _build_restarting_links(supervisor: Supervisor, link: LinkView, fault: Fault
     downstream = build_downstream_links(supervisor.setup.plant, card, monitor, False, fault)
     is_intact = not (card.expired or card.safety_tripped or monitor.is_watchdog_lost or fault is Fault.SAFETY_MODULE)
     return [
-        ChainLinkView(name="service", good=True, silent_s=None, says="waiting for the control loop"),
-        ChainLinkView(name="loop", good=True, silent_s=None, says=f"restarting {link.restarting}"),
+        ChainLinkView(name="service", good=True, silent_s=None, says=messages.waiting_for_loop()),
+        ChainLinkView(name="loop", good=True, silent_s=None, says=messages.loop_restarting(purpose=link.restarting)),
         *(one.model_copy(update={"good": one.good or is_intact}) for one in downstream),
     ]
 
@@ -256,9 +256,9 @@ def build_downstream_links(
                 return _mark_as_outdated(card, links[0]), _mark_as_outdated(card, links[1])
             return links
         case PlantKind.REPLAY:
-            good, says = True, "not needed: the plant is a replay, nothing moves"
+            good, says = True, messages.not_needed_in_replay()
         case PlantKind.PACKAGE:
-            good, says = False, f"not monitored by Sinew: {plant.name} must provide its own"
+            good, says = False, messages.not_monitored(plant=plant.name)
         case _:
             assert_never(plant.kind)
     watchdog = ChainLinkView(name="watchdog", good=good, silent_s=None, says=says)
@@ -268,42 +268,36 @@ def build_downstream_links(
 
 def _build_page_link(holder: HolderView | None) -> ChainLinkView:
     if holder is None:
-        return ChainLinkView(name="page", good=True, silent_s=None, says="no user holds control")
+        return ChainLinkView(name="page", good=True, silent_s=None, says=messages.no_user_holds_control())
     if not holder.page:
-        return ChainLinkView(name="page", good=True, silent_s=None, says=f"a script holds control ({holder.name})")
-    says = (
-        f"{holder.name} sends no heartbeats: references are held; last message"
-        if holder.lost
-        else f"{holder.name} holds control; last message"
-    )
+        return ChainLinkView(
+            name="page", good=True, silent_s=None, says=messages.script_holds_control(name=holder.name)
+        )
+    says = messages.page_lost(name=holder.name) if holder.lost else messages.page_holds_control(name=holder.name)
     return ChainLinkView(name="page", good=not holder.lost, silent_s=holder.silent_s, says=says)
 
 
 def _build_watchdog_link(card: CardState, monitor: WatchdogMonitor, alive: bool) -> ChainLinkView:
-    line = "drive-enable on" if card.drive_enabled else "drive-enable off, zero volts"
+    drives_enabled = card.drive_enabled
     if monitor.is_watchdog_lost:
-        says = f"dead, no response for {monitor.watchdog_silent_s:.1f} s: {line}; Reset starts a new one"
+        says = messages.watchdog_dead(silent_s=monitor.watchdog_silent_s, drives_enabled=drives_enabled)
     elif card.expired:
-        says = f"expired after {card.watchdog_s:g} s without a write: {line}"
+        says = messages.watchdog_expired(timeout_s=card.watchdog_s, drives_enabled=drives_enabled)
     elif card.armed:
-        says = f"armed, {line}"
+        says = messages.watchdog_armed(drives_enabled=drives_enabled)
     else:
-        says = f"disarmed, {line}"
+        says = messages.watchdog_disarmed(drives_enabled=drives_enabled)
     good = alive and card.armed and not card.expired and not monitor.is_watchdog_lost
     return ChainLinkView(name="watchdog", good=good, silent_s=None, says=says)
 
 
 def _build_safety_module_link(tripped: bool) -> ChainLinkView:
-    says = "tripped: motor power is cut" if tripped else "monitoring"
+    says = messages.safety_module_tripped() if tripped else messages.safety_module_monitoring()
     return ChainLinkView(name="safety_module", good=not tripped, silent_s=None, says=says)
 
 
 def _mark_as_outdated(card: CardState, link: ChainLinkView) -> ChainLinkView:
-    says = (
-        f"unknown since the control loop ended; last state: {link.says}"
-        if card.mirror
-        else "unknown: no control loop has run yet"
-    )
+    says = messages.unknown_since_loop_ended(state=link.says) if card.mirror else messages.unknown_without_loop()
     return link.model_copy(update={"good": False, "says": says})
 
 
@@ -336,14 +330,6 @@ def compute_wall_bounds(parameters: PlantParameters) -> WallBounds:
     return WallBounds(
         K_LEAST, largest_wall_stiffness(joint, step_s), largest_wall_damping(joint, parameters.safety.F_max, step_s)
     )
-
-
-def describe_wall(wall: Obstacle | None) -> str:
-    """Return a description of the obstacle."""
-    if wall is None:
-        return "no wall"
-    side = "above" if wall.side > 0.0 else "below"
-    return f"wall {side} {Angle(wall.q_wall):.4g}, {wall.k_wall:.4g} N/m, {wall.c_wall:.4g} s/m"
 
 
 def build_wall_view(wall: Obstacle | None) -> WallView | None:
@@ -501,7 +487,7 @@ class LiveState:
             case PlayerMoved(playing=True):
                 self._stop = None  # the recording that STOP had paused continues
             case PlantFailing(_, reason):
-                self._plant_problem = f"the plant cannot be read or written: {reason}"
+                self._plant_problem = messages.plant_failing(reason=reason)
             case PlantAnswers():
                 self._plant_problem = ""
             case ReadinessChanged(_, unready):
@@ -641,12 +627,9 @@ class LiveState:
             self.is_expected(fault),
         )
         if is_expected:
-            message, remedy = f"The bring-up caused this trip: {message}", ""
+            message, remedy = messages.trip_of_bring_up(fault=message), ""
         elif fault is Fault.SAFETY_MODULE and self.plant.simulated:
-            remedy = (
-                "Remove the obstacle or the push that caused the trip, then reset: Reset also "
-                "acknowledges the simulated safety module."
-            )
+            remedy = messages.remedy_for_simulated_safety_module()
         return FaultView(code=fault, message=message, remedy=remedy, tick=tick, expected=is_expected)
 
     def is_expected(self, fault: Fault) -> bool:

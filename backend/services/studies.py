@@ -42,8 +42,6 @@ from plant import ErrorCode, PlantParameters
 
 
 MAX_LISTED = 100
-_RUNNER_LOST = "the process of the study died without a message: resume the study; computed points are kept"
-"""Problem of a study whose process was killed, or whose machine was lost."""
 MAX_ROWS = 200
 """Rows of a table that the page gets; the command line shows all."""
 
@@ -182,7 +180,8 @@ def _build_view(stored: StoredStudy, ends: dict[str, int]) -> StudyView:
         done=done,
         ends=ends,
         left_s=estimate_remaining_s(done, stored.begun_with, stored.points, lasted_s) if computed else None,
-        problem=stored.problem or (_RUNNER_LOST if stored.runner and state == "stopped" else ""),
+        problem=stored.problem
+        or (record_messages.study_process_died() if stored.runner and state == "stopped" else ""),
     )
 
 

@@ -26,9 +26,8 @@ class Triggers:
                 armed.get("says")
                 or Condition(armed["signal"], armed["kind"], armed["level"], armed["upper"]).describe()
             )
-            event_log.add_entry(
-                EventKind.NOTE, f"trigger disarmed, because the service was restarted: {says}, armed by {armed['who']}"
-            )
+            text = messages.trigger_disarmed_by_restart(condition=says, who=armed["who"])
+            event_log.add_entry(EventKind.NOTE, text)
 
     def view(self) -> TriggerView | None:
         """Return the last armed trigger with its progress.
@@ -83,11 +82,12 @@ class Triggers:
             try:
                 await asyncio.to_thread(self._trigger.save_armed, who)
             except StorageError:
-                self._trigger.disarm("the service could not store the armed trigger")
+                self._trigger.disarm(messages.trigger_not_stored())
                 raise
-        times = "once" if order.captures == 1 else f"{order.captures} times"
-        captured = f"{order.before_s:g} s before and {order.after_s:g} s after, {times}"
-        self._add_mark(f"trigger armed: {condition.describe()}; {captured}", who)
+        text = messages.trigger_armed(
+            condition=condition.describe(), before_s=order.before_s, after_s=order.after_s, captures=order.captures
+        )
+        self._add_mark(text, who)
         view = self.view()
         assert view is not None
         return view
@@ -97,9 +97,9 @@ class Triggers:
         async with self._command_lock:
             if not self._trigger.is_armed:
                 return
-            self._trigger.disarm(f"{who} disarmed it")
+            self._trigger.disarm(messages.trigger_disarmed_by(who=who))
             await asyncio.to_thread(self._trigger.save_armed, who)
-        self._add_mark("trigger disarmed", who)
+        self._add_mark(messages.trigger_disarmed(), who)
 
     def _load_derived_signals(self) -> dict[str, Derived]:
         with self._database.reading() as session:

@@ -113,7 +113,7 @@ class TuningService:
         if keep:
             self._trial.clear()
             self._push_undo(before)
-            self._event_log.add_mark(MarkKind.TUNING, "trial kept", self._live_state.tick, who)
+            self._event_log.add_mark(MarkKind.TUNING, messages.trial_kept(), self._live_state.tick, who)
             await self._store_active(who)
         else:
             await self._end_trial(before, who)
@@ -132,7 +132,7 @@ class TuningService:
             self._require_no_override()
             before = self._live_state.tuning
             tick = await self._apply_permanently(await asyncio.to_thread(before.with_bank, bank))
-            text = "geometric gains" if bank is None else f"bank {bank.name}, version {bank.version}"
+            text = messages.models_in_use(bank=None if bank is None else (bank.name, bank.version))
             self._event_log.add_mark(MarkKind.BANK, text, tick, who)
         await self._store_active(who)
         return self._live_state.tuning.view(self._live_state.entry)
@@ -144,19 +144,19 @@ class TuningService:
         OutOfRangeError if that tuning is no longer safe.
         """
         stack, other = self._live_state.undo_stack, self._live_state.redo_stack
-        return await self._move_between_stacks(stack, other, "undone", messages.nothing_to_undo(), who)
+        return await self._move_between_stacks(stack, other, True, messages.nothing_to_undo(), who)
 
     async def redo(self, who: str) -> TuningView:
         """Restore the tuning that the last undo has replaced. Raises like ``undo``."""
         stack, other = self._live_state.redo_stack, self._live_state.undo_stack
-        return await self._move_between_stacks(stack, other, "redone", messages.nothing_to_redo(), who)
+        return await self._move_between_stacks(stack, other, False, messages.nothing_to_redo(), who)
 
     async def _move_between_stacks(
-        self, stack: deque[ResolvedTuning], other: deque[ResolvedTuning], done: str, nothing: str, who: str
+        self, stack: deque[ResolvedTuning], other: deque[ResolvedTuning], undo: bool, nothing: str, who: str
     ) -> TuningView:
         """Activate the newest tuning of ``stack`` and push the active one onto ``other``.
 
-        ``done`` starts the text for the event log; ``nothing`` is the message for an empty stack.
+        ``undo`` selects the text for the event log; ``nothing`` is the message for an empty stack.
         """
         async with self._change_lock:
             self._require_no_override()
@@ -170,7 +170,11 @@ class TuningService:
             stack.pop()
             other.append(before)
             self._on_change()
-            self._event_log.add_mark(MarkKind.TUNING, f"{done}: {after.describe_difference(before)}", tick, who)
+            difference = after.describe_difference(before)
+            text = (
+                messages.tuning_undone(difference=difference) if undo else messages.tuning_redone(difference=difference)
+            )
+            self._event_log.add_mark(MarkKind.TUNING, text, tick, who)
         await self._store_active(who)
         return self._live_state.tuning.view(self._live_state.entry)
 
@@ -188,7 +192,7 @@ class TuningService:
                 temporary = await asyncio.to_thread(own.with_settings, settings, bank)
                 tick = await self._send_tuning(temporary)
                 self._event_log.add_mark(
-                    MarkKind.TUNING, f"for the run: {temporary.describe_difference(own)}", tick, who
+                    MarkKind.TUNING, messages.tuning_for_run(difference=temporary.describe_difference(own)), tick, who
                 )
             self._live_state.overridden_tuning = own
         self._on_change()
@@ -197,7 +201,7 @@ class TuningService:
         """Restore the operator's tuning after a run; repeats it until accepted."""
         own = self._live_state.overridden_tuning
         if own is not None:
-            await self._retry_restore("The operator's tuning", own, lambda: self._restore_after_run(own))
+            await self._retry_restore(messages.tuning_of_operator(), own, lambda: self._restore_after_run(own))
         self._on_change()
 
     async def preview(
@@ -270,9 +274,7 @@ class TuningService:
             return
         live_state.tuning = live_state.tuning.without_rejection()
         self._supervisor.setup = replace(self._supervisor.setup, tuning=live_state.tuning.build_command())
-        self._event_log.add_mark(
-            MarkKind.TUNING, "disturbance rejection disabled: the external-force bias was discarded", live_state.tick
-        )
+        self._event_log.add_mark(MarkKind.TUNING, messages.rejection_disabled(), live_state.tick)
         self._on_change()
 
     def _drop_unusable_rejection(self, tuning: ActiveTuning) -> ActiveTuning:
@@ -309,10 +311,8 @@ class TuningService:
                     # For example, the control loop is restarting. The tuning must be restored in any case.
                     _log.exception("The service could not restore %s yet.", what)
                     difference = tuning.describe_difference(self._live_state.tuning)
-                    self._live_state.tuning_problem = (
-                        f"{what} ({difference}) could not be restored yet: {error}. The service retries every "
-                        f"{RETRY_S:g} s. If this persists, abort softly and restart the service: it starts with the "
-                        "operator's tuning."
+                    self._live_state.tuning_problem = messages.tuning_not_restored(
+                        tuning=what, difference=difference, reason=str(error), retry_s=RETRY_S
                     )
                     self._on_change()
                     await asyncio.sleep(RETRY_S)
@@ -333,12 +333,12 @@ class TuningService:
                 except LoopExitedError:
                     tick = self._set_active(restored.without_rejection())
                 self._event_log.add_mark(
-                    MarkKind.TUNING, f"after the run: {restored.describe_difference(temporary)}", tick
+                    MarkKind.TUNING, messages.tuning_after_run(difference=restored.describe_difference(temporary)), tick
                 )
             self._live_state.overridden_tuning = None
 
     async def _end_trial_automatically(self, before: ActiveTuning, cause: str) -> None:
-        await self._retry_restore("The tuning before the trial", before, lambda: self._end_trial(before, cause=cause))
+        await self._retry_restore(messages.tuning_before_trial(), before, lambda: self._end_trial(before, cause=cause))
 
     async def _end_trial(self, before: ActiveTuning, who: str = "", cause: str = "") -> None:
         async with self._change_lock:
@@ -347,8 +347,8 @@ class TuningService:
                 return
             restored = self._drop_unusable_rejection(before)
             tick = await self._send_tuning(restored) if self._supervisor.is_alive else self._set_active(restored)
-            ended = f"trial ended {cause}" if cause else "trial ended"
-            self._event_log.add_mark(MarkKind.TUNING, f"{ended}: {restored.describe_difference(tried)}", tick, who)
+            text = messages.trial_ended(cause=cause, difference=restored.describe_difference(tried))
+            self._event_log.add_mark(MarkKind.TUNING, text, tick, who)
 
     def _require_no_override(self) -> None:
         """Raise RequestRejectedError while a run has replaced the operator's tuning."""

@@ -44,6 +44,7 @@ from backend.schemas import (
     TuningRequest,
     TuningView,
 )
+from backend.services import messages
 from backend.storage import Bank, Database, Session, StorageError, UnknownRecordError, active_entry_name, banks
 from backend.supervision import Part, SupervisedTask, Supervision
 from backend.tuning import (
@@ -208,7 +209,7 @@ class ActiveTuning(ResolvedTuning):
 
     def describe_difference(self, before: "ActiveTuning") -> str:
         """Return a description of the differences from ``before``."""
-        return ", ".join(self.settings.list_differences(before.settings)) or "no change of the tuning"
+        return ", ".join(self.settings.list_differences(before.settings)) or messages.no_change_of_tuning()
 
     def compute_default(self) -> DefaultTuning:
         """Return the default tuning on these models.
@@ -512,13 +513,13 @@ class TuningStore:
             if stored is None:
                 return default_tuning(parameters)
             if not stored.same_plant:
-                return _fall_back(parameters, "the last tuning belongs to other parameters")
+                return _fall_back(parameters, messages.tuning_of_other_parameters())
             with self._database.reading() as session:
                 bank = None if stored.tuning.bank == 0 else banks.own(session, stored.tuning.bank)
             # Without disturbance rejection, because the bias is not calibrated yet.
             tuning = make_active_tuning(parameters, replace(stored.tuning, k_ext=0.0), bank)
         except (SettingError, OutOfRangeError, TuningError, UnknownRecordError, UnreadableDocumentError) as error:
-            return _fall_back(parameters, f"the last tuning is rejected: {error}")
+            return _fall_back(parameters, messages.last_tuning_rejected(reason=str(error)))
         return tuning, _describe_restored(tuning, stored)
 
 
@@ -529,13 +530,13 @@ def _resolve_bank(session: Session, settings: TuningSettings) -> ResolvedTuning:
 def _fall_back(parameters: PlantParameters, why: str) -> tuple[ActiveTuning, str]:
     """Return the default tuning, and a text with the reason ``why``."""
     tuning, moved = default_tuning(parameters)
-    return tuning, f"defaults active: {why}" + (f"; {moved}" if moved else "")
+    return tuning, messages.defaults_active(reason=why, moved=moved)
 
 
 def _describe_restored(tuning: ActiveTuning, stored: LastTuning) -> str:
     bank = tuning.bank
-    models = "geometric gains" if bank is None else f"bank {bank.name}, version {bank.version}"
-    return f"restored as last set by {stored.who}: {models}, {tuning.settings.format()}"
+    models = messages.models_in_use(bank=None if bank is None else (bank.name, bank.version))
+    return messages.tuning_restored(who=stored.who, models=models, settings=tuning.settings.format())
 
 
 # Tuning trial --------------------------------------------------------------------------------------

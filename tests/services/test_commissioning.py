@@ -12,6 +12,7 @@ import pytest
 
 import plant
 from backend.commissioning import status as standing
+from backend.commissioning.messages import abandoned_after_motor_test
 from backend.commissioning.procedure import StepFinding
 from backend.commissioning.session import DriveLockout
 from backend.commissioning.status import StepState
@@ -141,7 +142,7 @@ def test_what_a_loop_has_read_counts_and_not_what_the_file_said_before_or_says_n
             parts.supervisor._take(Ready(granted, "a virtual card", wired))
             assert parts.supervisor.started_with.directions_proven is proven
             told = (await bring_up.view()).steps[0].blocked
-            assert ("the wiring file has changed since the control loop started" in told) is blocked
+            assert (messages.wiring_has_changed() in told) is blocked
 
     try:
         stepped(database, IDEAL, work)
@@ -196,7 +197,7 @@ def test_directions_whose_trial_is_given_up_are_proven_neither_in_the_loop_nor_o
         step = await shown()
         assert (step.running, step.state) == (None, StepState.FAILED)
         assert step.result is not None
-        assert "abandoned after a motor test" in step.result.text
+        assert abandoned_after_motor_test() in step.result.text
         assert directions_not_proven() in rig.unproven
         assert not parts.supervisor.setup.commissioning_results.directions_proven  # nor at the next start
 

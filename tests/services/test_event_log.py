@@ -10,6 +10,7 @@ import pytest
 
 from backend.event_bus import EventBus
 from backend.schemas.state import MarkKind
+from backend.services import messages
 from backend.services.event_log import EventLog
 from backend.storage import events
 from backend.storage.database import Database, open_database
@@ -79,7 +80,7 @@ def test_events_above_the_bound_are_counted(database: Database) -> None:
         for tick in range(9):
             event_log.add_mark(MarkKind.NOTE, f"event {tick}", tick)
         await until(lambda: event_log.problem != "")
-        assert event_log.problem.endswith("5 wait in memory, 4 more were lost")
+        assert event_log.problem == messages.events_not_stored(reason=event_log._error, waiting=5, lost=4)
         repair(database)
         await until(lambda: len(texts(database)) == 6)
         event_log.add_mark(MarkKind.NOTE, "afterwards", 10)
@@ -88,7 +89,7 @@ def test_events_above_the_bound_are_counted(database: Database) -> None:
 
     asyncio.run(happen())
     first = [f"event {tick}" for tick in range(5)]
-    assert texts(database) == [*first, "4 later events could not be stored", "afterwards"]
+    assert texts(database) == [*first, messages.later_events_lost(count=4), "afterwards"]
 
 
 def test_invalid_event_does_not_block_others(database: Database) -> None:

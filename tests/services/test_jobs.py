@@ -32,7 +32,7 @@ from backend.schemas.session import Role
 from backend.schemas.state import TaskView
 from backend.services import jobs, messages
 from backend.services.banks import StoredBanks
-from backend.services.jobs import Pause, ScheduledRun, describe_runs_not_started, make_progress_callback
+from backend.services.jobs import Pause, ScheduledRun, make_progress_callback
 from backend.services.queue import DryRuns
 from backend.services.runs import read_planned_run as planned_in
 from backend.services.state import LiveState
@@ -205,7 +205,9 @@ def test_an_actuator_is_told_to_be_excited_when_its_samples_are(tmp_path: Path) 
     # a chip that jumps a tick apart aside, what is asked for differs by the trim of the force loop alone
     assert np.mean(beside > 1.0) < 0.3
     assert np.median(beside) < 0.2
-    assert [part.title for part in planned.parts] == ["20 N, on the way", "20 N, settling", "20 N, exciting"]
+    assert [part.title for part in planned.parts] == [
+        f"20 N, {stage}" for stage in (Stage.TRAVELLING, Stage.SETTLING, Stage.EXCITING)
+    ]
 
 
 FREE = (Stage.EXCITING, Stage.BRAKING)
@@ -331,8 +333,7 @@ def test_an_order_that_is_aborted_in_its_pause_ends_there_with_what_it_has(tmp_p
         await asyncio.gather(*stopping)
         assert {task.run for task in seen.tasks} == {seen.run}
         assert parts.ordered_runs.problems == [
-            f"The request ended after run {seen.run}: the actuator was stopped softly during the pause; 1 run "
-            "was not started. Request it again."
+            messages.runs_not_started(run=seen.run, reason=messages.stopped_softly_in_pause(), count=1)
         ]
         evaluated = [task for task in seen.tasks if task.phase is RunPhase.EVALUATION]
         assert {(task.following, task.pause_wanted) for task in evaluated} == {(0, False)}
@@ -455,8 +456,10 @@ def test_pause_is_refused_without_a_remaining_run() -> None:
 
 
 def test_runs_not_started_are_counted() -> None:
-    assert describe_runs_not_started(7, LoopExitedError("it died."), 2) == (
-        "The request ended after run 7: it died; 2 runs were not started. Request them again."
+    several = messages.runs_not_started(run=7, reason="it died.", count=2)
+    assert several.endswith(": it died; 2 runs were not started. Request them again.")
+    assert messages.runs_not_started(run=7, reason="it died", count=1).endswith(
+        "; 1 run was not started. Request it again."
     )
 
 
@@ -518,7 +521,7 @@ def test_end_between_two_runs_leaves_the_first_complete_and_stops_nothing(
     (said, *_of_results), mode = ended_behind_the_first(tmp_path, monkeypatch, dies=dies)
     assert mode is Mode.PRETENSION
     why = "the loop process was killed" if dies else OutOfRangeError("q", 1.2, -1.0, 1.0, "rad")
-    assert said == f"The request ended after run 1: {why}; 2 runs were not started. Request them again."
+    assert said == messages.runs_not_started(run=1, reason=str(why), count=2)
 
 
 # What the state says of a run that goes: an experiment that is data by its title, the paper's by their kind.

@@ -21,6 +21,7 @@ from backend.realtime.modes import Mode
 from backend.realtime.supervisor import LoopExitedError, Supervisor
 from backend.sample import INDEX
 from backend.schemas.tuning import TrialRequest
+from backend.services import messages
 from backend.services import parameters as applied_parameters
 from backend.services.parameters import ParametersApplied, ParameterService
 from backend.services.tuning_state import ActiveTuning, make_active_tuning
@@ -29,6 +30,7 @@ from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database
 from plant import Message
 from plant.interface import SIMULATOR
+from plant.messages import parameter_out_of_range
 from plant.parameters import PlantParameters, load_parameters
 from tests.api.stepped_service import Parts, Stepped, stepped
 from tests.experiments.test_applied_parameters import K, motors, spring, stored
@@ -139,7 +141,12 @@ def test_a_value_outside_its_bounds_is_refused_by_name(database: Database, resta
         applied = applied_with(parts, [])
         proposal = applied.build_view(beyond.id).proposal
         assert proposal is not None
-        assert "identified_B.K_m = 2400 rad/(V·s) is outside 0.001 to 1000 rad/(V·s)" in proposal.problem
+        assert (
+            parameter_out_of_range(
+                label="identified_B.K_m", value=2400.0, unit="rad/(V·s)", minimum=0.001, maximum=1000.0
+            )
+            in proposal.problem
+        )
         with refused(RequestRejectedError, "parameters_not_applicable", reason=proposal.problem):
             await applied.apply(beyond.id, "Ana")
         assert restarted == []
@@ -162,7 +169,7 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
             assert [one.number for one in applied.build_view().versions] == [0]
             assert (live_state.parameters, restarted) == (IDEAL, [])
 
-        homing = "Homing of the bring-up is in progress"
+        homing = messages.step_occupies_rig(title="Homing")
         with monkeypatch.context() as during:
             during.setattr(live_state, "occupied_by", homing)
             await is_refused("rig_is_occupied", reason=homing)

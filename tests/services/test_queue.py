@@ -8,8 +8,10 @@ from tempfile import TemporaryDirectory
 
 from backend.errors import RequestRejectedError
 from backend.schemas.experiment import ExperimentRequest
+from backend.services import messages
 from backend.services.queue import ExperimentQueue, Start
 from backend.storage.database import Database, open_database
+from backend.storage.messages import record_not_found
 from backend.storage.runs import EndState
 from backend.supervision import Supervision
 from plant.errors import ErrorCode
@@ -103,7 +105,10 @@ def test_experiment_removed_during_its_refusal_leaves_the_queue_unchanged() -> N
         await refused(queue)
         view = queue.view()
         assert (view.items, view.running) == ([], False)
-        assert view.problem.endswith("there is no bank 99; the queue is empty")
+        reason = record_not_found(record="bank", number=99)
+        assert view.problem == messages.queue_paused(
+            cause=messages.removed_experiment_refused(reason=reason), waiting=0
+        )
 
     held(session, start)
 
@@ -114,14 +119,16 @@ def test_empty_queue_is_not_paused() -> None:
             await queue.add(request, "Ana")
         await queue.run()
         queue.handle_run_end(5, EndState.STOPPED)
-        assert queue.view().problem.startswith("paused because run 5 ended as stopped; start the queue again")
+        stopped = messages.run_not_completed(run=5, end_state=EndState.STOPPED)
+        paused = messages.queue_paused(cause=stopped, waiting=2)
+        assert queue.view().problem == paused
         first, second = queue.view().items
-        assert (await queue.remove(first.id)).problem.startswith("paused because run 5 ended as stopped")
+        assert (await queue.remove(first.id)).problem == paused
         assert (await queue.remove(second.id)).problem == ""
         await queue.add(SHORT, "Ana")
         await queue.run()
         queue.handle_run_end(5, EndState.STOPPED)
-        assert queue.view().problem.endswith("the queue is empty")
+        assert queue.view().problem == messages.queue_paused(cause=stopped, waiting=0)
         await queue.add(SHORT, "Ana")
         assert queue.view().problem == ""
 

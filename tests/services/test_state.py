@@ -18,6 +18,7 @@ from backend.realtime.supervisor import Restart, Supervisor
 from backend.recording.flight import FlightRecorder, Quota
 from backend.sample import NAMES
 from backend.schemas.state import ChainLinkView, LinkView, MarkKind, ReferencesView
+from backend.services import messages
 from backend.services.event_log import MarkAdded
 from backend.services.state import Observation, build_downstream_links, build_safety_chain, read_references
 from backend.storage import events, flights
@@ -44,8 +45,8 @@ def behind(kind: PlantKind, fault: Fault = Fault.NONE) -> tuple[ChainLinkView, C
 @pytest.mark.parametrize("kind", SEEN)
 def test_links_follow_the_registers_of_a_card(kind: PlantKind) -> None:
     watchdog, module = behind(kind)
-    assert (watchdog.good, watchdog.says) == (False, "disarmed, drive-enable off, zero volts")
-    assert (module.good, module.says) == (True, "monitoring")
+    assert (watchdog.good, watchdog.says) == (False, messages.watchdog_disarmed(drives_enabled=False))
+    assert (module.good, module.says) == (True, messages.safety_module_monitoring())
 
 
 @pytest.mark.parametrize("planned", [True, False])
@@ -60,24 +61,26 @@ def test_a_planned_restart_is_no_fault_of_the_chain(planned: bool) -> None:
     links = {one.name: one for one in build_safety_chain(cast(Supervisor, stand_in), None, link, Fault.NONE)}
     assert list(links) == ["page", "service", "loop", "watchdog", "safety_module"]
     assert [one.good for one in links.values()] == [True, planned, planned, planned, True]
-    assert links["loop"].says == ("restarting applying run 3" if planned else "no new samples; last sample")
+    assert links["loop"].says == (
+        messages.loop_restarting(purpose="applying run 3") if planned else messages.no_new_samples()
+    )
 
 
 def test_links_of_a_package_are_unknown() -> None:
     for link in behind(PlantKind.PACKAGE):
-        assert (link.good, link.says) == (False, "not monitored by Sinew: servo-bench must provide its own")
+        assert (link.good, link.says) == (False, messages.not_monitored(plant="servo-bench"))
 
 
 def test_recording_needs_no_watchdog() -> None:
     for link in behind(PlantKind.REPLAY):
-        assert (link.good, link.says) == (True, "not needed: the plant is a replay, nothing moves")
+        assert (link.good, link.says) == (True, messages.not_needed_in_replay())
 
 
 @pytest.mark.parametrize("kind", PlantKind)
 def test_tripped_safety_module_is_shown_for_each_plant(kind: PlantKind) -> None:
     watchdog, module = behind(kind, Fault.SAFETY_MODULE)
     assert (watchdog.name, module.name) == ("watchdog", "safety_module")
-    assert (module.good, module.says) == (False, "tripped: motor power is cut")
+    assert (module.good, module.says) == (False, messages.safety_module_tripped())
 
 
 @pytest.mark.parametrize("kind", [PlantKind.SIMULATOR, PlantKind.VIRTUAL_CARD])
@@ -85,8 +88,8 @@ def test_registers_of_a_simulated_card_are_read_without_a_loop(kind: PlantKind) 
     card = Card.create()
     card.expire()
     watchdog, module = build_downstream_links(PlantChoice(kind), card.state(), WatchdogMonitor(card), False, Fault.NONE)
-    assert (watchdog.good, watchdog.says) == (False, "expired after 0 s without a write: drive-enable off, zero volts")
-    assert (module.good, module.says) == (True, "monitoring")
+    assert (watchdog.good, watchdog.says) == (False, messages.watchdog_expired(timeout_s=0.0, drives_enabled=False))
+    assert (module.good, module.says) == (True, messages.safety_module_monitoring())
 
 
 def test_last_known_registers_of_a_rig_are_shown_without_a_loop() -> None:
@@ -95,17 +98,16 @@ def test_last_known_registers_of_a_rig_are_shown_without_a_loop() -> None:
     guard = WatchdogMonitor(card)
     rig = PlantChoice(PlantKind.RIG)
     for link in build_downstream_links(rig, card.state(), guard, False, Fault.NONE):
-        assert (link.good, link.says) == (False, "unknown: no control loop has run yet")
+        assert (link.good, link.says) == (False, messages.unknown_without_loop())
     card.mirror(CardState(0, 0, True, True, False, False, False, True, 0.05, 1.0, 2.0))
     watchdog, module = build_downstream_links(rig, card.state(), guard, True, Fault.NONE)
     assert (watchdog.good, module.good) == (True, True)
     asyncio.run(asyncio.wait_for(guard.run(None), PATIENCE_S))
     assert "which the service cannot observe" in guard.problem
     links = build_downstream_links(rig, card.state(), guard, False, Fault.NONE)
-    since = "unknown since the control loop ended; last state: "
+    states = messages.watchdog_armed(drives_enabled=True), messages.safety_module_monitoring()
     assert [(link.good, link.says) for link in links] == [
-        (False, f"{since}armed, drive-enable on"),
-        (False, f"{since}monitoring"),
+        (False, messages.unknown_since_loop_ended(state=state)) for state in states
     ]
 
 

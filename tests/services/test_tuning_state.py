@@ -19,13 +19,15 @@ from backend.reports.build import build_report
 from backend.reports.run_data import load_source
 from backend.schemas.experiment import ExperimentRequest
 from backend.schemas.tuning import ChosenTuning, TrialRequest, TuningParts, TuningRequest
+from backend.services import messages
 from backend.services.state import UNDO_STEPS
-from backend.services.tuning import SavedTunings
-from backend.services.tuning_state import ActiveTuning, TuningStore, make_active_tuning
+from backend.services.tuning import RETRY_S, SavedTunings
+from backend.services.tuning_state import ActiveTuning, TuningStore, default_tuning, make_active_tuning
 from backend.storage import banks, events, runs, settings
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, open_database
 from backend.storage.orm import UnknownRecordError
+from backend.storage.runs import EndState
 from plant.parameters import PlantParameters, load_parameters
 from tests.api.conftest import client_with
 from tests.api.stepped_service import OPERATOR, Parts, stepped
@@ -71,11 +73,8 @@ def test_stored_tuning_is_restored(database: Database, ideal: PlantParameters, c
     restored, said = tuning_store.restore(ideal)
     assert restored.settings == chosen.settings
     assert restored.build_command() == chosen.build_command()
-    assert said == (
-        "restored as last set by A. Operator: bank kept, version 1, "
-        "λ_q 0.8 s, λ_S 0.6 s, λ_motor 0.09 s, b 0.5, interpolating between entries, "
-        "lambda motion"
-    )
+    models = messages.models_in_use(bank=("kept", 1))
+    assert said == messages.tuning_restored(who="A. Operator", models=models, settings=chosen.settings.format())
 
 
 def test_other_parameters_start_with_the_default(
@@ -86,7 +85,7 @@ def test_other_parameters_start_with_the_default(
     lab = load_parameters("lab")
     restored, said = tuning_store.restore(lab)
     assert restored.settings == compute_default_tuning(lab).tuning
-    assert "other parameters" in said
+    assert said.startswith(messages.defaults_active(reason=messages.tuning_of_other_parameters(), moved=""))
 
 
 def test_default_uses_the_nearest_lambda_in_range(tmp_path: Path) -> None:
@@ -95,10 +94,8 @@ def test_default_uses_the_nearest_lambda_in_range(tmp_path: Path) -> None:
         tuning, saved = (client.get(f"/api/tuning{path}").raise_for_status().json() for path in ("", "/saved"))
     lam_q = tuning["lam_q"]
     assert tuning["lam_q_min"] <= lam_q < tuning["lam_q_min"] + 1e-3
-    said = (
-        "the method's default is outside the safe range of these models; the nearest safe tuning is: "
-        f"λ_q 0.5 → {lam_q:g} s"
-    )
+    said = default_tuning(load_parameters(str(weak_motors(tmp_path))))[1]
+    assert said.endswith(f"λ_q 0.5 → {lam_q:g} s")
     assert (saved["lam_q"], saved["who"], saved["moved"]) == (lam_q, None, said)
     with closing(open_database(tmp_path)) as database, database.reading() as session:
         told = [event.text for event in events.between(session, datetime.min.replace(tzinfo=UTC), None)]
@@ -121,15 +118,16 @@ def test_default_after_other_parameters_is_moved_into_range(
 ) -> None:
     tuning_store = TuningStore(database)
     tuning_store.save(chosen, "A. Operator")
-    restored, said = tuning_store.restore(load_parameters(str(weak_motors(tmp_path))))
+    weak = load_parameters(str(weak_motors(tmp_path)))
+    restored, said = tuning_store.restore(weak)
     assert restored.settings == replace(
         TuningSettings(), lam_q=restored.settings.lam_q, u_plan=restored.settings.u_plan
     )
     assert restored.settings.u_plan > 0.0
-    assert said == (
-        "defaults active: the last tuning belongs to other parameters; the method's default is outside "
-        f"the safe range of these models; the nearest safe tuning is: λ_q 0.5 → {restored.settings.lam_q:g} s"
-    )
+    default, moved = default_tuning(weak)
+    assert (default.settings, default.settings.lam_q > 0.5) == (restored.settings, True)
+    assert said == messages.defaults_active(reason=messages.tuning_of_other_parameters(), moved=moved)
+    assert moved.endswith(f"λ_q 0.5 → {restored.settings.lam_q:g} s")
 
 
 @pytest.mark.parametrize(("name", "value"), [("bank", 99), ("lam_q", 0.1), ("lam_motor", 3.5), ("b", 1.5)])
@@ -220,7 +218,7 @@ def test_temporary_tuning_is_used_stored_and_reported_and_then_restored(database
     declared = {item["name"]: item["value"] for item in stored.settings["declared"]}
     assert {name: declared[name] for name in ASKED} == ASKED
     given_back = "λ_q 0.7 → 0.55 s, λ_S 0.6 → 0.45 s, b 1 → 0, bank geometry → 1, interpolate yes → no"
-    assert f"after the run: {given_back}, motion time-optimal → lambda, U_plan 6 → 8.5 V" in told
+    assert messages.tuning_after_run(difference=f"{given_back}, motion time-optimal → lambda, U_plan 6 → 8.5 V") in told
     source = load_source(database, run)
     assert source.columns["lam_q"] == pytest.approx(0.7)
     facts = {fact.label: fact.text for fact in build_report(source).facts}
@@ -270,15 +268,17 @@ def test_failed_restore_is_reported_until_it_succeeds(database: Database, bank_l
             await asyncio.sleep(0.01)
         return found
 
+    why = "a gain is not a finite number"
+
     async def work(parts: Parts) -> None:
         await started(parts, bank_lent)
         await parts.ordered_runs.start_experiment(sequence(SHORT, lam_q=0.7), WHO)
-        parts.supervisor.refuses = "a gain is not a finite number"
+        parts.supervisor.refuses = why
         told = await until(True, parts)
         assert told == [
-            "The operator's tuning (λ_q 0.7 → 0.55 s) could not be restored yet: a gain is not a finite "
-            "number. The service retries every 0.5 s. If this persists, abort softly and restart the "
-            "service: it starts with the operator's tuning."
+            messages.tuning_not_restored(
+                tuning=messages.tuning_of_operator(), difference="λ_q 0.7 → 0.55 s", reason=why, retry_s=RETRY_S
+            )
         ]
         assert parts.live_state.tuning.settings.lam_q == 0.7  # and that is what is shown as in force
         parts.supervisor.refuses = ""
@@ -287,9 +287,12 @@ def test_failed_restore_is_reported_until_it_succeeds(database: Database, bank_l
         await parts.ended()
 
         await parts.actuator.tuning_service.start_trial(TrialRequest(lam_q=0.8, duration_s=1.0), WHO)
-        parts.supervisor.refuses = "a gain is not a finite number"
+        parts.supervisor.refuses = why
         told = await until(True, parts)
-        assert told[0].startswith("The tuning before the trial (λ_q 0.8 → 0.55 s) could not be restored yet: a gain")
+        before = messages.tuning_before_trial()
+        assert told[0] == messages.tuning_not_restored(
+            tuning=before, difference="λ_q 0.8 → 0.55 s", reason=why, retry_s=RETRY_S
+        )
         parts.supervisor.refuses = ""
         await until(False, parts)
         assert parts.live_state.tuning.settings == own(bank_lent)
@@ -359,7 +362,7 @@ def test_paused_queue_explains_how_to_continue(database: Database, bank_lent: Ba
         await parts.supervisor.send(Stop())
         await parts.ended()
         assert queue.view().problem == (
-            f"paused because run {run} ended as stopped; start the queue again to continue with the next experiment"
+            messages.queue_paused(cause=messages.run_not_completed(run=run or 0, end_state=EndState.STOPPED), waiting=1)
         )
         await parts.actuator.reset(WHO)
         await queue.run()
@@ -453,10 +456,10 @@ def test_undo_and_redo_of_each_part_of_a_tuning(database: Database, bank_walk: B
     stepped(database, IDEAL, work)
     with database.reading() as session:
         told = [event.text for event in events.find(session, limit=100)]
-    assert "undone: λ_q 0.61 → 0.5 s" in told
-    assert "redone: λ_q 0.5 → 0.61 s" in told
-    assert "undone: b 0.25 → 0" in told
-    assert "undone: interpolate yes → no" in told
+    assert messages.tuning_undone(difference="λ_q 0.61 → 0.5 s") in told
+    assert messages.tuning_redone(difference="λ_q 0.5 → 0.61 s") in told
+    assert messages.tuning_undone(difference="b 0.25 → 0") in told
+    assert messages.tuning_undone(difference="interpolate yes → no") in told
 
 
 def test_undo_and_redo_of_all_changes(database: Database, bank_walk: Bank) -> None:
