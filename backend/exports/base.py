@@ -160,12 +160,6 @@ def _inner_documents(document: Any) -> Iterator[Any]:
 
 FORMAT = 1
 SEAL = "facts_sha256"
-NOTATION = (
-    "SI units, angles in rad. t is relative to the first sample. _ref: a reference, _gov: after reference "
-    "governor or trajectory, "
-    "_dot: a derivative, A and B: the two motors with their tendons, lam: lambda. "
-    "Equations: docs/reference/notation.md."
-)
 
 Batch = dict[str, NDArray[Any]]
 """Consecutive samples by column name, shape (n,) each: ``t`` [s] as float64, signals in SI as float32."""
@@ -208,7 +202,7 @@ class Facts:
     run: dict[str, Any] | None = None
     missed: int = 0
     problem: str = ""
-    notation: str = NOTATION
+    notation: str = messages.notation()
     software: str = __version__
     format: int = field(default=FORMAT)
 
@@ -264,7 +258,7 @@ def describe_columns(names: Iterable[str]) -> list[Described]:
     return [
         Described(name, _FIELD[name].symbol, _FIELD[name].unit, _FIELD[name].meaning)
         if name in _FIELD
-        else Described(name, name, "1", "column of an earlier version")
+        else Described(name, name, "1", messages.column_of_earlier_version())
         for name in ordered
     ]
 
@@ -374,8 +368,8 @@ def unbroken(batch: Batch, period_s: float) -> Iterator[tuple[int, Batch]]:
 
 
 def _describe_formula(formula: Formula) -> Described:
-    meaning = f"{formula.meaning}, " if formula.meaning else ""
-    return Described(formula.name, formula.name, formula.unit, f"{meaning}computed: {formula.expression}")
+    meaning = messages.meaning_of_formula(meaning=formula.meaning, expression=formula.expression)
+    return Described(formula.name, formula.name, formula.unit, meaning)
 
 
 def _slab(database: Database, run_id: int, names: Sequence[str], from_s: float, to_s: float) -> Iterator[Batch]:

@@ -156,8 +156,8 @@ def _gather_run(session: Session, run: Run, gathered: Gathered) -> None:
         if found is not None and found[1] is not None:
             gathered.recorded.append(run.id)
         else:
-            why = "the run has no recording" if found is None else found[0].problem or "nothing was recorded"
-            gathered.missing.append(f"samples of run {run.id}: {why}")
+            why = messages.no_recording() if found is None else found[0].problem or messages.nothing_recorded()
+            gathered.missing.append(messages.samples_missing(run_id=run.id, reason=why))
 
 
 def _collect_calibrations(session: Session, run: Run) -> Document:

@@ -48,7 +48,7 @@ def write(export: Export, folder: Path) -> Iterator[bytes]:
 
 def _pieces(export: Export, folder: Path) -> Iterator[bytes]:
     facts = export.facts
-    text = f"MATLAB 5.0 MAT-file, {facts.of}, Sinew {facts.software}"
+    text = messages.matlab_header(content=facts.of, software=facts.software)
     yield _HEADER.pack(text.encode("ascii", "replace")[:116].ljust(116), 0x100, 0x4D49)
     yield _small(facts)
     with tempfile.TemporaryFile(dir=folder) as turned:
@@ -94,12 +94,12 @@ def _small(facts: Facts) -> bytes:
     """Return the texts as scipy writes them, without its header."""
     from scipy.io import savemat
 
-    content: dict[str, Any] = {
+    content: dict[str, Any] = {  # scipy writes a Message, which has attributes, as a struct
         FACTS: facts.to_json(),
-        "notation": facts.notation,
+        "notation": str(facts.notation),
         "units": {column.name: column.unit for column in facts.columns},
         "symbols": {column.name: column.symbol for column in facts.columns},
-        "meanings": {column.name: column.meaning for column in facts.columns},
+        "meanings": {column.name: str(column.meaning) for column in facts.columns},
     }
     buffer = io.BytesIO()
     savemat(buffer, content)  # type: ignore[arg-type]  # the stubs forget that files may be open

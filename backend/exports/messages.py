@@ -62,6 +62,30 @@ def run_not_exportable(*, run_id: int, reason: str) -> str:
     return f"run {run_id} cannot be exported: {reason}"
 
 
+@catalogue_entry
+def notation() -> str:
+    return (
+        "SI units, angles in rad. t is relative to the first sample. _ref: a reference, _gov: after reference "
+        "governor or trajectory, _dot: a derivative, A and B: the two motors with their tendons, lam: lambda. "
+        "Equations: docs/reference/notation.md."
+    )
+
+
+@catalogue_entry
+def column_of_earlier_version() -> str:
+    return "column of an earlier version"
+
+
+@catalogue_entry
+def meaning_of_formula(*, meaning: str, expression: str) -> str:
+    return f"{meaning}, computed: {expression}" if meaning else f"computed: {expression}"
+
+
+@catalogue_entry
+def heading(*, content: str, software: str, notation: str) -> str:
+    return f"{content}, Sinew {software}; {notation}"
+
+
 # CSV and Parquet -----------------------------------------------------------------------------------
 
 
@@ -135,6 +159,11 @@ def file_compressed() -> str:
 @catalogue_entry
 def metadata_not_utf8(*, name: str) -> str:
     return f"its text variable {name} is not UTF-8: another program saved the file"
+
+
+@catalogue_entry
+def matlab_header(*, content: str, software: str) -> str:
+    return f"MATLAB 5.0 MAT-file, {content}, Sinew {software}"
 
 
 # MCAP ----------------------------------------------------------------------------------------------
@@ -270,6 +299,21 @@ def invalid_records(*, records: str, maximum: int) -> str:
 @catalogue_entry
 def member_unreadable(*, member: str, reason: str) -> str:
     return f"{member} cannot be read: {reason}"
+
+
+@catalogue_entry
+def no_recording() -> str:
+    return "the run has no recording"
+
+
+@catalogue_entry
+def nothing_recorded() -> str:
+    return "nothing was recorded"
+
+
+@catalogue_entry
+def samples_missing(*, run_id: int, reason: str) -> str:
+    return f"samples of run {run_id}: {reason}"
 
 
 # Import --------------------------------------------------------------------------------------------

@@ -120,7 +120,7 @@ def _batches(file: Path, facts: Facts, skip: int) -> Iterator[Batch]:
 
 
 def _make_heading(facts: Facts) -> str:
-    lines = [format_csv_comment(f"{facts.of}, Sinew {facts.software}; {facts.notation}")]
+    lines = [format_csv_comment(messages.heading(content=facts.of, software=facts.software, notation=facts.notation))]
     lines += [format_csv_comment(f"{one.name} [{one.unit}] {one.symbol}: {one.meaning}") for one in facts.columns]
     return (
         "\n".join(

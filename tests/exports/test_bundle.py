@@ -20,6 +20,7 @@ from backend.models.document import document_digest
 from backend.models.run import find_bank_changes
 from backend.reports.evidence import ReportManifest, read_manifest
 from backend.reports.verification import Verified, read_stored_samples, verify_report
+from backend.services import record_messages
 from backend.services.downloads import stream_bundle
 from backend.storage import banks, identifications, origins, results, runs
 from backend.storage.banks import BankEntry
@@ -402,9 +403,7 @@ def test_a_run_that_was_imported_alone_is_given_its_bank(
         assert "bank" not in runs.get(session, alone).settings["loop"]
         assert origins.of_runs(session, [alone])[alone].carried == {"banks": [1]}
     (gains,) = [box for box in boxes(there, alone).values() if box.kind == "gains"]
-    assert (
-        gains.no_sha256 == "its bank was not imported with the run: import the run in a bundle, which contains the bank"
-    )
+    assert gains.no_sha256 == record_messages.bank_not_imported()
     assert import_bundle(there, file, "Ben", tmp_path) == ImportResult(run=alone, was=run, new=True)
     with there.reading() as session:
         found = runs.get(session, alone)
@@ -469,7 +468,7 @@ def test_a_bank_whose_number_is_computed_is_told(here: Database, tmp_path: Path)
     with refused(ExportError, "run_computes_bank", run_id=3, expression="1 + 1"):
         b"".join(bundle.write_bundle(here, run, None, tmp_path))
     (gains,) = [box for box in boxes(here, run).values() if box.kind == "gains"]
-    assert gains.no_sha256 == "the program computes its bank numbers: 1 + 1"
+    assert gains.no_sha256 == record_messages.bank_numbers_computed(expressions=["1 + 1"])
 
 
 def test_stations_on_one_database_each_get_their_own(there: Database, run: int, file: Path, tmp_path: Path) -> None:

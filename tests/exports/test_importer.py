@@ -160,7 +160,7 @@ def test_a_run_that_says_something_else_here_is_refused(here: Database, run_impo
     file = exported(here, run_imported, "csv", tmp_path)
     whole = file.read_text(encoding="utf-8")
     file.write_text(sealed(whole.replace('"who":"Ana"', '"who":"Bob"', 1)), encoding="utf-8")
-    with pytest.raises(ImportRefusedError, match="run 2 has the same time in this database, but different content"):
+    with refused(ImportRefusedError, "record_differs", record="run", number=2):
         import_export(here, file, "Ben")
 
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.io import loadmat
 
 from backend.experiments.parser import parse_derived_signal
-from backend.exports import formats, matlab
-from backend.exports.base import NOTATION, ORDER, Export, ExportError, ImportRefusedError, export_columns, export_run
+from backend.exports import formats, matlab, messages
+from backend.exports.base import ORDER, Export, ExportError, ImportRefusedError, export_columns, export_run
 from backend.exports.formats import DataFormat, write_export
 from backend.exports.importer import import_export
 from backend.exports.mcap import foxglove_layout
@@ -75,8 +75,9 @@ def test_csv_has_facts_a_heading_and_a_line_for_each_sample() -> None:
     lines = to_csv(COLUMNS).decode().splitlines()
     facts = [line for line in lines if line.startswith("#")]
     assert lines[: len(facts)] == facts
-    assert NOTATION in facts[0]
-    assert "# S [N·m/rad] S: joint stiffness, estimated from measured angles and the identified spring" in facts
+    assert messages.notation() in facts[0]
+    (stiffness,) = [field for field in FIELDS if field.name == "S"]
+    assert f"# S [N·m/rad] S: {stiffness.meaning}" in facts
     rows = list(csv.reader(lines[len(facts) :]))
     assert tuple(rows[0]) == ORDER
     assert len(rows) == 1 + 2_000
@@ -87,14 +88,16 @@ def test_parquet_carries_units_symbols_and_meanings() -> None:
     table = pyarrow.parquet.read_table(io.BytesIO(to_parquet(COLUMNS)))
     assert table.schema.field("S").metadata[b"unit"] == "N·m/rad".encode()
     assert table.schema.field("theta_A").metadata[b"symbol"] == "θ_A".encode()
-    assert table.schema.metadata[b"notation"] == NOTATION.encode()
+    assert table.schema.metadata[b"notation"] == messages.notation().encode()
 
 
 def test_mat_has_units_symbols_and_meanings_beside_the_signals() -> None:
-    content = loadmat(io.BytesIO(to_mat(COLUMNS)), simplify_cells=True)  # type: ignore[arg-type]  # the stubs know paths only
-    assert content["units"] == {name: UNITS[name] for name in ORDER}
+    file = io.BytesIO(to_mat({**COLUMNS, "q_old": COLUMNS["q"]}))
+    content = loadmat(file, simplify_cells=True)  # type: ignore[arg-type]  # the stubs know paths only
+    assert content["units"] == {**{name: UNITS[name] for name in ORDER}, "q_old": "1"}
+    assert content["meanings"]["q_old"] == messages.column_of_earlier_version()
     assert content["symbols"]["theta_A"] == "θ_A"
-    assert content["notation"] == NOTATION
+    assert content["notation"] == messages.notation()
 
 
 def test_mcap_has_a_schema_with_the_notation_and_brings_its_layout() -> None:
