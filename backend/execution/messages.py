@@ -39,3 +39,23 @@ def run_not_evaluated(*, reason: str) -> str:
 @catalogue_entry
 def plant_runs_in_real_time(*, plant: str) -> str:
     return f"{plant}: this plant runs in real time; start experiments from the dashboard of sinew serve"
+
+
+@catalogue_entry
+def program_did_not_end() -> str:
+    return "the program did not end in time and was stopped"
+
+
+@catalogue_entry
+def end_not_recorded(*, timeout_s: float) -> str:
+    return f"the end of the run was not recorded within {timeout_s:g} s"
+
+
+@catalogue_entry
+def run_aborted(*, error: str) -> str:
+    return f"aborted: {error}"
+
+
+@catalogue_entry
+def end_with_reason(*, detail: str, reason: str) -> str:
+    return f"{detail}: {reason}" if detail else reason

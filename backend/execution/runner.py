@@ -228,7 +228,7 @@ async def _wait_until_ended(
         notify(RunPhase.PROGRAM, elapsed_s)
         if elapsed_s > longest_s and not monitor.is_stop_sent:
             monitor.is_stop_sent = True
-            await loop.send(Stop(hard=False, detail="the program did not end in time and was stopped"))
+            await loop.send(Stop(hard=False, detail=messages.program_did_not_end()))
         await loop.advance(SLICE_S)
 
 
@@ -436,7 +436,7 @@ async def execute_run(
     except LoopExitedError as loop_exit:
         closed = await _wait_until_recorded(rig, run.id, fallback=(EndState.LINK_LOST, str(loop_exit)))
     except BaseException as error:
-        _close_run(rig, run.id, EndState.SERVICE_DIED, f"aborted: {error or type(error).__name__}")
+        _close_run(rig, run.id, EndState.SERVICE_DIED, messages.run_aborted(error=str(error) or type(error).__name__))
         raise
     await release()
     return closed
@@ -454,7 +454,7 @@ async def _wait_until_recorded(
     run_id: int,
     fallback: tuple[EndState, str] = (
         EndState.SERVICE_DIED,
-        f"the end of the run was not recorded within {STORING_TIMEOUT_S:g} s",
+        messages.end_not_recorded(timeout_s=STORING_TIMEOUT_S),
     ),
 ) -> Run:
     """Return the run after the recorder has closed it; close it as ``fallback`` after STORING_TIMEOUT_S."""

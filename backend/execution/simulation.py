@@ -210,7 +210,9 @@ def simulate_in_memory(
     try:
         metrics, criteria = evaluate_experiment(columns, context, outline, 0)
     except NoSamplesError as error:
-        return SimulatedRun(state.value, f"{detail}: {error}" if detail else str(error), outline, (), columns)
+        return SimulatedRun(
+            state.value, messages.end_with_reason(detail=detail, reason=error.message), outline, (), columns
+        )
     return SimulatedRun(state.value, detail, metrics, criteria, columns)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from backend.analysis import messages as analysis_messages
 from backend.analysis.identification import extract_side_steps, fit_spring_table, identify_motors
 from backend.analysis.messages import incomplete_run_without_model
 from backend.analysis.step_metrics import compute_tracking_metrics
@@ -279,10 +280,10 @@ AFTER_S = {
 """Some time in the program of each that is ready-made [s], after the first figure can be had."""
 
 TOO_EARLY = {
-    "robustness": (9.0, "both motors were loaded and released"),
-    "disturbance_battery": (8.0, "the pushes were completed"),
+    "robustness": (9.0, analysis_messages.loads_not_completed()),
+    "disturbance_battery": (8.0, analysis_messages.pushes_not_completed()),
 }
-"""Some time [s] before it, and what was not over by then."""
+"""Some time [s] before it, and the reason for which there is no figure then."""
 
 
 @dataclass
@@ -345,14 +346,14 @@ def test_an_interrupted_run_has_its_samples_and_names_what_is_missing(
 def test_a_run_without_measurements_has_a_reason(
     tmp_path_factory: pytest.TempPathFactory, name: str, ending: str
 ) -> None:
-    (after_s, awaited), (command, end_state) = TOO_EARLY[name], ENDINGS[ending]
+    (after_s, reason), (command, end_state) = TOO_EARLY[name], ENDINGS[ending]
     source = interrupted(tmp_path_factory, name, command, after_s)
     assert source.run.end_state == end_state
     assert source.columns["t"].size >= 1000 * after_s
     assert source.result is None
     report = build_report(source)
     assert report.outcome == "incomplete"
-    assert report.verdict == f"No result: the run ended before {awaited}."
+    assert report.verdict == f"No result: {reason}."
     assert verify_report(to_html(report), source.columns) == Verified((), ())
 
 
@@ -524,22 +525,24 @@ def test_steps_that_saturate_or_carry_load_are_refused_one_by_one(lab: PlantPara
     cut = extract_side_steps(columns, "A", lab)
     assert [step.voltage for step in cut.steps] == [3.0]
     assert [voltage for voltage, _ in cut.refused] == [10.0, 4.0]
-    assert "saturates" in cut.refused[0][1]
-    assert "tendon loads the motor" in cut.refused[1][1]
-    with pytest.raises(ValueError, match=r"motor A: .*voltage magnitudes.*saturates.*tendon loads the motor") as caught:
+    assert_reason(cut.refused[0][1], "step_saturates", voltage_V=pytest.approx(10.0))
+    assert_reason(cut.refused[1][1], "motor_is_loaded")
+    with pytest.raises(ValueError, match=r"^motor A: ") as caught:
         identify_motors(columns, lab)
     unusable = tuple(reason for _, reason in cut.refused)
     assert_reason(caught.value.args[0], "motor_not_identified", side="A", unusable_steps=unusable)
+    assert_reason(caught.value.args[0].values["reason"], "too_few_voltages")
 
 
 def test_predictions_say_what_is_wrong_before_anything_moves(lab: PlantParameters) -> None:
     hasty = predict_motor(MotorIdentificationPlan(u_high=9.0, travel_rad=6.0), lab)
     assert not hasty.is_feasible
-    assert "before its speed is steady" in hasty.message
+    assert_reason(hasty.message, "step_too_short", u_high=9.0)
     high = predict_spring(SpringIdentificationPlan(F_high=47.0), lab)
     assert high.is_feasible
-    with pytest.raises(OutOfRangeError, match="smallest voltage step: 6 V is more than 4 V"):
+    with pytest.raises(OutOfRangeError) as caught:
         build_plan(MotorIdentificationPlan, {"u_low": 6.0, "u_high": 4.0})
+    assert (caught.value.quantity, caught.value.value, caught.value.maximum) == ("u_low", 6.0, 4.0)
     with pytest.raises(OutOfRangeError, match=r"reverses, .*: 49 N is outside 20 to 47 N"):
         build_plan(SpringIdentificationPlan, {"F_high": "49"})
 
