@@ -11,6 +11,7 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
+from backend.api import messages
 from backend.errors import RequestRejectedError
 from backend.schemas import (
     ErrorDetail,
@@ -114,9 +115,7 @@ def install_handlers(
     @app.exception_handler(Exception)
     async def handle_unexpected_error(request: Request, error: Exception) -> JSONResponse:
         _log.error("An unexpected error ended %s %s.", request.method, request.url.path, exc_info=error)
-        return _build_json_response(
-            500, ErrorDetail(code="internal_error", message="the request failed; see the log of the service")
-        )
+        return _build_json_response(500, ErrorDetail(code="internal_error", message=messages.request_failed()))
 
 
 def build_response(error: RequestRejectedError) -> JSONResponse:

@@ -12,6 +12,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
+from backend.api import messages
 from backend.api.app import create_app
 from backend.glossary import render_glossary_typescript
 from backend.schemas import LiveMessage, Ping, render_sample_typescript
@@ -45,7 +46,7 @@ def main() -> None:
     folder: Path = arguments.out_dir
     stale = {name: content for name, content in build_files().items() if _read(folder / name) != content}
     if arguments.check and stale:
-        sys.exit(f"stale: {', '.join(stale)}; run python -m backend.api.export {folder}")
+        sys.exit(messages.stale_files(names=list(stale), folder=str(folder)))
     folder.mkdir(parents=True, exist_ok=True)
     schema = json.dumps(build_openapi_schema(), ensure_ascii=False) + "\n"
     for name, content in {**stale, "openapi.json": schema}.items():

@@ -1,5 +1,7 @@
 """Messages of the interface: missing sessions and roles, too many websockets, requests that do not fit the state."""
 
+from collections.abc import Sequence
+
 from plant import catalogue_entry
 
 
@@ -52,3 +54,18 @@ def temporary_tuning_active() -> str:
 @catalogue_entry
 def trial_in_progress() -> str:
     return "a trial is in progress: keep or revert its tuning first"
+
+
+@catalogue_entry
+def request_failed() -> str:
+    return "the request failed; see the log of the service"
+
+
+@catalogue_entry
+def dashboard_not_built() -> str:
+    return "The dashboard's pages are not built yet: run make frontend, then load this page again."
+
+
+@catalogue_entry
+def stale_files(*, names: Sequence[str], folder: str) -> str:
+    return f"stale: {', '.join(names)}; run python -m backend.api.export {folder}"

@@ -10,6 +10,7 @@ from fastapi.staticfiles import StaticFiles
 from starlette.routing import Match, Route
 from starlette.types import Receive, Scope, Send
 
+from backend.api import messages
 from backend.api.dependencies import (
     ActuatorOperator,
     CurrentService,
@@ -158,9 +159,7 @@ class _Files(StaticFiles):
 def _dashboard() -> Response:
     file = STATIC / "index.html"
     if not file.is_file():
-        return render_message_page(
-            503, "The dashboard's pages are not built yet: run make frontend, then load this page again."
-        )
+        return render_message_page(503, messages.dashboard_not_built())
     return FileResponse(file, headers={"Cache-Control": "no-cache"})
 
 
