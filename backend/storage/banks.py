@@ -25,7 +25,6 @@ from backend.storage.orm import (
     to_record,
 )
 from backend.storage.stations import session_station
-from backend.units import format_percent
 
 # Banks ---------------------------------------------------------------------------------------------
 # Controller banks in versions, each entry with the identification it was made from.
@@ -164,7 +163,7 @@ def active_entry_name(entries: Sequence[BankEntry], active: float) -> str:
     if below == last or share < 0.005:
         return stored_entry_name(entries[below])
     low, high = stored_entry_name(entries[below]), stored_entry_name(entries[below + 1])
-    return f"{low} to {high}, {100.0 * share:.0f} % of the interval"
+    return messages.between_entries(low=low, high=high, share=share)
 
 
 @dataclass(frozen=True)
@@ -185,13 +184,12 @@ class StoredFit:
 
         Only standard errors: the verdict's uncertainty may be larger, as it includes unmodelled dynamics.
         """
-        parts = (
-            "grade not recorded" if self.grade is None else str(self.grade),
-            f"fit {'not measured' if self.fit_percent is None else f'{format_percent(self.fit_percent)} %'}",
-            f"standard errors: K {_percent(self.K_error_percent)}",
-            f"T {_percent(self.T_error_percent)}",
+        return messages.quality_of_fit(
+            grade=self.grade,
+            fit_percent=self.fit_percent,
+            K_error_percent=self.K_error_percent,
+            T_error_percent=self.T_error_percent,
         )
-        return ", ".join(parts)
 
 
 def read_fits(found: Identification) -> dict[str, StoredFit]:
@@ -235,7 +233,3 @@ def _fit(channel: IdentifiedChannel) -> StoredFit:
 
 def _relative(value: float, error: float | None) -> float | None:
     return None if not value or error is None else 100.0 * error / abs(value)
-
-
-def _percent(value: float | None) -> str:
-    return "not measured" if value is None else f"{value:.3g} %"

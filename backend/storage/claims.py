@@ -55,7 +55,7 @@ class Claim:
     @property
     def describe(self) -> str:
         """Description of the service for people."""
-        return f"a service of version {self.version} (process {self.process} on {self.host})"
+        return messages.service_of_claim(version=self.version, process=self.process, host=self.host)
 
 
 def own_claim() -> Claim:

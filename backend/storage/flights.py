@@ -6,7 +6,7 @@ from datetime import datetime
 from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
-from backend.storage import runs
+from backend.storage import messages, runs
 from backend.storage.orm import Document, EventRow, FlightRow, UnknownRecordError, require
 from backend.storage.stations import session_station
 
@@ -118,7 +118,7 @@ def find(session: Session, limit: int = 100) -> list[Flight]:
 
 def _with_followers(text: str, detail: Document) -> str:
     followed_by = detail.get("followed_by")
-    return f"{text} Followed by {followed_by}." if followed_by else text
+    return messages.followed_by(text=text, followers=followed_by) if followed_by else text
 
 
 def get(session: Session, event_id: int) -> NewFlight:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from backend.units import format_count
+from backend.units import format_count, format_percent
 from plant import catalogue_entry
 
 # Records -------------------------------------------------------------------------------------------
@@ -93,6 +93,56 @@ def tag_not_used(*, tag: str) -> str:
     return f"there is no run with the tag {tag}"
 
 
+@catalogue_entry
+def between_entries(*, low: str, high: str, share: float) -> str:
+    return f"{low} to {high}, {100.0 * share:.0f} % of the interval"
+
+
+def _format_error(percent: float | None) -> str:
+    return "not measured" if percent is None else f"{percent:.3g} %"
+
+
+@catalogue_entry
+def quality_of_fit(
+    *, grade: str | None, fit_percent: float | None, K_error_percent: float | None, T_error_percent: float | None
+) -> str:
+    fit = "not measured" if fit_percent is None else f"{format_percent(fit_percent)} %"
+    errors = f"standard errors: K {_format_error(K_error_percent)}, T {_format_error(T_error_percent)}"
+    return f"{'grade not recorded' if grade is None else grade}, fit {fit}, {errors}"
+
+
+@catalogue_entry
+def followed_by(*, text: str, followers: str) -> str:
+    return f"{text} Followed by {followers}."
+
+
+@catalogue_entry
+def imported_from(*, file: str, kind: str, number: int) -> str:
+    return f"imported from {file}, originally {kind} {number}"
+
+
+@catalogue_entry
+def unreadable_experiment() -> str:
+    return "Unreadable experiment"
+
+
+@catalogue_entry
+def service_ended_during_run() -> str:
+    return "the service ended during this run; detected at its next start"
+
+
+@catalogue_entry
+def run_began(*, title: str) -> str:
+    return f"{title} began"
+
+
+@catalogue_entry
+def run_ended(*, title: str, end_state: str, detail: str) -> str:
+    fault, colon, reason = detail.partition(":")
+    ended = f"{title} {end_state.replace('_', ' ')}"
+    return f"{ended}, {fault.replace('_', ' ')}{colon}{reason}" if detail else ended
+
+
 # Stations and claims -------------------------------------------------------------------------------
 
 
@@ -113,6 +163,11 @@ def claim_lost(*, service: str, life_s: float) -> str:
         f"{service} has taken over this database, because this service sent no heartbeat for {life_s:g} s: "
         "both write to it now. Stop one of the two"
     )
+
+
+@catalogue_entry
+def service_of_claim(*, version: str, process: int, host: str) -> str:
+    return f"a service of version {version} (process {process} on {host})"
 
 
 # Schema --------------------------------------------------------------------------------------------
@@ -153,6 +208,21 @@ def database_outdated(*, schema: str | None, version: str, newest: str, folder: 
         f"the database has schema {schema}, but version {version} requires schema {newest}: `sinew db upgrade --data "
         f"{folder}` migrates it and keeps a copy of its present state"
     )
+
+
+@catalogue_entry
+def schema_outdated(*, schema: str | None, newest: str) -> str:
+    return f"the schema is {schema or 'empty'}, this version requires {newest}: run `sinew db upgrade`"
+
+
+@catalogue_entry
+def tables_differ(*, schema: str, difference: str) -> str:
+    return f"the tables are not those of schema {schema}: {difference}"
+
+
+@catalogue_entry
+def references_broken(*, table: str) -> str:
+    return f"table {table} refers to rows that do not exist"
 
 
 # Backups -------------------------------------------------------------------------------------------
@@ -197,6 +267,26 @@ def backup_damaged(*, file: Path, damage: str) -> str:
 @catalogue_entry
 def backup_of_another_program(*, file: Path) -> str:
     return f"{file} is not a database of Sinew; nothing was changed"
+
+
+@catalogue_entry
+def restore_completed() -> str:
+    return "an interrupted restore has been completed: the database now has the content of the backup"
+
+
+@catalogue_entry
+def restore_rolled_back() -> str:
+    return "an interrupted restore has been rolled back: the database is in its earlier state"
+
+
+@catalogue_entry
+def unfinished_file_removed(*, name: str) -> str:
+    return f"{name} was removed: the command that wrote it was killed"
+
+
+@catalogue_entry
+def unfinished_import_removed(*, name: str) -> str:
+    return f"{name} was removed: the import that unpacked it was killed, and stored nothing"
 
 
 # Database file -------------------------------------------------------------------------------------
@@ -247,6 +337,26 @@ def no_backup(*, file: Path, backups: Path) -> str:
         f"there is no backup in {backups}; restore one from elsewhere with "
         f"`sinew db restore FILE --data {file.parent}`, or move {file.name} away to begin with an empty database"
     )
+
+
+@catalogue_entry
+def file_damaged(*, damage: str) -> str:
+    return f"the file is damaged: {damage}"
+
+
+@catalogue_entry
+def replaced_by_another_file() -> str:
+    return "another file has replaced it"
+
+
+@catalogue_entry
+def file_deleted() -> str:
+    return "it was deleted"
+
+
+@catalogue_entry
+def account_may_only_read() -> str:
+    return "this account may only read it"
 
 
 # Database ------------------------------------------------------------------------------------------

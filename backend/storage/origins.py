@@ -8,6 +8,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from backend.models import BankChanges, find_bank_changes
+from backend.storage import messages
 from backend.storage.orm import Document, OriginRow, to_record
 from backend.storage.runs import Run
 
@@ -36,7 +37,7 @@ class Origin:
     @property
     def sentence(self) -> str:
         """Description of the origin."""
-        return f"imported from {self.file}, originally {self.kind} {self.was}"
+        return messages.imported_from(file=self.file, kind=self.kind, number=self.was)
 
 
 def add(session: Session, origin: Origin) -> None:

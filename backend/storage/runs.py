@@ -250,9 +250,7 @@ def open_ones(session: Session) -> bool:
     return session.scalar(select(RunRow.id).where(*of_station).limit(1)) is not None
 
 
-def close_interrupted(
-    session: Session, detail: str = "the service ended during this run; detected at its next start"
-) -> list[int]:
+def close_interrupted(session: Session, detail: str = messages.service_ended_during_run()) -> list[int]:
     """Close the station's runs that a crash left open as service_died.
 
     Returns their numbers. The caller must be sure that no loop executes them: at a service's start, or in a data folder
@@ -281,7 +279,7 @@ def run_title(run: Run) -> str:
     """Return the title of a run on one line; that of the experiment if there is one."""
     if run.kind != RunKind.EXPERIMENT:
         return run.kind.replace("_", " ").capitalize()
-    return escape_line(_get_experiment_part(run, "title")) or "Unreadable experiment"
+    return escape_line(_get_experiment_part(run, "title")) or messages.unreadable_experiment()
 
 
 def run_experiment_name(run: Run) -> str:

@@ -233,12 +233,14 @@ def _load_run_ends(session: Session, asked: LogQuery, limit: int | None) -> list
 
 def _make_begin_entry(row: _Row) -> tuple[LogEntry, str]:
     run, at, who, title, words, _, _ = row
-    return LogEntry(at, EventKind.RUN, who, f"{title} began", run=run), words
+    return LogEntry(at, EventKind.RUN, who, messages.run_began(title=title), run=run), words
 
 
 def _end(row: _Row) -> tuple[LogEntry, str]:
     run, at, _, title, words, state, detail = row
-    return LogEntry(at, EventKind.RUN, "", f"{title} {_in_words(state, detail)}", run=run), words
+    return LogEntry(
+        at, EventKind.RUN, "", messages.run_ended(title=title, end_state=state, detail=detail), run=run
+    ), words
 
 
 def _of_runs(session: Session, moment: InstrumentedAttribute[Any], asked: LogQuery) -> _Query:
@@ -255,13 +257,6 @@ def _of_runs(session: Session, moment: InstrumentedAttribute[Any], asked: LogQue
         named += [RunRow.id == int(word)] if word.isascii() and word.isdigit() and len(word) < _LONGEST_NUMBER else []
         query = query.where(true() if word.casefold() == "run" else or_(*named))
     return query
-
-
-def _in_words(end_state: str, detail: str) -> str:
-    """Return how a run ended; ``detail`` has the name of a fault before its colon."""
-    fault, colon, seen = detail.partition(":")
-    why = f"{fault.replace('_', ' ')}{colon}{seen}"
-    return end_state.replace("_", " ") + (f", {why}" if detail else "")
 
 
 def _within(moment: InstrumentedAttribute[Any], asked: LogQuery) -> list[Condition]:

@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from backend.identification.models import joint_method_name
+from backend.identification.models import Grade, joint_method_name
+from backend.storage import messages
 from backend.storage.banks import (
     BankEntry,
     StoredFit,
@@ -51,7 +52,7 @@ def test_an_entry_goes_by_its_tension_and_without_one_by_its_stiffness() -> None
     ("active", "said"),
     [
         (0.0, "10 N"),
-        (0.25, "10 N to 20.5 N, 25 % of the interval"),
+        (0.25, messages.between_entries(low="10 N", high="20.5 N", share=0.25)),
         (1.0, "20.5 N"),
         (2.0, "12.43 N·m/rad"),
         (7.0, "12.43 N·m/rad"),  # of a bank that has just been changed for one with fewer
@@ -63,8 +64,13 @@ def test_what_is_in_use_is_told_by_name(active: float, said: str) -> None:
 
 def test_a_fit_is_that_of_its_own_identification_with_its_errors() -> None:
     fits = read_fits(FOUND)
-    assert fits["G_q"].in_words() == "usable, fit 98.2 %, standard errors: K 2 %, T 5 %"
-    assert fits["G_S"].in_words() == "usable with caution, fit not measured, standard errors: K 1 %, T not measured"
+    described = {name: fit.in_words() for name, fit in fits.items()}
+    assert described["G_q"] == messages.quality_of_fit(
+        grade=Grade.USABLE, fit_percent=98.17, K_error_percent=2.0, T_error_percent=5.0
+    )
+    assert described["G_S"] == messages.quality_of_fit(
+        grade=Grade.CAUTION, fit_percent=None, K_error_percent=1.0, T_error_percent=None
+    )
 
 
 @pytest.mark.parametrize(
@@ -75,7 +81,9 @@ def test_nothing_is_known_of_an_identification_that_cannot_be_read(
 ) -> None:
     found = replace(FOUND, model=model, quality=quality)
     assert read_fits(found) == dict.fromkeys(("G_q", "G_S"), StoredFit(None, None, None, None))
-    assert read_fits(found)["G_q"].in_words().startswith("grade not recorded, fit not measured")
+    assert read_fits(found)["G_q"].in_words() == messages.quality_of_fit(
+        grade=None, fit_percent=None, K_error_percent=None, T_error_percent=None
+    )
     assert read_method_name(found) == "default"
 
 

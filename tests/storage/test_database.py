@@ -30,7 +30,7 @@ from backend.models.run import Outcome
 from backend.schemas.run import SEARCH_NAME_MAX
 from backend.services import maintenance
 from backend.services.maintenance import DatabaseMonitor
-from backend.storage import banks, experiments, identifications, runs
+from backend.storage import banks, experiments, identifications, messages, runs
 from backend.storage.banks import BankEntry
 from backend.storage.database import (
     BackupError,
@@ -61,6 +61,7 @@ from backend.studies.point import FAILED, LOST, REFUSED
 from plant import Message
 from plant.interface import FILE_NAME_MAX, NAME_MAX
 from plant.parameters import load_parameters
+from tests.reasons import assert_reason
 from tests.refusals import refused
 from tests.storage.test_lineage import NEW_IDENTIFICATION, NEW_RUN
 
@@ -151,7 +152,7 @@ def test_check_finds_references_to_nothing(sqlite: Database, tmp_path: Path) -> 
     careless.execute(f"INSERT INTO recording ({names}) VALUES (77, '[]', 0.001, 0, '', 0)")
     careless.commit()
     careless.close()
-    assert find_database_errors(sqlite.engine) == ["table recording refers to rows that do not exist"]
+    assert find_database_errors(sqlite.engine) == [messages.references_broken(table="recording")]
 
 
 def test_check_finds_a_damaged_file(tmp_path: Path) -> None:
@@ -281,7 +282,7 @@ def test_a_large_file_is_looked_at_in_the_background(
         watched.start_check()
         watched.wait_for_check(60.0)
         assert "monday.db" in watched.problem
-        assert "Stop the service first" in watched.problem
+        assert_reason(watched.problem, "damaged_database")
 
 
 @pytest.mark.parametrize(("content", "code"), [(b"", "database_empty"), (b"junk" * 4096, "database_unusable")])

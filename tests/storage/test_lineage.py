@@ -15,6 +15,7 @@ from sqlalchemy import text
 from backend.models.run import MeasuredFigure, Metrics, RunCriterion
 from backend.recording.codec import compute_recording_digest, pack_table
 from backend.schemas.run import LineageKind, LineageNode
+from backend.services import record_messages
 from backend.services.lineage import RunHistory
 from backend.storage import banks, commissioning, events, identifications, recordings, results, runs, settings
 from backend.storage.banks import BankEntry
@@ -305,17 +306,18 @@ def test_what_holds_no_more_is_marked_where_it_stands(database: Database) -> Non
         recordings.mark_removed(session, source, "deleted")
         recordings.remove_chunks(session, source, 10)
     found = boxes(database, run)
-    assert found[f"identification-{estimate.id}"].out_of_date == f"identified again in run {again}"
-    assert (
-        found[f"bank-{bank.id}"].out_of_date
-        == "version 2 of this bank is newer; an operating point was identified again"
-    )
+    assert found[f"identification-{estimate.id}"].out_of_date == record_messages.identified_again(run=again)
+    newer, again_at_point = record_messages.newer_version_of_bank(version=2), record_messages.point_identified_again()
+    assert found[f"bank-{bank.id}"].out_of_date == f"{newer}; {again_at_point}"
     data = found[f"data-{source}"]
-    assert data.out_of_date == "the samples were deleted"
+    assert data.out_of_date == record_messages.samples_deleted()
     assert data.sha256 is None
     assert "deleted" in data.no_sha256
     marks = {node.id: node.out_of_date for node in found.values() if node.kind is LineageKind.PARAMETERS}
-    assert sorted(marks.values()) == ["", "the active parameters differ: geometry.r_j 0.08, now 0.075"]
+    assert sorted(marks.values()) == [
+        "",
+        record_messages.parameters_differ(changes=[("geometry.r_j", 0.08, 0.075)], more=0),
+    ]
 
 
 def test_calibrations_are_those_of_the_station_when_the_run_began(database: Database) -> None:
@@ -357,7 +359,7 @@ def test_a_recording_has_the_same_digest_however_it_is_cut(database: Database) -
         row = 3 * 4
         gap = head + struct.pack("<q", 0) + raw[: 7 * row] + struct.pack("<q", 9) + raw[9 * row :]
         assert compute_recording_digest(session, missing) == hashlib.sha256(gap).hexdigest()
-    assert boxes(database, missing)[f"run-{missing}"].no_sha256 == "the run is still in progress"
+    assert boxes(database, missing)[f"run-{missing}"].no_sha256 == record_messages.run_still_in_progress()
 
 
 @pytest.mark.parametrize("largest", [10**9, 1])

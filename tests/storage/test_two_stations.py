@@ -16,6 +16,7 @@ import pytest
 from backend.recording.reader import read_samples
 from backend.storage import recordings, runs
 from backend.storage.database import open_database
+from backend.storage.messages import station_taken
 from tests.api.conftest import client_with, until, wait_for
 from tests.e2e.service import Service, running_service
 from tests.postgres import new_database
@@ -108,7 +109,7 @@ def test_two_stations_at_work_at_once_mix_nothing(services: dict[str, Service], 
         assert b.get("/api/saved-searches").json()["searches"] == []
         require_own_trip(a, b, of["rig-a"][0])
         refused = client_of_a_third(url, tmp_path)
-        assert "another service uses this database as station rig-a" in refused
+        assert station_taken(service="another service", station="rig-a").partition(":")[0] in refused
 
 
 def require_own_samples(url: str, tmp_path: Path, of: dict[str, list[int]]) -> None:
