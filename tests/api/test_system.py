@@ -23,6 +23,7 @@ from backend.data_folder import AlreadyRunningError, lock_for_service
 from backend.event_bus import EventBus
 from backend.logs import EVENT, LINES_PER_WINDOW, Level, RateLimit, configure_logging
 from backend.services.event_log import LONGEST_WINDOW_S, MOST, TEXT_MAX, WINDOW_S, EventLog, RejectionLog
+from backend.services.messages import command_refused, fault_is_latched, refusal_repeated
 from backend.storage import events, runs
 from backend.storage.database import BackupError, Database, open_database, restore_database
 from backend.storage.events import EventKind
@@ -339,13 +340,14 @@ class Flood:
 def test_repeated_refusals_are_counted_per_user(database: Database) -> None:
     flood = Flood(database)
     for _ in range(500):
-        flood.refusals.add("set mode (mode run)", "a fault is latched", "Ana")
-    flood.refusals.add("set mode (mode run)", "a fault is latched", "Bo")
+        flood.refusals.add("set mode (mode run)", fault_is_latched(), "Ana")
+    flood.refusals.add("set mode (mode run)", fault_is_latched(), "Bo")
     flood.end()
+    refusal = command_refused(command="set mode (mode run)", reason=fault_is_latched())
     assert flood.read_refusals() == [
-        ("set mode (mode run) refused: a fault is latched", "Ana"),
-        ("set mode (mode run) refused: a fault is latched", "Bo"),
-        ("set mode (mode run) refused: a fault is latched (499 times more in 10 s)", "Ana"),
+        (refusal, "Ana"),
+        (refusal, "Bo"),
+        (refusal_repeated(refusal=refusal, count=499, window_s=10.0), "Ana"),
     ]
 
 
