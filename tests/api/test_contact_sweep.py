@@ -89,7 +89,8 @@ def test_stop_restores_S_ref(database: Database) -> None:
     stepped(database, load_parameters("lab"), stop)
     with database.reading() as session:
         told = [(event.text, event.who) for event in events.find(session)]
-    assert ("calibration over S ended at point 3 of 5, 11.5 N·m/rad: stopped on request", WHO) in told
+    reason = messages.sweep_stopped_on_request()
+    assert (messages.sweep_ended(point=3, points=5, S_ref=11.5, reason=reason), WHO) in told
 
 
 def test_other_motion_aborts_the_sweep_and_keeps_its_points(database: Database) -> None:
@@ -110,19 +111,18 @@ def test_other_motion_aborts_the_sweep_and_keeps_its_points(database: Database) 
             await parts.supervisor.send(commands.Stop())
 
         for end, why, then in (
-            (by_reference, "other references were set", (-0.1, 9.0)),
-            (by_control, "no longer holds control", (0.2, 11.5)),
+            (by_reference, messages.other_references_set(), (-0.1, 9.0)),
+            (by_control, messages.sweep_without_operator(), (0.2, 11.5)),
             (by_push, messages.joint_is_pushed(), (0.2, 10.0)),
-            (by_mode, "the mode is compliance now", None),
-            (by_stop, "the mode is tripped now", None),
+            (by_mode, messages.mode_changed_in_sweep(mode=Mode.COMPLIANCE), None),
+            (by_stop, messages.mode_changed_in_sweep(mode=Mode.TRIPPED), None),
         ):
             await learned_two(parts)
             known = parts.state().touch.learned
             assert len(known) == 2
             await end()
             sweep = await until(parts)
-            assert why in sweep.why
-            assert (sweep.under_way, sweep.point) == (False, 3)
+            assert (sweep.under_way, sweep.point, sweep.why) == (False, 3, why)
             assert parts.state().touch.learned == known
             await parts.supervisor.advance(0.5)
             if then is not None:
@@ -240,9 +240,9 @@ def test_failure_of_the_sweep_is_reported(
         else:
             monkeypatch.setattr("backend.services.contact._explain_drift", broken)
         sweep = await until(parts)
-        cause = "its task was cancelled" if cancelled else "ZeroDivisionError: of a test"
-        assert sweep.why == f"it failed ({cause})"
-        assert cause in contact.sweep.problem
+        cause: str = messages.sweep_task_cancelled() if cancelled else "ZeroDivisionError: of a test"
+        assert sweep.why == messages.end_of_failed_sweep(cause=cause)
+        assert contact.sweep.problem == messages.sweep_failed(cause=cause)
         await parts.supervisor.advance(0.01)
         assert reference(parts) == pytest.approx((0.2, 10.0))
         assert len(parts.state().touch.learned) == 2
@@ -264,7 +264,7 @@ def test_loop_exit_ends_the_sweep_without_restoring_S_ref(database: Database) ->
         parts.supervisor.dead = True
         parts.actuator.contact._handle_event(LoopExited("killed"))
         sweep = sweep_of(parts)
-        assert (sweep.under_way, sweep.point, sweep.why) == (False, 3, "the control loop died")
+        assert (sweep.under_way, sweep.point, sweep.why) == (False, 3, messages.bias_lost_with_loop())
         assert parts.state().touch.learned == []  # as in a new loop
         await asyncio.sleep(0.1)
         await parts.supervisor.advance(0.01)
@@ -291,7 +291,7 @@ def test_from_the_command_line(service: Service, running: httpx.Client) -> None:
     assert "wait until it ends, or stop it" in sinew("touch", "forget", folder=service.data).stderr
     assert running.post("/api/mode", json={"mode": "pretension"}).status_code == 200
     ended = running.get("/api/state").json()["touch"]["sweep"]
-    assert (ended["under_way"], ended["why"]) == (False, "the mode is pretension now")
+    assert (ended["under_way"], ended["why"]) == (False, messages.mode_changed_in_sweep(mode=Mode.PRETENSION))
     assert "held in mode run" in sinew("touch", "sweep", folder=service.data).stderr
     assert "no bias calibrated" in sinew("touch", "forget", folder=service.data).stdout
 

@@ -1,6 +1,7 @@
 """Simulated pushes and walls, through the service and in replays."""
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,12 @@ from backend.errors import OutOfRangeError, RequestRejectedError
 from backend.experiments.library import experiments_by_name
 from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import RunEnded, RunProgram
+from backend.realtime.messages import (
+    plant_without_obstacles,
+    plant_without_push,
+    plant_without_shaft_load,
+    push_not_in_mode,
+)
 from backend.realtime.modes import Mode
 from backend.realtime.program import Law, Program, Segment
 from backend.recording.reader import read_samples
@@ -23,6 +30,7 @@ from backend.scene.model import Pose, SceneMirror
 from backend.schemas.session import Role
 from backend.schemas.state import PushRequest, WallOrder, WallView
 from backend.schemas.tuning import TuningRequest
+from backend.services import messages
 from backend.services.actuator import set_obstacle
 from backend.services.jobs import list_experiment_kinds
 from backend.services.runs import ReplayView
@@ -88,8 +96,8 @@ def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -
     stepped(database, load_parameters("ideal"), lost)
     with database.reading() as session:
         told = [event.text for event in events.find(session)]
-    assert "push of 6.0 N for 10.0 s" in told
-    assert "push released: the operator lost control" in told
+    assert messages.push_started(F_push=6.0, duration_s=10.0) in told
+    assert messages.push_without_operator() in told
 
 
 def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Database) -> None:
@@ -101,9 +109,9 @@ def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Data
         assert set(why_not(PlantKind.VIRTUAL_CARD).values()) == set(why_not(PlantKind.SIMULATOR).values()) == {""}
         for kind in (PlantKind.RIG, PlantKind.REPLAY):
             told = why_not(kind)
-            assert "cannot push the joint" in told["compliance"]
-            assert "load its motors' shafts" in told["robustness"]
-            assert "does not support obstacles" in told["impact"]
+            assert told["compliance"] == plant_without_push()
+            assert told["robustness"] == plant_without_shaft_load()
+            assert told["impact"] == plant_without_obstacles()
             beyond = {"compliance", "robustness", "disturbance_battery", "impact"}
             assert {name for name, why in told.items() if why} == beyond
 
@@ -112,7 +120,8 @@ def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Data
 
 def test_a_push_is_bounded_and_refused_where_nothing_can_push(database: Database) -> None:
     async def not_possible(parts: Parts) -> None:
-        with pytest.raises(RequestRejectedError, match="in run and compliance; the mode is off"):
+        reason = push_not_in_mode(mode=Mode.OFF, push_modes=(Mode.RUN, Mode.COMPLIANCE))
+        with pytest.raises(RequestRejectedError, match=re.escape(reason)):
             await parts.actuator.push(PushRequest(F_push=5.0), OPERATOR.name)
         await in_run(parts)
         for push, quantity in (

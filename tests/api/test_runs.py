@@ -4,7 +4,6 @@ import csv
 import io
 import json
 import math
-import re
 import zipfile
 from collections.abc import Iterator
 from contextlib import closing
@@ -17,13 +16,16 @@ import pandas
 import pytest
 
 from backend.banks.tuning_settings import saved_tuning_key
+from backend.experiments.messages import invalid_formula_name, not_an_expression, unknown_signal
 from backend.exports.importer import import_bundle
 from backend.exports.importer import import_export as take_in_samples
 from backend.exports.mcap import foxglove_layout
 from backend.models.run import SAVED_TUNING, SavedLoopSettings
 from backend.schemas.run import ChecklistState
+from backend.services import record_messages
 from backend.services.lineage import build_checklist
 from backend.storage import banks, identifications, runs, settings
+from backend.storage import messages as search_messages
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database
 from backend.storage.identifications import NewIdentification
@@ -174,11 +176,16 @@ def test_one_report_of_both_runs(operator: httpx.Client, played: list[int]) -> N
     assert operator.get("/api/run-comparison/report.html", params={"run": [played[0], 10**9]}).status_code == 404
 
 
+def in_search(reason: str) -> str:
+    """Return a message about the first character of a search."""
+    return search_messages.invalid_search(place=0, reason=reason, near=[], known=[])
+
+
 def test_a_search_that_says_nothing_is_refused(operator: httpx.Client, played: list[int]) -> None:
     for where, said in (
-        ("durtion_s < 5", "character 1: no stored run has a value 'durtion_s'"),
+        ("durtion_s < 5", in_search(search_messages.name_in_no_run(name="durtion_s"))),
         ("kind = sequense", "did you mean sequence"),
-        ("(a", "character 1: the bracket is not closed"),
+        ("(a", in_search(search_messages.bracket_not_closed())),
         ("a " * 600, "1000 characters at most"),
     ):
         refused = operator.get("/api/runs", params={"where": where})
@@ -421,9 +428,9 @@ def test_a_change_counts_at_once_and_a_removed_one_is_no_signal(operator: httpx.
 @pytest.mark.parametrize(
     ("name", "expression", "said"),
     [
-        ("made", "F_C * 2", "the closest name is F_"),
-        ("made", "q +", "is not an expression"),
-        ("q", "2 * S", "is not a valid name of a formula"),
+        ("made", "F_C * 2", unknown_signal(name="F_C", nearest="F_")),
+        ("made", "q +", not_an_expression(expression="q +")),
+        ("q", "2 * S", invalid_formula_name(name="q").partition(":")[0]),
         ("f_Mean", "q", "differs from 'F_mean' only in case"),
     ],
 )
@@ -556,7 +563,8 @@ def test_a_tuning_is_done_once_it_is_saved_for_the_bank_in_use(database: Databas
     with database.reading() as session:
         [step] = [one for one in build_checklist(session, PARAMETERS, bank) if one.name == "tuning"]
     assert (step.state, step.run) == (ChecklistState.DONE, None)
-    assert re.fullmatch(r"λ_q = 0\.45 s, λ_S = 0\.1 s, saved for \w+ v\d by Ada", step.detail)
+    lambdas = {"q": 0.45, "S": 0.1}
+    assert step.detail == record_messages.saved_tuning(lambdas=lambdas, bank="bench v1", who="Ada")
     assert states(database, other)["tuning"] == "missing"
     assert states(database, None)["tuning"] == "missing"
 
