@@ -11,6 +11,7 @@ import pytest
 
 from backend.experiments.library import experiments_by_name
 from backend.experiments.plans import LoopSettings
+from backend.services import messages
 from backend.tuning.gains import TuningParameters, designed_point
 from plant.parameters import load_parameters
 from tests.api.conftest import problem
@@ -44,7 +45,7 @@ def test_it_is_told_part_by_part_and_not_played(viewer: httpx.Client) -> None:
     ]
     assert [part["q_to"] for part in told["parts"]] == [0.0, 0.2]
     assert (told["dry_run"], told["peak_voltage_V"], told["min_tension_N"]) == (None, None, None)
-    assert told["not_predicted"] == "the experiment was only checked, without a dry run"
+    assert told["not_predicted"] == messages.checked_without_dry_run()
 
 
 def test_what_cannot_be_run_is_refused_at_its_place(viewer: httpx.Client) -> None:

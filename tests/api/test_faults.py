@@ -14,6 +14,7 @@ import pytest
 from backend.auth.control_lease import ControlLease
 from backend.errors import RequestRejectedError
 from backend.faults import FAULTS, Fault
+from backend.services import messages
 from backend.services.actuator import ActuatorService
 from backend.services.fault_injection import INJECTIONS, MANUAL_CAUSES, apply_fault, describe_faults
 from plant.errors import ErrorCode
@@ -95,7 +96,7 @@ def test_a_plant_that_fails_while_tripped_is_a_standing_problem(off: httpx.Clien
     off.post("/api/stop").raise_for_status()
     off.post("/api/faults/injection", json={"kind": kind}).raise_for_status()
     (problem_shown,) = cast(list[str], once_told(off, "problems")["problems"])
-    assert problem_shown.startswith("the plant cannot be read or written")
+    assert problem_shown.startswith(messages.plant_failing(reason=""))
     state = off.get("/api/state").json()
     assert state["fault"]["code"] == "stop_pressed"
     off.request("DELETE", "/api/faults/injection").raise_for_status()

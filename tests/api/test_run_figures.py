@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from pypdf import PdfReader
 
+from backend.reports.messages import element_not_allowed, not_a_sheet
 from backend.sample import STORED_NAMES
 from backend.server import messages
 from backend.server.security import MAX_BODY_BYTES, MAX_SHEET_BYTES, SHEETS
@@ -48,7 +49,8 @@ def test_what_is_no_sheet_is_refused_in_words(operator: httpx.Client) -> None:
     assert answer.status_code == 422
     problem = answer.json()["error"]
     assert problem["code"] == "not_a_sheet"
-    assert problem["message"].startswith("this is not a chart sheet: it has an element <script>; ")
+    reason = element_not_allowed(element="script", allowed=[])
+    assert problem["message"].startswith(not_a_sheet(reason=reason).partition(";")[0])
 
 
 def test_a_sheet_that_is_too_large_is_refused_before_it_is_read(operator: httpx.Client) -> None:

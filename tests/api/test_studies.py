@@ -6,6 +6,8 @@ from typing import Any
 import httpx
 import pytest
 
+from backend.experiments.messages import not_yaml_or_json, unknown_format
+from backend.studies.messages import unknown_plant_number
 from tests.api.conftest import problem, until
 
 HEAD = "format: 1\nname: short\ntitle: Short\nsettings: {q_duration_s: 0.5, S_duration_s: 0.5, S_high: 12.0}\n"
@@ -99,9 +101,9 @@ def test_a_study_is_stopped_and_resumed_and_another_waits_for_its_turn(operator:
             5,
             "tuning parameter of the position loop: 9 s is outside 0.01 to",
         ),
-        (HEAD + "axes: [{over: motor.c9, values: [1.0]}]", 5, "the plant has no such numeric parameter"),
-        ("format: 3", 1, "is not a known format: this version of Sinew reads format 1"),
-        ("]", 1, "it is neither YAML nor JSON"),
+        (HEAD + "axes: [{over: motor.c9, values: [1.0]}]", 5, unknown_plant_number(name="motor.c9")),
+        ("format: 3", 1, unknown_format(value=3, known=1)),
+        ("]", 1, not_yaml_or_json(reason="")),
     ],
 )
 def test_what_cannot_be_is_refused_with_its_line(operator: httpx.Client, text: str, line: int, told: str) -> None:

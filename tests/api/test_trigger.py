@@ -7,6 +7,7 @@ from typing import Any
 import httpx
 import pytest
 
+from backend.services import messages
 from plant.quantity import Angle
 from tests.api.conftest import client_with, problem, until, until_state, wait_for
 from tests.e2e.service import running_service
@@ -98,7 +99,7 @@ def test_orders_that_make_no_sense_are_refused(disarmed: httpx.Client, order: di
     refused = arm(disarmed, **order)
     assert (refused.status_code, problem(refused)["code"]) == (422, code)
     if code == "unknown_signal":
-        assert "the closest name is F_" in problem(refused)["message"]
+        assert problem(refused)["message"].startswith(messages.unknown_signal(signal="F_C", nearest="F_"))
         assert "F_B" in problem(refused)["legal"]
 
 
@@ -128,5 +129,5 @@ def test_a_restart_of_the_service_disarms_it_and_says_so(tmp_path_factory: pytes
             entries = client.get("/api/log", params={"words": "trigger"}).json()["entries"]
             return [entry["text"] for entry in entries]
 
-        wanted = "trigger disarmed, because the service was restarted: F_A above 45 N, armed by operator"
+        wanted = messages.trigger_disarmed_by_restart(condition="F_A above 45 N", who="operator")
         assert until(lambda: told() if wanted in told() else None)[0] == wanted
