@@ -3,6 +3,7 @@
 import httpx
 import pytest
 
+from backend.services import messages
 from tests.api.conftest import problem, until, wait_for
 
 SHORT = '[{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}]'
@@ -46,10 +47,8 @@ def test_a_stop_holds_the_queue_and_says_why(off: httpx.Client) -> None:
     wait_for(off, "task", None)
     queue = off.get("/api/experiments/queue").json()
     assert not queue["running"]
-    assert (
-        queue["problem"]
-        == f"paused because run {run} ended as stopped; start the queue again to continue with the next experiment"
-    )
+    stopped = messages.run_not_completed(run=run, end_state="stopped")
+    assert queue["problem"] == messages.queue_paused(cause=stopped, waiting=1)
     assert len(queue["items"]) == 1
 
 
@@ -66,7 +65,8 @@ def test_what_waits_is_moved_to_its_place(off: httpx.Client) -> None:
     assert order_after(second, 1) == [first, second, third]
     beyond = off.put(f"/api/experiments/queue/{first}/place", json={"place": 3})
     assert beyond.status_code == 422
-    assert problem(beyond)["message"] == "position in the queue: 3 is outside 0 to 2; choose a value in this range"
+    bounds = ("quantity", "value", "minimum", "maximum", "path")
+    assert [problem(beyond)[name] for name in bounds] == ["place", 3, 0, 2, ["place"]]
     gone = off.put("/api/experiments/queue/999999/place", json={"place": 0})
     assert (gone.status_code, problem(gone)["message_code"]) == (404, "not_in_the_queue")
 
@@ -104,7 +104,7 @@ def test_the_tuning_that_an_experiment_puts_into_use_is_the_one_that_is_shown(of
     assert {**off.get("/api/state").json()["tuning"], "entry": before["entry"]} == before
     marks = off.get(f"/api/runs/{run}/marks").raise_for_status().json()["marks"]
     texts = [mark["text"] for mark in marks if mark["kind"] == "tuning"]
-    assert "by the program: λ_q 0.9 s, λ_S 0.42 s" in texts
+    assert messages.tuning_by_program(lam_q=0.9, lam_S=0.42) in texts
     assert off.get(f"/api/runs/{run}").json()["title"] == "Slowly"
 
 
