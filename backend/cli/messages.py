@@ -397,7 +397,10 @@ def step_blocked(*, step: str, reason: str) -> str:
 
 @catalogue_entry
 def session_begins(*, plant: str, wiring: str) -> str:
-    return f"{plant}, {wiring}. Press Ctrl+C at any time for zero volts; the result of an unfinished step is not stored, except that of a motor test that has moved the motor."
+    return (
+        f"{plant}, {wiring}. Press Ctrl+C at any time for zero volts; the result of an unfinished step is not "
+        "stored, except that of a motor test that has moved the motor."
+    )
 
 
 @catalogue_entry
