@@ -23,6 +23,7 @@ from backend.execution.simulation import open_headless_rig
 from backend.experiments import messages as experiment_messages
 from backend.experiments.library import find_experiment
 from backend.experiments.plans import LoopSettings
+from backend.services import record_messages
 from backend.services.studies import Studies
 from backend.storage import banks, studies
 from backend.storage.banks import BankEntry
@@ -216,7 +217,7 @@ def test_a_study_that_is_killed_goes_on_where_it_was(database: Database, tmp_pat
     process.wait()
     killed = Studies(database).load_view(study)
     assert killed.state == "stopped"
-    assert "died without a message" in killed.problem
+    assert killed.problem == record_messages.study_process_died()
     until(lambda: not any(Path(f"/proc/{worker}").exists() for worker in workers))  # all workers have ended
     (tmp_path / "go").touch()
     assert run_study(database, study, with_work(studying.patient, tmp_path))
