@@ -18,7 +18,7 @@ describe("actuatorPose", () => {
     expect(loaded.A.tendon).toBeGreaterThan(loaded.B.tendon);
   });
 
-  it("shows slack, and nothing wild before the first sample", () => {
+  it("shows a slack tendon, and a finite pose before the first sample", () => {
     expect(actuatorPose({ ...REST, F_B: 0.2 }, 1).B.slack).toBe(true);
     const none = actuatorPose(
       Object.fromEntries(Object.keys(REST).map((name) => [name, Number.NaN])) as typeof REST,
@@ -30,7 +30,7 @@ describe("actuatorPose", () => {
     expect(none.fan_deg).toBeNull();
   });
 
-  it("has no stiffness while a tendon is slack, whatever the angles would give", () => {
+  it("has no compliance fan while a tendon is slack or the stiffness is unknown", () => {
     for (const loose of [{ F_A: 0.1 }, { F_B: 0.1 }]) {
       const pose = actuatorPose({ ...REST, ...loose, S: -8.7 }, 1);
       expect([pose.slack, pose.fan_deg]).toEqual([true, null]);
@@ -38,7 +38,7 @@ describe("actuatorPose", () => {
     expect(actuatorPose({ ...REST, S: Number.NaN }, 1).fan_deg).toBeNull();
   });
 
-  it("opens the fan wider when the joint is softer", () => {
+  it("opens the fan wider for a softer joint", () => {
     const soft = actuatorPose({ ...REST, S: 8 }, 1).fan_deg;
     expect(soft).toBeCloseTo((2 / 8) * (180 / Math.PI), 9);
     expect(soft).toBeGreaterThan(actuatorPose({ ...REST, S: 14 }, 1).fan_deg ?? Number.NaN);

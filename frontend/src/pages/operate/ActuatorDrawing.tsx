@@ -9,9 +9,9 @@ import { DEGREES, HUES } from "../../theme/signals";
 import styles from "./ActuatorDrawing.module.css";
 import { TEXTS } from "./texts";
 
-/** From samples to the drawing of the actuator: angles and lengths in the drawing's own units. Pure. */
+/** Computes angles and lengths of the actuator drawing from samples, in drawing units. Pure. */
 
-/** Reel and pulley [m], spring travel until it is solid [m], torque of the compliance fan [N·m]. */
+/** Radii of reel and pulley [m], travel to the solid spring [m], torque of the compliance fan [N·m]. */
 const R_M = 7.5e-3;
 const R_J = 75e-3;
 const SOLID_M = 61.4e-3;
@@ -34,28 +34,29 @@ interface Signals {
 
 interface Side {
   readonly slack: boolean;
-  /** Zigzag of the spring from its top as x, y, x, y, …; shorter the more it is compressed. */
+  /** Zigzag of the spring from its top as x, y, x, y, …; compression shortens it. */
   readonly spring: readonly number[];
   readonly springLength: number;
-  /** Width of the tendon's line. */
+  /** Line width of the tendon. */
   readonly tendon: number;
   readonly reel_deg: number;
 }
 
 interface ActuatorPose {
-  /** Clockwise turn of the link, as a canvas counts; positive q turns it the other way. */
+  /** Clockwise angle of the link, as in a canvas; positive q turns the link counter-clockwise. */
   readonly link_deg: number;
-  /** Turn of the reference, null while there is none. */
+  /** Clockwise angle of the reference; null without a reference. */
   readonly ghost_deg: number | null;
-  /** Half angle that 2 N·m would deflect the joint; null where the stiffness is not known. */
+  /** Deflection under 2 N·m, at most 60°; null if a tendon is slack or the stiffness is unknown. */
   readonly fan_deg: number | null;
-  /** Whether a tendon is slack: the joint has no stiffness that angles could tell. */
+  /** Whether a tendon is slack; the angles then do not determine the joint stiffness. */
   readonly slack: boolean;
   readonly A: Side;
   readonly B: Side;
 }
 
-/** The pose for samples in SI. Elongations follow equation 1 of the paper; NaN is drawn as 0, and no force as taut. */
+/** Returns the pose for samples in SI. Elongations follow equation 1 of the paper.
+ * NaN is drawn as 0, and a tendon without a force sample as taut. */
 export function actuatorPose(signals: Signals, slack_N: number): ActuatorPose {
   const value = (name: keyof Signals) => (Number.isFinite(signals[name]) ? signals[name] : 0);
   const x_A = R_M * value("theta_A") - R_J * value("q");
@@ -94,9 +95,9 @@ function zigzag(length: number): number[] {
   return [...points, 0, length];
 }
 
-/** Paints a pose: link and reference ghost on the pulley, two tendons with their springs and reels, the figures. */
+/** Paints a pose: link and reference on the pulley, tendons with springs and reels, and values. */
 
-/** Size of the picture in its own units; it is scaled to fit. */
+/** Size of the drawing in drawing units; the canvas scales it to fit. */
 const WIDTH = 240;
 const HEIGHT = 326;
 const AXIS_Y = 132;
@@ -133,12 +134,12 @@ function paintActuator(surface: Surface, signals: Signals, pose: ActuatorPose, a
   pen.restore();
 }
 
-/** A picture has no room for a reason beside a dash: it says itself that nothing was sampled. */
-function sampled(value: number, told: (value: number) => string): string {
-  return Number.isFinite(value) ? told(value) : TEXTS.noSample;
+/** Returns the formatted value; without a sample a text, because the drawing has no space for a reason. */
+function sampled(value: number, format: (value: number) => string): string {
+  return Number.isFinite(value) ? format(value) : TEXTS.noSample;
 }
 
-/** Height of letters in the picture's units so that they stay readable when it is small. */
+/** Returns the font size in drawing units, at least LEAST_LETTERS_PX on the screen. */
 function letters(scale: number, wanted: number): number {
   return Math.max(wanted, LEAST_LETTERS_PX / scale);
 }
@@ -166,7 +167,7 @@ function paintJoint(pen: Pen, pose: ActuatorPose, colours: Surface["colours"]): 
   pen.restore();
 }
 
-/** Where 2 N·m to either side would hold the joint. */
+/** Paints the sector over which ±2 N·m would deflect the joint. */
 function paintFan(pen: Pen, half_rad: number, colours: Surface["colours"]): void {
   pen.globalAlpha = 0.2;
   pen.fillStyle = colours.drawn(HUES.S);
@@ -215,7 +216,7 @@ function turned(pen: Pen, degrees: number, paint: () => void): void {
   pen.restore();
 }
 
-/** A line through points given as x, y, x, y, … */
+/** Draws a line through points given as x, y, x, y, … */
 function line(pen: Pen, points: readonly number[], colour: string, width: number): void {
   pen.strokeStyle = colour;
   pen.lineWidth = width;
@@ -235,11 +236,11 @@ function disc(pen: Pen, radius: number, colours: Surface["colours"], width: numb
   pen.stroke();
 }
 
-/** The actuator drawn flat: cheap enough for any machine. Live, or as a recording has it at a moment. */
+/** Flat drawing of the actuator, cheap on any machine: live, or at one time of a recording. */
 
 const NAMES = ["q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B"] as const;
 
-/** `read` gives a signal at present; the same function as long as it is the same recording. */
+/** Without `read` the drawing is live. `read` returns a signal's value; its identity changes only with the recording. */
 export function ActuatorDrawing({ read }: { read?: (name: string) => number }) {
   const store = useLiveStore();
   const angles = useAngleUnit();

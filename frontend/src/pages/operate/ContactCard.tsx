@@ -1,4 +1,4 @@
-/** Touch: the outside force as the loop estimates it, what was learned of it, and the joint that gives way to contacts. */
+/** Card for contacts: estimated external force, calibration of its bias, and the contact reaction. */
 
 import { Button } from "@mantine/core";
 import { useEffect, useState } from "react";
@@ -19,7 +19,7 @@ import type { State, TouchView } from "../../wire/types";
 import styles from "./Operate.module.css";
 import { TEXTS } from "./texts";
 
-const LOOK_MS = 100;
+const POLL_MS = 100;
 const USUAL_N = 2;
 
 function isNumber(value: unknown): value is number {
@@ -45,11 +45,11 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
   const contact_N = chosen.value;
   const about = [contact_N, touch.learned.length];
   const refusal = problem === null ? order.error : null;
-  const now = told(touch);
+  const now = describeState(touch);
   return (
     <Card title={TEXTS.touch} aside={<ForceNow touch={touch} />}>
       <RefusedFields error={refusal} about={about}>
-        {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
+        {/* biome-ignore lint/a11y/useSemanticElements: the buttons act at once; they are not a form */}
         <div className={styles.touchRows} role="group" aria-label={TEXTS.touch}>
           <ValueBox
             isInForm
@@ -113,7 +113,7 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
           </Button>
         </div>
         <output id="told-of-touch" className={styles.touchNow} data-matters={now !== null}>
-          {now ?? learned(touch)}
+          {now ?? describeCalibration(touch)}
         </output>
         <Refusal
           id="refusal-of-touch"
@@ -125,14 +125,14 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
             range: rangeOf(limits.F_contact_min, limits.F_contact_max),
           })}
         />
-        <Learned points={touch.learned} />
+        <CalibrationTable points={touch.learned} />
       </RefusedFields>
     </Card>
   );
 }
 
-/** What was learned at each stiffness, and how quiet the estimate is there. */
-function Learned({ points }: { points: TouchView["learned"] }) {
+/** Bias and standard deviation of the external-force estimate at each calibrated stiffness. */
+function CalibrationTable({ points }: { points: TouchView["learned"] }) {
   if (points.length === 0) return null;
   return (
     <table className={styles.learned} aria-label={TEXTS.calibration}>
@@ -156,13 +156,13 @@ function Learned({ points }: { points: TouchView["learned"] }) {
   );
 }
 
-/** By itself, as it changes ten times a second: the boxes beside it are not rendered for it. */
+/** A component of its own, so that its changes, up to ten per second, do not render the boxes. */
 function ForceNow({ touch }: { touch: TouchView }) {
   return <span className={styles.bounds}>{reading(useForce(), touch)}</span>;
 }
 
-/** What stands out: a contact that is given way to, how far learning over S is, or why it ended before its end. */
-function told({ felt, contact_N, sweep }: TouchView): string | null {
+/** Returns the contact, the enabled reaction, or the progress or early end of the calibration over S. */
+function describeState({ felt, contact_N, sweep }: TouchView): string | null {
   if (felt) {
     return fillText(TEXTS.contact, { force: fixed(felt.F_ext_hat, 1) });
   }
@@ -173,13 +173,13 @@ function told({ felt, contact_N, sweep }: TouchView): string | null {
   return fillText(TEXTS.sweepEnded, { ...at, reason: sweep.why });
 }
 
-/** At which stiffnesses it is known what is estimated with nothing outside. */
-function learned({ learned: points }: TouchView): string {
+/** Returns the stiffnesses at which the bias of the external force is calibrated, as text. */
+function describeCalibration({ learned: points }: TouchView): string {
   if (points.length === 0) return TEXTS.notCalibrated;
   return fillText(TEXTS.calibratedAt, { stiffnesses: points.map((point) => fixed(point.S, 1)).join(", ") });
 }
 
-/** The outside force with its standard deviation at rest, as far as that was learned. */
+/** Returns the external force as text, with the largest calibrated standard deviation, if any. */
 function reading(force: number, { learned: points }: TouchView): string {
   if (!Number.isFinite(force)) return TEXTS.forceUnknown;
   const shown = fixed(force, 1);
@@ -188,14 +188,14 @@ function reading(force: number, { learned: points }: TouchView): string {
   return fillText(TEXTS.forceWithDeviation, { force: shown, deviation: fixed(spread, 2) });
 }
 
-/** The outside force now [N], to a tenth, nan where it is not known. Only a change of it renders anew. */
+/** Returns the external force [N], rounded to 0.1 N so that small changes do not render; NaN if unknown. */
 function useForce(): number {
   const store = useLiveStore();
   const [force, setForce] = useState(Number.NaN);
   useEffect(() => {
     const timer = window.setInterval(
       () => setForce(Math.round(10 * store.window.newest("F_ext_hat")) / 10),
-      LOOK_MS,
+      POLL_MS,
     );
     return () => window.clearInterval(timer);
   }, [store]);

@@ -3,7 +3,7 @@ import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 
-// the REST client takes hold of fetch when it is made
+// the REST client captures fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);
@@ -53,7 +53,7 @@ afterEach(() => {
 
 const button = (name: string) => screen.getByRole("button", { name });
 
-it("pushes with what stands in the boxes, and lets go", async () => {
+it("applies a push with the values of the boxes, and releases it", async () => {
   open("compliance", 30);
   const force = screen.getByRole("textbox", { name: TEXTS.pushForce });
   fireEvent.change(force, { target: { value: "-12.5" } });
@@ -64,7 +64,7 @@ it("pushes with what stands in the boxes, and lets go", async () => {
   await waitFor(async () => expect((await pushed())[1]).toEqual({ F_push: 0, duration_s: 0 }));
 });
 
-it("pushes with nothing that is no number", async () => {
+it("sends no push with a value that is not a number", async () => {
   open("run", 30);
   const force = screen.getByRole("textbox", { name: TEXTS.pushForce });
   fireEvent.change(force, { target: { value: "5-3" } });
@@ -77,7 +77,7 @@ it("pushes with nothing that is no number", async () => {
   );
 });
 
-it("is not offered where nothing can push, and says which modes it takes", async () => {
+it("is absent on a plant without pushes, and names the modes that accept a push", async () => {
   open("run", 0);
   expect(screen.queryByRole("button")).toBeNull();
   cleanup();

@@ -1,4 +1,4 @@
-/** A push on the joint, as by a hand: where the plant is simulated, held for a time, let go of by the loop itself. */
+/** Card that pushes a simulated joint for a set time; the control loop then releases the push. */
 
 import { Button } from "@mantine/core";
 import { useEffect, useState } from "react";
@@ -20,7 +20,7 @@ import styles from "./Operate.module.css";
 import { TEXTS } from "./texts";
 
 const LONGEST_S = 10;
-const LOOK_MS = 100;
+const POLL_MS = 100;
 const PUSH = { F_push: 10, duration_s: 2 };
 
 function isPush(value: unknown): value is typeof PUSH {
@@ -36,7 +36,7 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
   const mode = useLive((live) => live.state?.mode);
   const angles = useAngleUnit();
   const force = { minimum: -F_push_max, maximum: F_push_max };
-  const felt = useFelt();
+  const applied_N = useAppliedPush();
   const push = usePush();
   const draft = useDraft("push", PUSH, isPush);
   const { F_push, duration_s } = draft.value;
@@ -49,7 +49,7 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
   return (
     <Card title={TEXTS.push} aside={<span className={styles.bounds}>{TEXTS.simulatedOnly}</span>}>
       <RefusedFields error={refusal} about={about}>
-        {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
+        {/* biome-ignore lint/a11y/useSemanticElements: the buttons act at once; they are not a form */}
         <div className={styles.pushRow} role="group" aria-label={TEXTS.push}>
           <ValueBox
             isInForm
@@ -105,7 +105,9 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
           error={refusal}
           about={about}
           forFields
-          text={problem ?? (felt !== 0 ? fillText(TEXTS.pushing, { force: fixed(felt, 1) }) : reason)}
+          text={
+            problem ?? (applied_N !== 0 ? fillText(TEXTS.pushing, { force: fixed(applied_N, 1) }) : reason)
+          }
           hint={fillText(TEXTS.pushHint, { range: rangeOf(-F_push_max, F_push_max), time: LONGEST_S })}
         />
       </RefusedFields>
@@ -113,21 +115,21 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
   );
 }
 
-/** The push that is at work now [N], to a tenth; 0 while there is none. Only a change of it renders anew. */
-function useFelt(): number {
+/** Returns the applied push [N], rounded to 0.1 N so that small changes do not render; 0 without one. */
+function useAppliedPush(): number {
   const store = useLiveStore();
-  const [felt, setFelt] = useState(0);
+  const [applied_N, setApplied] = useState(0);
   useEffect(() => {
     const timer = window.setInterval(() => {
       const newest = store.window.newest("F_push");
-      setFelt(Number.isFinite(newest) ? Math.round(10 * newest) / 10 : 0);
-    }, LOOK_MS);
+      setApplied(Number.isFinite(newest) ? Math.round(10 * newest) / 10 : 0);
+    }, POLL_MS);
     return () => window.clearInterval(timer);
   }, [store]);
-  return felt;
+  return applied_N;
 }
 
-/** Why the joint cannot be pushed now; null when it can. */
+/** Returns the reason why the joint cannot be pushed now; null if it can. */
 function whyNoPush(mode: State["mode"] | undefined): string | null {
   return mode === "run" || mode === "compliance" ? null : TEXTS.pushNeedsMode;
 }

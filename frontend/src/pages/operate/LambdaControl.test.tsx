@@ -46,15 +46,15 @@ function open(
   return { drafted, sent };
 }
 
-const said = () => screen.getByLabelText(TEXTS.pushForecast).textContent;
+const forecastText = () => screen.getByLabelText(TEXTS.pushForecast).textContent;
 
-it("is offered only where it is known what the estimate reads with nothing outside", () => {
+it("is disabled until the bias of the external force is calibrated", () => {
   open(0, false);
   expect(screen.getByRole<HTMLInputElement>("switch").disabled).toBe(true);
   expect(screen.getByText(/Calibrate at rest first \(Touch\)/)).toBeTruthy();
 });
 
-it("is not offered where the estimate moves more than the service takes, and can be switched off", () => {
+it("is disabled above the service's limit of the standard deviation, but can be switched off", () => {
   open(0, true, null, 0.06);
   const control = () => screen.getByRole<HTMLInputElement>("switch");
   expect(control().disabled).toBe(true);
@@ -66,35 +66,35 @@ it("is not offered where the estimate moves more than the service takes, and can
   expect(control().disabled).toBe(false);
 });
 
-it("is switched on at the usual share, forecast before it is in force, and off again", () => {
+it("switches on at the default gain with a forecast before the gain is active, and off again", () => {
   const { drafted, sent } = open(0, true);
   fireEvent.click(screen.getByRole("switch"));
   expect(sent.mock.calls).toEqual([[0.7]]);
   expect(drafted).toHaveBeenLastCalledWith(0.7);
   cleanup();
-  const on = open(0.7, false); // what was learned may be gone while it is still shown
+  const on = open(0.7, false); // the calibration may be cleared while the switch is still on
   fireEvent.click(screen.getByRole("switch"));
   expect(on.sent.mock.calls).toEqual([[0]]);
 });
 
-it("says what a push does without it", () => {
+it("shows the effect of a push without the rejection", () => {
   open(0, true);
-  expect(said()).toMatch(
+  expect(forecastText()).toMatch(
     /^5 N push: deflection 2\.9°; return to within 0\.3°: 11\.90 s; apparent stiffness 9\.9 N·m\/rad at 0\.1 Hz, 9\.6 at 1 Hz$/,
   );
 });
 
-it("says both with it, and of a joint that does not come back that it does not", () => {
+it("shows the effect without and with the rejection, and a joint that does not return", () => {
   open(1, true, REJECTED);
-  expect(said()).toContain(
+  expect(forecastText()).toContain(
     "return to within 0.3°: 11.90 s → 1.42 s; apparent stiffness 9.9 → 44.9 N·m/rad at 0.1 Hz, 9.6 → 7.2 at 1 Hz",
   );
   cleanup();
   open(1, true, { ...REJECTED, back_s: null });
-  expect(said()).toContain(`: 11.90 s → ${TEXTS.never}`);
+  expect(forecastText()).toContain(`: 11.90 s → ${TEXTS.never}`);
 });
 
-it("says of numbers that belong to an earlier value that they are being computed anew", () => {
+it("is busy while the numbers belong to an earlier value", () => {
   const busy = () => screen.getByLabelText(TEXTS.pushForecast).getAttribute("aria-busy");
   open(0, true);
   expect(busy()).toBe("false");

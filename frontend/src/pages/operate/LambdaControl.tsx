@@ -20,13 +20,13 @@ import operateStyles from "./Operate.module.css";
 import { type LoopName, StepPreview } from "./StepPreview";
 import { TEXTS } from "./texts";
 
-/** One λ: slider with its safe range, box, − / + / reset, and the preview of the loop at the value in hand. */
+/** Control of one λ: slider with its safe range, box, − / + / reset, and the preview at the edited value. */
 
 const STEP_S = 0.01;
 const DECIMALS = 3;
-/** Where the scale begins, so that the range that is not offered stays in sight [s]. */
+/** Start of the slider's scale [s], so that the range that is not offered is visible. */
 const SCALE_FROM_S = 0.2;
-/** One step of the slider: the scale is logarithmic, for most of the work is done at its short end. */
+/** Step of the slider. Its scale is logarithmic, because most values are near its lower end. */
 const SLIDER_STEP = 0.01;
 
 interface LambdaControlProps {
@@ -34,17 +34,17 @@ interface LambdaControlProps {
   readonly symbol: string;
   readonly hue: string;
   readonly tuning: Tuning;
-  /** What the control starts from: in force, or staged. */
+  /** Value before an edit: active or staged. */
   readonly value: number;
   readonly loop: LoopName;
   readonly previewed: Previewed;
-  /** Of what is in force. */
+  /** Preview of the active tuning. */
   readonly present: TuningPreview | undefined;
   readonly compare: boolean;
-  /** A run has the tuning: nothing of it is taken. */
+  /** No change of the tuning is accepted now. */
   readonly disabled: boolean;
   onDraft(value: number | undefined): void;
-  /** Sends the value, or stages it. */
+  /** Sends or stages the value. */
   onCommit(value: number): Promise<unknown>;
 }
 
@@ -61,7 +61,7 @@ export function LambdaControl(props: LambdaControlProps) {
   const refused = useErrorLifetime(refusal, value) !== null;
   const drafted = sent.editing ? sent.value : undefined;
 
-  // biome-ignore lint/correctness/useExhaustiveDependencies: only a new draft is news to the preview
+  // biome-ignore lint/correctness/useExhaustiveDependencies: only a new draft changes the preview
   useEffect(() => onDraft(drafted), [drafted]);
 
   const angles = useAngleUnit();
@@ -128,7 +128,7 @@ export function LambdaControl(props: LambdaControlProps) {
           >
             <Slider
               thumbLabel={symbol}
-              // the value itself: one that was staged may lie below a range that has moved since, where the thumb ends
+              // a staged value may be below a range that has changed since; the thumb then stops at the minimum
               thumbValueText={`${fixed(sent.value, DECIMALS)} s`}
               size="sm"
               disabled={disabled}
@@ -196,21 +196,21 @@ function rounded(seconds: number): number {
   return Number(seconds.toFixed(DECIMALS));
 }
 
-/** Pushes that are rejected by feed-forward of the outside force, and what that does to a joint that is pushed. */
+/** Control of the disturbance rejection by feed-forward, with the forecast of a push. */
 
-/** As far as the margin against something stiff allows: beyond, M_s is more than 1/(1 − 0.7) there. */
-const USUAL = 0.7;
+/** Default gain. Above it, M_s in contact with a stiff obstacle exceeds 1/(1 − 0.7). */
+const DEFAULT_GAIN = 0.7;
 const STEP = 0.1;
-/** The push that is forecast, as long as no forecast says so. */
+/** Force shown until a forecast is available [N]. */
 const PUSH_N = 5;
 const SHARE_DECIMALS = 2;
 
 interface DisturbanceFeedforwardControlProps {
   readonly tuning: Tuning;
   readonly previewed: Previewed;
-  /** A run has the tuning: nothing of it is taken. */
+  /** No change of the tuning is accepted now. */
   readonly disabled: boolean;
-  /** What is in hand and not in force yet, for the forecast. */
+  /** Reports an edited gain that is not active yet, for the forecast. */
   onDraft(k_ext: number | undefined): void;
   onCommit(k_ext: number): Promise<unknown>;
 }
@@ -228,7 +228,7 @@ export function DisturbanceFeedforwardControl(props: DisturbanceFeedforwardContr
   const [typed, setTyped] = useState<number>();
   const drafted = typed ?? (sent.value === k_ext ? undefined : sent.value);
 
-  // biome-ignore lint/correctness/useExhaustiveDependencies: only a new draft is news to the forecast
+  // biome-ignore lint/correctness/useExhaustiveDependencies: only a new draft changes the forecast
   useEffect(() => onDraft(drafted), [drafted]);
 
   return (
@@ -240,7 +240,7 @@ export function DisturbanceFeedforwardControl(props: DisturbanceFeedforwardContr
           checked={rejects}
           disabled={disabled || (reason !== null && !rejects)}
           title={rejects ? undefined : (reason ?? undefined)}
-          onChange={(event) => sent.commit(event.currentTarget.checked ? USUAL : 0)}
+          onChange={(event) => sent.commit(event.currentTarget.checked ? DEFAULT_GAIN : 0)}
         />
         <span className={operateStyles.bounds}>
           {rejects ? TEXTS.rejectionRange : (reason ?? TEXTS.rejectionOff)}
@@ -270,8 +270,8 @@ export function DisturbanceFeedforwardControl(props: DisturbanceFeedforwardContr
 }
 
 /**
- * How far and how long a held push moves the joint, and how hard the joint feels; behind the arrows with the rejection.
- * The stiffness S of the springs is what it was: what one feels is force over deviation.
+ * Forecast of a constant push: deflection, return time and apparent stiffness, the last two without → with rejection.
+ * Apparent stiffness is force over deflection; the rejection does not change the joint stiffness S.
  */
 function PushForecast({ previewed }: Pick<DisturbanceFeedforwardControlProps, "previewed">) {
   const angles = useAngleUnit();

@@ -2,7 +2,7 @@ import { expect, it } from "vitest";
 import type { Limits } from "../../wire/types";
 import { limitLines } from "./LiveCharts";
 
-it("names each line by the value at which it is drawn", () => {
+it("labels each line with the value at which it is drawn", () => {
   const limits = {
     q_min: -1.4,
     q_max: 1.4,

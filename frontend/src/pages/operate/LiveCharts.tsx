@@ -18,12 +18,12 @@ import { PERIOD_S } from "../../wire/sample.gen";
 import type { Limits, Mark } from "../../wire/types";
 import { TEXTS } from "./texts";
 
-/** Where the operator's inputs end and what the plant can bear, as lines of the charts. Pure. */
+/** Limits of the operator's inputs and of the plant as lines of the charts. Pure. */
 
 const FORCES = ["F_A", "F_B"];
 const VOLTAGES = ["u_A", "u_B"];
 
-/** Each with the signals that it limits; none while the limits are not known. */
+/** Returns a line per limit, with the signals that it limits; no lines while the limits are unknown. */
 export function limitLines(limits: Limits | undefined, angles: AngleUnit): readonly LimitLine[] {
   if (limits === undefined) return [];
   const { q_min, q_max, S_min, S_max, F_min, F_max, u_max } = limits;
@@ -65,7 +65,7 @@ export function LiveCharts() {
   const isLive = view.end_s === null;
 
   const home = useMemo(() => ({ ...LIVE, span_s: preferences.window_s }), [preferences.window_s]);
-  // the window a person left is there again once their preferences are known
+  // restore the person's last time window once their preferences are known
   useEffect(() => {
     if (known && current.current.end_s === null) change(home);
   }, [known, home, change, current]);
@@ -94,7 +94,7 @@ export function LiveCharts() {
       remark={
         <output
           aria-label={TEXTS.view}
-          className={old_s === null && missed === 0 ? "visually-hidden" : undefined} // the buttons tell the rest
+          className={old_s === null && missed === 0 ? "visually-hidden" : undefined} // the buttons show the view
         >
           {old_s !== null && `${fillText(TEXTS.valuesOld, { age: age(1000 * old_s) })} `}
           {missed > 0 && `${fillText(TEXTS.samplesMissed, { samples: countThings(missed, "sample") })} `}
@@ -136,7 +136,7 @@ export function LiveCharts() {
   );
 }
 
-/** What pictures of the live charts are of. */
+/** Returns the origin that pictures of the live charts state: run, plant and bank. */
 function useOrigin(): Origin {
   const plant = useLive((live) => live.state?.plant.name);
   const run = useLive((live) => live.state?.recording_run);

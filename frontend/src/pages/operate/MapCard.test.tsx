@@ -2,7 +2,7 @@ import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 
-// the REST client takes hold of fetch when it is made
+// the REST client captures fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);
@@ -49,17 +49,17 @@ const HELD = { code: "control_held", message: "Ben holds control: take it over t
 let store: LiveStore;
 let role: string;
 
-function told(part: Partial<State>): void {
+function changeState(part: Partial<State>): void {
   act(() => store.setState({ ...(store.snapshot().state ?? STATE), ...part }));
 }
 
-/** What the page asks for by itself. */
+/** Answers the requests that the page sends without a click. */
 async function known(request: Request): Promise<Response> {
   const session = new URL(request.url).pathname === "/api/session";
   return new Response(JSON.stringify(session ? { name: "Ana", role } : { banks: [] }));
 }
 
-/** A click into the map that the service refuses. */
+/** Sends a target from the map that the service refuses. */
 async function refused(status: number, problem: { message: string }): Promise<void> {
   fetched.mockImplementation(async (request) =>
     request.method === "GET" ? known(request) : new Response(JSON.stringify({ error: problem }), { status }),
@@ -96,48 +96,48 @@ afterEach(() => {
   vi.useRealTimers();
 });
 
-it("refuses a value until another one is in force, however that was sent", async () => {
+it("shows a refused value until other references are active, whoever sent them", async () => {
   open();
   await refused(422, OUT_OF_RANGE);
   vi.advanceTimersByTime(5000);
-  told({ mode: "compliance" });
+  changeState({ mode: "compliance" });
   expect(message()).toBe(OUT_OF_RANGE.message);
-  told({ references: { q_ref: 0.2, S_ref: 10, in_force: true } });
+  changeState({ references: { q_ref: 0.2, S_ref: 10, in_force: true } });
   expect(message()).toContain(TEXTS.mapHint);
-  told({ references: { q_ref: 0, S_ref: 10, in_force: true } });
+  changeState({ references: { q_ref: 0, S_ref: 10, in_force: true } });
   expect(message()).toContain(TEXTS.mapHint);
 });
 
-it("says who holds control until somebody else does, or nobody", async () => {
+it("shows the holder of control until nobody holds it", async () => {
   open();
   await refused(409, HELD);
-  // the state that tells of the new holder may come after the refusal
-  told({ holder: { name: "Ben", epoch: 8, page: true, silent_s: 0, lost: false } });
+  // the state with the new holder may arrive after the refusal
+  changeState({ holder: { name: "Ben", epoch: 8, page: true, silent_s: 0, lost: false } });
   expect(message()).toContain(HELD.message);
   expect(screen.getByRole("button", { name: "Take control" })).toBeTruthy();
   vi.advanceTimersByTime(5000);
-  told({
+  changeState({
     references: { q_ref: 0.2, S_ref: 10, in_force: true },
     holder: { name: "Ben", epoch: 8, page: true, silent_s: 1, lost: false },
   });
   expect(message()).toContain(HELD.message);
-  told({ holder: null });
+  changeState({ holder: null });
   expect(message()).toContain(TEXTS.mapHint);
   expect(screen.queryByRole("button", { name: "Take control" })).toBeNull();
 });
 
-it("says what the mode forbids until the mode is another", async () => {
+it("shows a refusal by the mode until the mode changes", async () => {
   open();
   const problem = { code: "illegal_mode", message: "references are followed in run and compliance only" };
   await refused(409, problem);
   vi.advanceTimersByTime(5000);
-  told({ tick: 9000 });
+  changeState({ tick: 9000 });
   expect(message()).toBe(problem.message);
-  told({ mode: "off" });
+  changeState({ mode: "off" });
   expect(message()).toContain(TEXTS.mapHint);
 });
 
-it("commands nothing by the click of a viewer, and does not offer it", async () => {
+it("neither offers a target to a viewer nor sends one on a click", async () => {
   role = "viewer";
   open();
   await waitFor(() => expect(message()).toBe(""));
@@ -145,9 +145,9 @@ it("commands nothing by the click of a viewer, and does not offer it", async () 
   expect(fetched.mock.calls.filter(([request]) => request.method !== "GET")).toEqual([]);
 });
 
-it("offers no target while a recording is played", async () => {
+it("offers no target during a replay", async () => {
   open();
-  told({ mode: "off", player: { t: 1 } as State["player"] });
+  changeState({ mode: "off", player: { t: 1 } as State["player"] });
   await waitFor(() => expect(message()).toBe(""));
   fireEvent.click(screen.getByRole("img", { name: TEXTS.map }), { clientX: 5, clientY: 5 });
   expect(screen.queryByRole("group", { name: TEXTS.mapTarget })).toBeNull();

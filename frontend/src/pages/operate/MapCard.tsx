@@ -1,4 +1,4 @@
-/** Position and stiffness in one plane: what may be asked for, where the joint is and was; a click aims, a button sends. */
+/** Map of position and stiffness with the allowed range and the joint's path; a click sets a target, a button sends it. */
 
 import { Button } from "@mantine/core";
 import { type MouseEvent, useMemo, useState } from "react";
@@ -94,7 +94,7 @@ export function MapCard() {
           hint={`${aims ? TEXTS.mapHint : ""}${describeEntries(entries)}`}
         />
       ) : (
-        // biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form
+        // biome-ignore lint/a11y/useSemanticElements: the buttons act at once; they are not a form
         <div className={styles.target} role="group" aria-label={TEXTS.mapTarget}>
           <output>
             {fillText(TEXTS.mapTargetNotSent, {
@@ -120,7 +120,7 @@ function describeEntries(entries: readonly PlaneEntry[]): string {
   return known + unknown;
 }
 
-/** As it is shown, so that what is shown is what is sent. */
+/** Returns the value with the decimals that the card shows, so that the sent value equals the shown one. */
 function rounded(value: number, decimals: number): number {
   return Number(value.toFixed(decimals));
 }

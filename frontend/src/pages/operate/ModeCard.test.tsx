@@ -31,7 +31,7 @@ beforeEach(() =>
 );
 afterEach(cleanup);
 
-it("names the mode that comes first, and none where it is not legal or helps nothing", () => {
+it("returns the mode to enter first, and null if that mode is illegal or does not help", () => {
   expect(nextMode(null, "start")).toBeNull();
   expect(nextMode(OFF, "start")).toBe("pretension");
   expect(nextMode(changed({ legal_modes: [] }), "start")).toBeNull();
@@ -43,7 +43,7 @@ it("names the mode that comes first, and none where it is not legal or helps not
   expect(nextMode(changed({ mode: "tripped", legal_modes: [] }), "off")).toBeNull();
 });
 
-it("stands in the refusal and sends its mode", async () => {
+it("shows a button in the refusal that sends its mode", async () => {
   fetched.mockImplementation(async ({ url }) =>
     new URL(url).pathname === "/api/session"
       ? Response.json({ name: "A. Operator", role: "operator" })
@@ -68,11 +68,11 @@ it("stands in the refusal and sends its mode", async () => {
   expect(await sent()?.clone().json()).toEqual({ mode: "pretension" });
 });
 
-describe("why not", () => {
+describe("whyNot", () => {
   const state = (mode: string, legal_modes: string[]) =>
     ({ mode, legal_modes, pretension_done: true, unready: "" }) as unknown as State;
 
-  it("names modes as their buttons do", () => {
+  it("names modes like their buttons", () => {
     expect(whyNot(state("run", ["pretension", "compliance"]), "run")).toBe(
       fillText(TEXTS.alreadyInMode, { mode: TEXTS.run }),
     );
@@ -81,7 +81,7 @@ describe("why not", () => {
     );
   });
 
-  it("says that a paused order has to go on or be stopped first", () => {
+  it("requires a paused sequence of runs to be resumed or stopped first", () => {
     const pretension = state("pretension", ["stopping", "off"]);
     const paused = { ...pretension, task: { phase: "paused" } } as State;
     expect(whyNot(paused, "run")).toBe(TEXTS.runsPaused);
@@ -91,7 +91,7 @@ describe("why not", () => {
     );
   });
 
-  it("says what has to come before pretension", () => {
+  it("returns the step that pretension requires", () => {
     const off = { ...state("off", []), unready: "set the zero in the bring-up" };
     expect(whyNot(off, "pretension")).toBe("Set the zero in the bring-up.");
     expect(whyNot(off, "run")).toBe("Set the zero in the bring-up.");

@@ -16,7 +16,7 @@ import pageStyles from "../Page.module.css";
 import operateStyles from "./Operate.module.css";
 import { TEXTS } from "./texts";
 
-/** Moves between modes: only the legal ones can be pressed, the others say why not. */
+/** Card that changes the mode: legal modes can be pressed, the others show the reason in a tooltip. */
 
 const MOVES: readonly { mode: Mode; name: string; meaning: string }[] = [
   { mode: "pretension", name: TEXTS.pretension, meaning: TEXTS.pretensionMeaning },
@@ -26,10 +26,10 @@ const MOVES: readonly { mode: Mode; name: string; meaning: string }[] = [
   { mode: "off", name: TEXTS.off, meaning: TEXTS.offMeaning },
 ];
 
-/** Words are shown beside the card: nothing covers its title, or a button that stops. */
+/** Tooltips open left of the card, so that they cover neither its title nor a button that stops. */
 const COLUMNS = 3;
 const COLUMN_PX = 102;
-const BESIDE_CARD_PX = 24;
+const CARD_OFFSET_PX = 24;
 
 export function ModeCard() {
   const state = useLive((live) => live.state);
@@ -37,7 +37,7 @@ export function ModeCard() {
   const noControl = useWhyNoControl();
   return (
     <Card title={TEXTS.mode}>
-      {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
+      {/* biome-ignore lint/a11y/useSemanticElements: the buttons act at once; they are not a form */}
       <div className={operateStyles.moves} role="group" aria-label={TEXTS.changeMode}>
         {MOVES.map(({ mode, name, meaning }, index) => {
           const reason = noControl ?? whyNot(state, mode);
@@ -46,7 +46,7 @@ export function ModeCard() {
               key={mode}
               label={reason ?? meaning}
               position="left"
-              offset={BESIDE_CARD_PX + (index % COLUMNS) * COLUMN_PX}
+              offset={CARD_OFFSET_PX + (index % COLUMNS) * COLUMN_PX}
               openDelay={300}
               middlewares={{ flip: false, shift: true }}
             >
@@ -77,7 +77,7 @@ export function ModeCard() {
   );
 }
 
-/** In the place of a refusal: nothing can be asked for that could be refused. */
+/** Replaces the refusal until pretension is possible, because no command can be sent before. */
 function Unready({ why }: { why: string }) {
   const offered = usePages().some(({ path }) => path === "/bring-up");
   return (
@@ -88,12 +88,12 @@ function Unready({ why }: { why: string }) {
   );
 }
 
-/** Whether something has to come before pretension on what is driven. */
+/** Whether the plant requires a step before pretension. */
 function isUnready(state: State | null): state is State {
   return state?.mode === "off" && state.unready !== "";
 }
 
-/** Why a mode cannot be entered now; null when it can. */
+/** Returns the reason why a mode cannot be entered now; null if it can. */
 export function whyNot(state: State | null, mode: Mode): string | null {
   if (state === null) return TEXTS.stateUnknown;
   if (state.mode === mode) return fillText(TEXTS.alreadyInMode, { mode: heading(mode) });
@@ -111,9 +111,9 @@ export function whyNot(state: State | null, mode: Mode): string | null {
   });
 }
 
-/** The mode that has to come before what is refused at present, one press away. */
+/** Button that enters the mode which a refused command requires. */
 
-/** What needs a mode: a run needs tension, a change of parameters needs the motors off. */
+/** Purpose: a run requires pretension ("start"), a change of parameters requires the motors off ("off"). */
 type Need = "start" | "off";
 
 const NAMES = { pretension: TEXTS.pretension, stopping: TEXTS.softStop } as const;
@@ -140,7 +140,7 @@ export function NextMode({ need }: { need: Need }) {
   );
 }
 
-/** The mode to go to first; null where none helps at present. Pure. */
+/** Returns the mode to enter first; null if no mode helps now. Pure. */
 export function nextMode(state: State | null, need: Need): keyof typeof NAMES | null {
   if (state === null || state.task !== null || state.trial !== null) return null;
   const wanted = need === "start" ? "pretension" : "stopping";
@@ -148,7 +148,7 @@ export function nextMode(state: State | null, need: Need): keyof typeof NAMES | 
   return state.legal_modes.includes(wanted) ? wanted : null;
 }
 
-/** In place of the controls, for those who look on: what is in force, as numbers that cannot be changed. */
+/** Replaces the controls for a viewer: the active values, read-only. */
 
 export function ViewOnly() {
   const angles = useAngleUnit();

@@ -10,7 +10,7 @@ import { TEXTS } from "./texts";
 
 afterEach(cleanup);
 
-it("leads to each card of the controls, the trigger's too", () => {
+it("jumps to each card of the controls, including the trigger", () => {
   const store = new LiveStore(0);
   const state = { link: { starts: 1 }, limits: { F_push_max: 20 }, plant: { simulated: true } };
   store.setState(state as unknown as State);

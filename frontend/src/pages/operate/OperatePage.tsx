@@ -23,9 +23,9 @@ import { TuningCard } from "./TuningCard";
 import { TEXTS } from "./texts";
 import { WallCard } from "./WallCard";
 
-/** One press to each card of the controls, however far down it is. */
+/** Bar with a button per card of the controls that scrolls to the card. */
 
-/** Titles that are too long for the bar. */
+/** Short forms of titles that are too long for the bar. */
 const SHORT: Readonly<Record<string, string>> = { [SYSTEM.trigger]: TEXTS.trigger };
 
 export function CardJumps() {
@@ -67,7 +67,7 @@ export function CardJumps() {
   );
 }
 
-/** The actuator: flat, or in 3D by the same service behind the same sign-in. */
+/** Card with the actuator as a flat drawing or in 3D; the service serves the 3D view to signed-in clients. */
 
 function SceneCard() {
   const { solid, camera, known, toggle, look } = useSceneView(true);
@@ -104,7 +104,7 @@ function SceneCard() {
   );
 }
 
-/** The operator's page: charts, 3D view, controls. */
+/** Page Operate: charts, actuator, map and controls. */
 
 export function OperatePage() {
   const plays = useLive((live) => live.state?.plant.kind === "replay");
@@ -123,7 +123,7 @@ export function OperatePage() {
   );
 }
 
-/** What a plant is told; a viewer reads what is in force. */
+/** Cards that command the plant; a viewer sees the active values instead. */
 function Controls() {
   return (
     <OperatorsOnly otherwise={<ViewOnly />}>

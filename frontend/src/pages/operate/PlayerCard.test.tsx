@@ -3,7 +3,7 @@ import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 
-// the REST client takes hold of fetch when it is made
+// the REST client captures fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);
@@ -48,7 +48,7 @@ let holder: unknown;
 
 function open(part: Partial<PlayerPosition> = {}): LiveStore {
   const store = new LiveStore(0);
-  tell(store, part);
+  report(store, part);
   render(
     <MantineProvider>
       <QueryClientProvider client={new QueryClient()}>
@@ -61,7 +61,7 @@ function open(part: Partial<PlayerPosition> = {}): LiveStore {
   return store;
 }
 
-function tell(store: LiveStore, part: Partial<PlayerPosition>): void {
+function report(store: LiveStore, part: Partial<PlayerPosition>): void {
   store.setState({ player: { ...PLAYER, ...part }, holder, link: { alive: true } } as unknown as State);
 }
 
@@ -91,12 +91,12 @@ afterEach(() => {
   cleanup();
 });
 
-it("tells where it stands of how much, and plays, pauses and sets the speed", async () => {
+it("shows position and duration, and sends play, pause and speed", async () => {
   const store = open();
   expect(position()).toBe("0:12.0 of 1:42.0");
   fireEvent.click(screen.getByRole("button", { name: TEXTS.play }));
   await waitFor(async () => expect(await ordered()).toEqual([{ playing: true }]));
-  act(() => tell(store, { playing: true }));
+  act(() => report(store, { playing: true }));
   fireEvent.click(screen.getByRole("button", { name: TEXTS.pause }));
   fireEvent.change(screen.getByRole("combobox", { name: TEXTS.playbackSpeed }), {
     target: { value: "0.25" },
@@ -106,7 +106,7 @@ it("tells where it stands of how much, and plays, pauses and sets the speed", as
   );
 });
 
-it("goes to a mark and to a time", async () => {
+it("sends the time of a mark and an entered time", async () => {
   open();
   fireEvent.click(await screen.findByRole("button", { name: /0:40\.5/ }));
   const box = screen.getByRole("textbox", { name: TEXTS.goToTime });
@@ -116,7 +116,7 @@ it("goes to a mark and to a time", async () => {
   await waitFor(async () => expect(await ordered()).toEqual([{ t: 40.5 }, { t: 61.25 }]));
 });
 
-it("moves on between two words of the service at the speed in force, and not beyond the end", () => {
+it("advances between two reports of the service at the set speed, up to the end", () => {
   vi.useFakeTimers();
   open({ playing: true, speed: 4 });
   act(() => void vi.advanceTimersByTime(1000));
@@ -125,13 +125,13 @@ it("moves on between two words of the service at the speed in force, and not bey
   expect(position()).toBe("1:42.0 of 1:42.0");
 });
 
-it("marks the newest that was passed, in the reader's unit", async () => {
+it("highlights the last mark that was passed, in the person's angle unit", async () => {
   open({ t: 41 });
   const passed = await screen.findByRole("button", { name: /q_ref 60°/ });
   expect(passed.closest("li")?.getAttribute("aria-current")).toBe("true");
 });
 
-it("lets a viewer look on", async () => {
+it("disables the controls for a viewer", async () => {
   role = "viewer";
   open();
   await waitFor(() =>
@@ -141,7 +141,7 @@ it("lets a viewer look on", async () => {
   expect((await screen.findByRole("button", { name: /0:40\.5/ })).hasAttribute("disabled")).toBe(true);
 });
 
-it("is locked with the reason while somebody else holds control", async () => {
+it("is disabled with the reason while another person holds control", async () => {
   holder = { name: "Mara", page: true, lost: false, epoch: 3 };
   open();
   expect(screen.getByRole("status", { name: "Refusal" }).textContent).toContain(

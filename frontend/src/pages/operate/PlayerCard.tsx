@@ -1,4 +1,4 @@
-/** The player of a recording, in place of the controls of a plant: where it is, and what moves it. */
+/** Player of a replayed recording in place of the plant's controls: position, speed and marks. */
 
 import { ActionIcon, Button, NativeSelect, Slider } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
@@ -22,9 +22,9 @@ import { TEXTS } from "./texts";
 
 const SPEEDS = [0.25, 0.5, 1, 2, 4];
 const STEP_S = 0.001;
-const LOOK_MS = 100;
+const REFRESH_MS = 100;
 
-/** What the player is: nothing until the service has said where it stands. */
+/** Returns nothing until the service has reported the playback position. */
 export function PlayerCard() {
   const player = useLive((live) => live.state?.player ?? null);
   return player === null ? null : <Player player={player} />;
@@ -32,9 +32,9 @@ export function PlayerCard() {
 
 function Player({ player }: { player: PlayerPosition }) {
   const order = usePlayerCommand();
-  const looksOn = useMayCommand() === false;
+  const isViewer = useMayCommand() === false;
   const noControl = useWhyNoControl();
-  const locked = looksOn || noControl !== null;
+  const locked = isViewer || noControl !== null;
   const t = useTime(player);
   const [dragged, setDragged] = useState<number | null>(null);
   const [wanted, setWanted] = useState(0);
@@ -44,7 +44,7 @@ function Player({ player }: { player: PlayerPosition }) {
   return (
     <Card
       title={TEXTS.player}
-      aside={<span className={styles.bounds}>{looksOn ? TEXTS.viewOnlyPlayer : TEXTS.nothingMoves}</span>}
+      aside={<span className={styles.bounds}>{isViewer ? TEXTS.viewOnlyPlayer : TEXTS.nothingMoves}</span>}
     >
       <RefusedFields error={refusal} about={about}>
         <div className={styles.row}>
@@ -83,7 +83,7 @@ function Player({ player }: { player: PlayerPosition }) {
           onChange={setDragged}
           onChangeEnd={(at_s) => order.mutate({ t: at_s }, { onSettled: () => setDragged(null) })}
         />
-        {!looksOn && (
+        {!isViewer && (
           <div className={styles.playerJump}>
             <ValueBox
               label={TEXTS.goToTime}
@@ -115,7 +115,7 @@ function Player({ player }: { player: PlayerPosition }) {
           error={refusal}
           about={about}
           forFields
-          text={(looksOn ? null : noControl) ?? problem}
+          text={(isViewer ? null : noControl) ?? problem}
         />
       </RefusedFields>
       <Marks at_s={t} locked={locked} onGo={(at_s) => order.mutate({ t: at_s })} />
@@ -129,7 +129,7 @@ interface MarksProps {
   onGo(at_s: number): void;
 }
 
-/** What happened in the recording; the newest mark that was passed is told apart. */
+/** List of the recording's marks; highlights the last mark that was passed. */
 function Marks({ at_s, locked, onGo }: MarksProps) {
   const angles = useAngleUnit();
   const { data } = useQuery(playedQuery);
@@ -139,7 +139,7 @@ function Marks({ at_s, locked, onGo }: MarksProps) {
   return (
     <ul className={styles.playerMarks} aria-label={TEXTS.marks}>
       {data.marks.map((mark, place) => (
-        // biome-ignore lint/suspicious/noArrayIndexKey: two marks may say the same at one time, and none is moved
+        // biome-ignore lint/suspicious/noArrayIndexKey: two marks may have the same time and text, and their order is constant
         <li key={place} aria-current={place === passed ? "true" : undefined}>
           <button type="button" disabled={locked} onClick={() => onGo(Math.max(0, mark.t))}>
             <span>{clockTime(mark.t, 0.1)}</span> {localizeText(mark.text, angles)}
@@ -150,16 +150,16 @@ function Marks({ at_s, locked, onGo }: MarksProps) {
   );
 }
 
-/** The time between two words of the service, which come twice a second. */
+/** Returns the playback time, extrapolated between two reports of the service, which arrive twice a second. */
 function useTime(player: PlayerPosition): number {
-  const now_ms = useNow(LOOK_MS);
-  const heard = useMemo(() => ({ player, at_ms: performance.now() }), [player]);
+  const now_ms = useNow(REFRESH_MS);
+  const received = useMemo(() => ({ player, at_ms: performance.now() }), [player]);
   if (!player.playing) return player.t;
-  const gone_s = (Math.max(0, now_ms - heard.at_ms) / 1000) * player.speed;
+  const gone_s = (Math.max(0, now_ms - received.at_ms) / 1000) * player.speed;
   return Math.min(player.t + gone_s, player.duration_s);
 }
 
-/** Those offered, and the one in force where another page or a script has set it. */
+/** Returns the offered speeds, and the active one if another page or a script set it. */
 function speedsOf({ speed, speed_min, speed_max }: PlayerPosition): readonly number[] {
   const offered = SPEEDS.filter((one) => one >= speed_min && one <= speed_max);
   return offered.includes(speed) ? offered : [...offered, speed].sort((a, b) => a - b);

@@ -8,7 +8,7 @@ import type { State, Tuning } from "../../wire/types";
 import { MotionControl, whyNoReferences, whyNoStart } from "./ReferencesCard";
 import { TEXTS } from "./texts";
 
-// the REST client takes hold of fetch when it is made
+// the REST client captures fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);
@@ -54,7 +54,7 @@ afterEach(cleanup);
 
 const radio = (name: string) => screen.getByRole<HTMLInputElement>("radio", { name });
 
-it("offers the voltage limit in the motion that has one", () => {
+it("offers the voltage limit in time-optimal motion only", () => {
   open("lambda");
   expect(radio("lambda").checked).toBe(true);
   expect(screen.queryByRole("textbox", { name: TEXTS.voltageLimitBox })).toBeNull();
@@ -64,7 +64,7 @@ it("offers the voltage limit in the motion that has one", () => {
   expect(screen.getByRole<HTMLInputElement>("textbox", { name: TEXTS.voltageLimitBox }).value).toBe("8.5");
 });
 
-it("sends a chosen motion alone, and a voltage limit with its motion", async () => {
+it("sends a chosen motion alone, and a voltage limit together with its motion", async () => {
   open("lambda");
   fireEvent.click(radio("time-optimal"));
   await waitFor(async () => expect(await commanded()).toEqual([{ motion: "time-optimal" }]));
@@ -77,13 +77,13 @@ it("sends a chosen motion alone, and a voltage limit with its motion", async () 
   await waitFor(async () => expect(await commanded()).toEqual([{ motion: "time-optimal", u_plan: 6 }]));
 });
 
-it("changes nothing while the tuning cannot be changed", () => {
+it("is disabled while the tuning cannot be changed", () => {
   open("time-optimal", true);
   expect(radio("lambda").disabled).toBe(true);
   expect(screen.getByRole<HTMLInputElement>("textbox", { name: TEXTS.voltageLimitBox }).disabled).toBe(true);
 });
 
-describe("what is allowed", () => {
+describe("reasons why a command is not offered", () => {
   const FREE = {
     mode: "run",
     legal_modes: ["experiment"],
@@ -94,7 +94,7 @@ describe("what is allowed", () => {
   } as unknown as State;
   const changed = (part: object) => ({ ...FREE, ...part }) as State;
 
-  it("starts nothing beside a run or a tuning on trial, which the service refuses", () => {
+  it("offers no start during a run or a trial", () => {
     expect(whyNoStart(FREE, "experiment", null)).toBeNull();
     expect(whyNoStart(changed({ task: { run: 3 } }), "experiment", null)).toBe(TEXTS.anotherRun);
     expect(whyNoStart(changed({ trial: { remaining_s: 4 } }), "experiment", null)).toContain(
@@ -105,7 +105,7 @@ describe("what is allowed", () => {
     );
   });
 
-  it("takes references in run and compliance only, and none while the joint gives way", () => {
+  it("accepts references in run and compliance only, and none during a contact reaction", () => {
     expect(whyNoReferences(null, null)).toBe(TEXTS.referencesUnknown);
     for (const mode of ["run", "compliance"]) expect(whyNoReferences(changed({ mode }), null)).toBeNull();
     for (const mode of ["off", "pretension", "experiment", "tripped"]) {

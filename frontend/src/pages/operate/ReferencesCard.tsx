@@ -22,7 +22,7 @@ import { whyNot } from "./ModeCard";
 import operateStyles from "./Operate.module.css";
 import { TEXTS } from "./texts";
 
-/** How references are followed: by the paper's law (lambda), or by a trajectory within a voltage limit (time-optimal). */
+/** Control of the motion: the paper's law (lambda) or a trajectory within a voltage limit (time-optimal). */
 
 const STEP_V = 0.1;
 const DECIMALS = 1;
@@ -97,9 +97,9 @@ export function MotionControl({ tuning, disabled }: MotionControlProps) {
   );
 }
 
-/** What the service would refuse at present, and why: a control whose command it would not take is not offered. Pure. */
+/** Reasons why the service would refuse a command now; the page then disables its control. Pure. */
 
-/** Why no experiment and no identification can be started; null where one can. `noControl` says who holds control. */
+/** Returns the reason why no experiment or identification can start; null if one can. `noControl` names the holder. */
 export function whyNoStart(state: State | null, mode: Mode, noControl: string | null): string | null {
   if (noControl !== null) return noControl;
   if (state?.task != null) return TEXTS.anotherRun;
@@ -107,7 +107,7 @@ export function whyNoStart(state: State | null, mode: Mode, noControl: string | 
   return whyNot(state, mode);
 }
 
-/** Why references cannot be set; null where they can. */
+/** Returns the reason why references cannot be set; null if they can. */
 export function whyNoReferences(state: State | null, noControl: string | null): string | null {
   if (state === null) return TEXTS.referencesUnknown;
   if (state.player) return TEXTS.referencesInReplay;
@@ -116,7 +116,7 @@ export function whyNoReferences(state: State | null, noControl: string | null): 
   return state.touch.felt === null ? null : TEXTS.referencesInContact;
 }
 
-/** What the cascade is asked to follow. */
+/** Card with the references q_ref and S_ref, and the motion. */
 
 export function ReferencesCard() {
   const references = useLive((live) => live.state?.references);
@@ -143,7 +143,7 @@ interface ControlsProps {
   readonly limits: Limits;
   /** Whether the joint loop is open. */
   readonly open: boolean;
-  /** Why they cannot be set now; null where they can. */
+  /** Reason why the references cannot be set now; null if they can. */
   readonly locked: string | null;
 }
 
@@ -161,7 +161,7 @@ function ReferenceControls({ references, limits, open, locked }: ControlsProps) 
         name="q_ref"
         key={unit}
         unit={unit}
-        inForce={q_ref * factor}
+        active={q_ref * factor}
         entry={fieldEntry("references.q_ref", angles, { minimum: limits.q_min, maximum: limits.q_max })}
         min={limits.q_min * factor}
         max={limits.q_max * factor}
@@ -174,7 +174,7 @@ function ReferenceControls({ references, limits, open, locked }: ControlsProps) 
       <ReferenceControl
         name="S_ref"
         unit="N·m/rad"
-        inForce={S_ref ?? Number.NaN}
+        active={S_ref ?? Number.NaN}
         entry={fieldEntry("references.S_ref", angles, { minimum: limits.S_min, maximum: limits.S_max })}
         min={limits.S_min}
         max={limits.S_max}
@@ -191,23 +191,23 @@ function ReferenceControls({ references, limits, open, locked }: ControlsProps) 
 interface ReferenceControlProps {
   readonly name: string;
   readonly unit: string;
-  /** What it is for, and what is accepted. */
+  /** Explanation and accepted range. */
   readonly entry: Entry | undefined;
-  /** NaN where nothing is known, as the stiffness of slack tendons. */
-  readonly inForce: number;
+  /** Active or measured value; NaN if unknown, such as the stiffness with slack tendons. */
+  readonly active: number;
   readonly min: number;
   readonly max: number;
   readonly step: number;
   readonly decimals: number;
-  /** What the value means now, beside its range. */
+  /** Note after the range: the current meaning of the value, or why it cannot be set. */
   readonly remark: string | null;
   readonly disabled: boolean;
   send(value: number): Promise<unknown>;
 }
 
 function ReferenceControl(props: ReferenceControlProps) {
-  const { name, unit, entry, inForce, min, max, step, decimals, remark, disabled, send } = props;
-  const sent = useSentValue(inForce, send);
+  const { name, unit, entry, active, min, max, step, decimals, remark, disabled, send } = props;
+  const sent = useSentValue(active, send);
   const [problem, setProblem] = useState<string | null>(null);
   const [proposed, setProposed] = useState(false);
   const shown = Number.isFinite(sent.value) ? withUnit(fixed(sent.value, decimals), unit) : TEXTS.slack;
@@ -216,7 +216,7 @@ function ReferenceControl(props: ReferenceControlProps) {
     : null;
   const range = withUnit(rangeOf(min, max), unit);
   const refusal = problem === null && target === null ? sent.refusal : null;
-  const refused = useErrorLifetime(refusal, inForce) !== null;
+  const refused = useErrorLifetime(refusal, active) !== null;
   return (
     <div className={operateStyles.control}>
       <div className={operateStyles.referenceRow}>
@@ -245,7 +245,7 @@ function ReferenceControl(props: ReferenceControlProps) {
           >
             <Slider
               thumbLabel={name}
-              // the value itself: what is only measured may lie beside the scale, where the thumb ends
+              // a measured value may be outside the scale; the thumb then stops at its end
               thumbValueText={
                 proposed && Number.isFinite(sent.value)
                   ? fillText(TEXTS.sliderNotSent, { value: shown })
@@ -285,7 +285,7 @@ function ReferenceControl(props: ReferenceControlProps) {
       <Refusal
         id={`refusal-of-${name}`}
         error={refusal}
-        about={inForce}
+        about={active}
         text={problem ?? target}
         hint={remark === null ? range : fillText(TEXTS.rangeAndRemark, { range, remark })}
       />

@@ -3,7 +3,7 @@ import { fillText } from "../../samples/texts";
 import { describeAbort } from "./RunningCard";
 import { TEXTS } from "./texts";
 
-it("says what an abort leaves: in a pause the run is complete, and those that follow are not begun", () => {
+it("describes an abort: in a pause the run remains complete and the following runs are dropped", () => {
   expect(describeAbort({ phase: "program", run: 12, following: 2 })).toBe(TEXTS.keptAsStopped);
   expect(describeAbort({ phase: "paused", run: 12, following: 2 })).toBe(
     fillText(TEXTS.keptAsComplete, { run: 12, runs: "2 remaining runs" }),

@@ -1,4 +1,4 @@
-/** What runs now, on the page that it was started from: in words, with the time left, a soft way out, and live curves. */
+/** Card of the current run on its start page: title, part, time left, soft abort and live charts. */
 
 import { Button, Progress } from "@mantine/core";
 import { useMediaQuery } from "@mantine/hooks";
@@ -24,7 +24,7 @@ interface PlaceProps {
   readonly place: "above" | "beside";
 }
 
-/** Where columns lie below each other what runs stands before the form that it was started from. */
+/** On a narrow screen the card is above the columns, so that it precedes the form of the run. */
 export function RunningCard({ place }: PlaceProps) {
   const task = useLive((live) => live.state?.task ?? null);
   const narrow = useMediaQuery("(max-width: 700px)", false, { getInitialValueInEffect: false });
@@ -85,7 +85,7 @@ function AbortButton({ task, setMode }: AbortProps) {
   );
 }
 
-/** What becomes of the run, and of those that follow it, when it is aborted now. */
+/** Returns the effect of an abort on the run and on the runs that follow. */
 export function describeAbort({ phase, run, following }: Pick<Task, "phase" | "run" | "following">): string {
   return phase === "paused"
     ? fillText(TEXTS.keptAsComplete, { run, runs: countThings(following, TEXTS.remainingRun) })
@@ -97,7 +97,7 @@ interface PauseProps {
   readonly pause: ReturnType<typeof usePauseOrder>;
 }
 
-/** Between two runs of an order: within one the loop plays its program whole. */
+/** Pauses between two runs of a sequence; within a run the control loop executes the whole program. */
 function PauseButton({ task, pause }: PauseProps) {
   const { pause_wanted, phase } = task;
   const noControl = useWhyNoControl();

@@ -13,7 +13,7 @@ import plannedProfileStyles from "./PlannedProfile.module.css";
 import stepPreviewStyles from "./StepPreview.module.css";
 import { TEXTS } from "./texts";
 
-/** The motion of a preview that a λ sets: a step in `lambda` motion, the recovery from a push in `time-optimal`. Pure. */
+/** Motion of a preview that a λ determines: a step (`lambda`) or the return from a push (`time-optimal`). Pure. */
 
 export type LoopName = "position" | "stiffness";
 
@@ -21,15 +21,15 @@ interface PreviewedMotion {
   readonly kind: "step" | "push";
   /** Time [s]. */
   readonly t: readonly number[];
-  /** Progress of the step from 0 to 1, or deviation under the push as a part of the largest one. */
+  /** Progress of the step from 0 to 1, or deflection under the push relative to the largest one. */
   readonly y: readonly number[];
-  /** Where the motion leads to, in the same measure: the new reference, or the band within which the joint is back. */
+  /** End of the motion in the unit of `y`: the new reference, or the band around the position before the push. */
   readonly target: number;
-  /** Time to 90 % of the step, or until the joint is back [s]; null where that does not happen. */
+  /** Time to 90 % of the step, or to the return into the band [s]; null if not reached. */
   readonly time_s: number | null;
 }
 
-/** Null where λ sets no motion: the trajectory makes the steps, and a push does not move S. */
+/** Returns null in time-optimal motion of S: the trajectory makes the steps, and a push does not move S. */
 function previewedMotion(preview: TuningPreview, loop: LoopName): PreviewedMotion | null {
   if (preview.motion === "lambda") {
     const { t, y, rise_s } = loop === "position" ? preview.step_q : preview.step_S;
@@ -42,22 +42,22 @@ function previewedMotion(preview: TuningPreview, loop: LoopName): PreviewedMotio
   return { kind: "push", t, y: off.map((value) => value / largest), target: near / largest, time_s: back_s };
 }
 
-/** A step response as an SVG path. Pure. */
+/** Computes the SVG path of a step response. Pure. */
 
 interface StepDrawing {
   readonly path: string;
-  /** Height of the final value 1 in the drawing. */
+  /** y coordinate of the final value 1 in the drawing. */
   readonly target: number;
   /** Value at the upper edge. */
   readonly top: number;
-  /** First time at 90 % [s], null if it is not reached. */
+  /** First time at 90 % [s]; null if not reached. */
   readonly t_90: number | null;
 }
 
 const TOP = 1.15;
 
-/** The response `y(t)` from 0 to 1, with 15 % of room above; or up to `upper`, and
- * to `end_s`, so that two can be laid over each other; beyond its end the response stays where it came to. */
+/** Draws the response `y(t)` from 0 to at least 1.15, or to `upper`. `end_s` sets a common time axis for two
+ * responses; after the last sample the response keeps its last value. */
 export function stepPath(
   t: readonly number[],
   y: readonly number[],
@@ -81,7 +81,7 @@ export function stepPath(
   };
 }
 
-/** First time at which `y` rises to `level`, on the straight line between two points. */
+/** Returns the first time at which `y` reaches `level`, by linear interpolation; null if never. */
 function firstAt(level: number, t: readonly number[], y: readonly number[]): number | null {
   const above = y.findIndex((value) => value >= level);
   const [t0, t1, y0, y1] = [t[above - 1], t[above], y[above - 1], y[above]];
@@ -91,11 +91,11 @@ function firstAt(level: number, t: readonly number[], y: readonly number[]): num
   return t0 === undefined || y0 === undefined ? t1 : t0 + ((level - y0) / (y1 - y0)) * (t1 - t0);
 }
 
-/** What one outer loop would do at the value in hand: how robust it is, and the motion that its λ sets. */
+/** Preview of one outer loop at the edited value: margins, and the motion that its λ determines. */
 
 const WIDTH = 150;
 const HEIGHT = 46;
-/** Room above the final value of a step. */
+/** Least upper edge of the drawing, relative to the final value of a step. */
 const UPPER = 1.15;
 
 interface StepPreviewProps {
@@ -105,13 +105,13 @@ interface StepPreviewProps {
   readonly preview: TuningPreview | undefined;
   /** The numbers belong to an earlier value. */
   readonly stale: boolean;
-  /** Why there is no preview where there is none. */
+  /** Reason for a missing preview. */
   readonly missing: string;
-  /** What is in force, drawn beside a value that is not yet. */
+  /** Preview of the active tuning, drawn for comparison with an edited value. */
   readonly present: TuningPreview | undefined;
-  /** The value is not in force yet. */
+  /** The value is not active yet. */
   readonly drafted: boolean;
-  /** Show what the printed formula of table 2 would do, beside it. */
+  /** Also shows the response with the formula as printed in table 2. */
   readonly compare: boolean;
 }
 
@@ -119,17 +119,17 @@ export function StepPreview(props: StepPreviewProps) {
   const { symbol, hue, loop, preview, stale, missing, present, drafted, compare } = props;
   const figures = preview?.[loop];
   const motion = preview && previewedMotion(preview, loop);
-  const beside =
+  const activeMotion =
     drafted && present?.motion === preview?.motion ? present && previewedMotion(present, loop) : null;
   const printed = compare ? (figures?.printed ?? null) : null;
   const M_s = figures?.M_s;
   const none = preview === undefined ? missing : TEXTS.loopUnstable;
-  /** A margin that a stable loop does not have is no bound at all. */
-  const margin = (value: number | null | undefined, told: (value: number) => string) => {
+  /** A stable loop with margin null has an unlimited margin. */
+  const margin = (value: number | null | undefined, format: (value: number) => string) => {
     if (figures?.stable && value === null) return TEXTS.noMargin;
     return (
       <ValueOrReason value={value} why={none}>
-        {told}
+        {format}
       </ValueOrReason>
     );
   };
@@ -149,7 +149,7 @@ export function StepPreview(props: StepPreviewProps) {
           {fillText(TEXTS.stepTimeOfTrajectory, { signal: symbol === "λ_S" ? "S" : "q", symbol })}
         </span>
       ) : (
-        <Drawing hue={hue} motion={motion} beside={beside} printed={printed} />
+        <Drawing hue={hue} motion={motion} activeMotion={activeMotion} printed={printed} />
       )}
       <dl className={stepPreviewStyles.previewNumbers}>
         <Reading
@@ -188,9 +188,9 @@ export function StepPreview(props: StepPreviewProps) {
           value={margin(figures?.phase_margin_deg, (degrees) => `${fixed(degrees, 0)}°`)}
         />
       </dl>
-      {beside && (
+      {activeMotion && (
         <span className="visually-hidden">
-          {fillText(TEXTS.activeInGrey, { motion: timeOf(beside.kind, beside.time_s) })}
+          {fillText(TEXTS.activeInGrey, { motion: timeOf(activeMotion.kind, activeMotion.time_s) })}
         </span>
       )}
       {printed && (
@@ -209,13 +209,13 @@ type Motion = NonNullable<ReturnType<typeof previewedMotion>>;
 interface DrawingProps {
   readonly hue: string;
   readonly motion: Motion | undefined;
-  readonly beside: Motion | null | undefined;
+  readonly activeMotion: Motion | null | undefined;
   readonly printed: { readonly t: readonly number[]; readonly y: readonly number[] } | null;
 }
 
-function Drawing({ hue, motion, beside, printed }: DrawingProps) {
-  const end_s = Math.max(motion?.t.at(-1) ?? 0, beside?.t.at(-1) ?? 0);
-  const upper = Math.max(UPPER, ...(motion?.y ?? []), ...(beside?.y ?? []));
+function Drawing({ hue, motion, activeMotion, printed }: DrawingProps) {
+  const end_s = Math.max(motion?.t.at(-1) ?? 0, activeMotion?.t.at(-1) ?? 0);
+  const upper = Math.max(UPPER, ...(motion?.y ?? []), ...(activeMotion?.y ?? []));
   const drawing = motion && stepPath(motion.t, motion.y, WIDTH, HEIGHT, upper, end_s);
   const target = HEIGHT * (1 - (motion?.target ?? 1) / upper);
   return (
@@ -236,10 +236,10 @@ function Drawing({ hue, motion, beside, printed }: DrawingProps) {
                 vectorEffect="non-scaling-stroke"
               />
             )}
-            {beside && (
+            {activeMotion && (
               <path
                 className={stepPreviewStyles.previewPresent}
-                d={stepPath(beside.t, beside.y, WIDTH, HEIGHT, upper, end_s).path}
+                d={stepPath(activeMotion.t, activeMotion.y, WIDTH, HEIGHT, upper, end_s).path}
                 vectorEffect="non-scaling-stroke"
               />
             )}
@@ -289,10 +289,10 @@ function Reading({ label, name, value, unit = "", warn = false }: ReadingProps) 
   );
 }
 
-/** The planned profile as a picture: lines within a box, in parts of its width and height. Pure. */
+/** Computes the lines of the planned profile within a box of PROFILE_WIDTH × PROFILE_HEIGHT. Pure. */
 
 interface Line {
-  /** Of SVG polylines, over a box of PROFILE_WIDTH × PROFILE_HEIGHT. */
+  /** Points of the SVG polylines. */
   readonly pieces: readonly string[];
   readonly lowest: number;
   readonly highest: number;
@@ -302,7 +302,7 @@ export const PROFILE_WIDTH = 1000;
 export const PROFILE_HEIGHT = 40;
 const MARGIN = 3;
 
-/** Values over the times of a profile; a level line where all are alike, and none where the plan leaves them open. */
+/** Returns the line of a signal: horizontal at half height if constant, with gaps where the program leaves it open. */
 export function lineOf(t: readonly number[], values: readonly (number | null)[]): Line {
   const given = values.filter((value) => value !== null);
   const lowest = Math.min(...given);
@@ -327,19 +327,19 @@ export function lineOf(t: readonly number[], values: readonly (number | null)[])
   };
 }
 
-/** Where an instant stands in the picture. */
+/** Returns the x coordinate of a time, limited to the box. */
 export function placeOf(t: readonly number[], at_s: number): number {
   const whole_s = t[t.length - 1] ?? 0;
   return whole_s === 0 ? 0 : PROFILE_WIDTH * Math.min(1, Math.max(0, at_s / whole_s));
 }
 
-/** What is asked for at an instant: the last value at or before it; null where the plan leaves it open. */
+/** Returns the last value at or before a time; null where the program leaves the signal open. */
 export function valueAt(t: readonly number[], values: readonly (number | null)[], at_s: number) {
   const after = t.findIndex((one) => one > at_s + 1e-9);
   return values[after === -1 ? t.length - 1 : Math.max(0, after - 1)] ?? null;
 }
 
-/** All that a program will ask for, with the line of now: what has been, and what is ahead. */
+/** Planned signals of a run's program, with a line at the current time. */
 
 /** Samples are stored once a second. */
 const STORED_AFTER_S = 2;

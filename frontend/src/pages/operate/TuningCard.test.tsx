@@ -10,7 +10,7 @@ import type { State, Tuning } from "../../wire/types";
 import { TuningChanges } from "./TuningCard";
 import { TEXTS } from "./texts";
 
-// the REST client takes hold of fetch when it is made
+// the REST client captures fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);
@@ -70,7 +70,7 @@ afterEach(cleanup);
 const revert = () => screen.getByRole("button", { name: TEXTS.revert }) as HTMLButtonElement;
 
 it.each(Object.keys(SAVED) as Part[])(
-  "shows that %s differs from what is saved, and walks it back",
+  "shows that %s differs from the saved tuning, and reverts it",
   async (part) => {
     open({ ...SAVED, [part]: OTHER[part] });
     await waitFor(() => expect(revert().disabled).toBe(false));
@@ -83,7 +83,7 @@ it.each(Object.keys(SAVED) as Part[])(
   },
 );
 
-it("tells which of the method's defaults is not offered on these models", async () => {
+it("shows which default of the method is not offered for these models", async () => {
   const moved =
     "the method's default is not offered for these models, the nearest that is: λ_q 0.5 → 0.965 s";
   const answer = fetched.getMockImplementation();
@@ -96,14 +96,14 @@ it("tells which of the method's defaults is not offered on these models", async 
   await waitFor(() => expect(revert().title).toBe(fillText(TEXTS.nothingSaved, { reason: moved })));
 });
 
-it("has nothing to walk back where all is as saved", async () => {
+it("disables Revert while the active tuning equals the saved one", async () => {
   open(SAVED);
   await screen.findAllByText("0.500 s");
   await waitFor(() => expect(screen.getAllByText(TEXTS.switched).length).toBe(2));
   expect(revert().disabled).toBe(true);
 });
 
-it("keeps its row of buttons in its place on trial, disabled", async () => {
+it("disables its buttons during a trial without removing them", async () => {
   const trial = { ...SAVED, remaining_s: 8, until: 0 };
   const state = {
     trial,
@@ -122,7 +122,7 @@ it("keeps its row of buttons in its place on trial, disabled", async () => {
 it.each([
   ["earlier", "Undo change", SHARED.undoTo, "Redo change"],
   ["later", "Redo change", SHARED.redoTo, "Undo change"],
-])("steps to the tuning that is %s, and says which that is", (which, name, begin, other) => {
+])("offers the step to the %s tuning and names that tuning", (which, name, begin, other) => {
   const steps = { earlier: null, later: null, [which]: { ...SAVED, bank: null } };
   open(OTHER, { trial: null, ...steps, touch: { learned: [] }, holder: null, own_tuning: null });
   const [button, without] = [name, other].map((one) =>

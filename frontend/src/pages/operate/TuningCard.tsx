@@ -41,9 +41,9 @@ import type { PlaneEntry } from "./operatingMap";
 import tuningChangesStyles from "./TuningChanges.module.css";
 import { TEXTS } from "./texts";
 
-/** Saved, in force and staged tuning side by side; staged λ are applied, tried for a while, or dropped. */
+/** Table of the saved, active and staged tuning; staged λ can be applied, tried or discarded. */
 
-/** Every part of a tuning but the bank, for which it is saved: what differs in one of them is another tuning. */
+/** Fields that identify a tuning. The bank is not among them: each bank has its own saved tuning. */
 const PARTS = [
   ["lam_q", "λ_q"],
   ["lam_S", "λ_S"],
@@ -54,7 +54,7 @@ const PARTS = [
   ["u_plan", "U_plan"],
   ["k_ext", "k_ext"],
 ] as const;
-/** Parts that have a name in place of a symbol. */
+/** Fields that have a name instead of a symbol. */
 const NAMES: Readonly<Record<string, string>> = {
   interpolate: TEXTS.scheduling,
   motion: TEXTS.motionRow,
@@ -66,7 +66,7 @@ const TRIAL_S = 10;
 interface TuningChangesProps {
   readonly tuning: Tuning;
   readonly staged: Staging;
-  /** Why nothing of the tuning can be changed now; null where it can. */
+  /** Reason why the tuning cannot be changed now; null if it can. */
   readonly locked: string | null;
 }
 
@@ -276,7 +276,7 @@ function inWords(name: Part, value: number | boolean | string): string {
   return `${fixed(value, name === "lam_motor" ? DECIMALS_OF_MOTOR : DECIMALS)} s`;
 }
 
-/** λ of both outer loops, what they would do at the value in hand, and what differs from what was saved. */
+/** Card of the tuning: λ of both outer loops, their previews, and the changes from the saved tuning. */
 
 const LAMBDAS = [
   { name: "lam_q", symbol: "λ_q", hue: HUES.q, loop: "position", step: "q" },
@@ -372,7 +372,7 @@ interface StepForecastProps {
   readonly u_max: number;
 }
 
-/** What a step of one reference takes, and what it asks of motors and tendons. */
+/** Forecast of a step of one reference: times, overshoot, peak voltage and least tension. */
 function StepForecast({ of, previewed, u_max }: StepForecastProps) {
   const angles = useAngleUnit();
   const { preview, stale, missing } = previewed;
@@ -419,9 +419,9 @@ function heading(of: "q" | "S", preview: TuningPreview, step: PreviewedStep, ang
     return fillText(TEXTS.stepOfS, { start: fixed(step.start, 1), end: fixed(step.end, 1) });
   }
   const size = step.end - step.start;
-  const size_told =
+  const size_text =
     angles === "deg" ? `${fixed((180 * size) / Math.PI, 0)}°` : formatWithUnit(size, "rad", angles);
-  return fillText(TEXTS.stepOfQ, { size: size_told, S: fixed(preview.S, 1) });
+  return fillText(TEXTS.stepOfQ, { size: size_text, S: fixed(preview.S, 1) });
 }
 
 function ActiveBank({ tuning }: { tuning: Tuning | undefined }) {
@@ -435,7 +435,7 @@ function ActiveBank({ tuning }: { tuning: Tuning | undefined }) {
   );
 }
 
-/** Entries of the bank in use as points of the plane: where each was identified. */
+/** Operating points of the active bank as points of the map. */
 
 const NONE: readonly PlaneEntry[] = [];
 

@@ -3,7 +3,7 @@ import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 
-// the REST client takes hold of fetch when it is made
+// the REST client captures fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);
@@ -64,7 +64,7 @@ function enter(label: string, value: string): void {
   fireEvent.blur(box);
 }
 
-it("puts up what stands in the boxes, in SI, and takes it away", async () => {
+it("adds the obstacle of the boxes in SI, and removes it", async () => {
   open(null);
   expect(screen.getByText(/^100 to 28.?000 N\/m, 0 to 7\.39 s\/m/)).toBeTruthy();
   enter(ANGLE, "-30");
@@ -86,14 +86,14 @@ it("puts up what stands in the boxes, in SI, and takes it away", async () => {
   await waitFor(async () => expect((await ordered())[1]).toEqual({ wall: null }));
 });
 
-it("says what stands, and puts nothing up that is no number", async () => {
+it("shows the current obstacle, and sends no value that is not a number", async () => {
   open({ q_wall: Math.PI / 9, side: "above", k_wall: 20000, c_wall: 1 });
-  const said = screen.getByRole("status", { name: "Refusal" });
+  const refusal = screen.getByRole("status", { name: "Refusal" });
   expect(screen.getByText(fillText(TEXTS.wallAbove, { angle: "20.0°" }))).toBeTruthy();
   enter(ANGLE, "far");
   fireEvent.click(screen.getByRole("button", { name: TEXTS.addWall }));
   await act(() => new Promise((resolve) => setTimeout(resolve, 20)));
   expect(await ordered()).toEqual([]);
-  expect(said.textContent).toContain("Not sent. Press Esc to restore.");
-  expect(screen.getByText(fillText(TEXTS.wallAbove, { angle: "20.0°" }))).toBeTruthy(); // whatever is refused, it stands
+  expect(refusal.textContent).toContain("Not sent. Press Esc to restore.");
+  expect(screen.getByText(fillText(TEXTS.wallAbove, { angle: "20.0°" }))).toBeTruthy(); // a refusal does not hide the current obstacle
 });

@@ -1,4 +1,4 @@
-/** A wall in the joint's way, where the plant is simulated: put up and taken away in flight. */
+/** Card that adds an obstacle to a simulated plant and removes it, also while the joint moves. */
 
 import { Button, NativeSelect } from "@mantine/core";
 import { useState } from "react";
@@ -25,7 +25,7 @@ const SIDES: { value: Side; label: string }[] = [
   { value: "below", label: TEXTS.below },
 ];
 
-/** At 20 degrees. */
+/** Initial values of the boxes: an obstacle at 20°. */
 const WALL: Wall = { q_wall: Math.PI / 9, side: "above", k_wall: 20000, c_wall: 1 };
 
 function isWall(value: unknown): value is Wall {
@@ -42,7 +42,7 @@ export function WallCard() {
 }
 
 function WallControls({ limits }: { limits: Limits }) {
-  const stands = useLive((live) => live.state?.wall ?? null);
+  const current = useLive((live) => live.state?.wall ?? null);
   const order = useSetWall();
   const noControl = useWhyNoControl();
   const angles = useAngleUnit();
@@ -62,17 +62,17 @@ function WallControls({ limits }: { limits: Limits }) {
     <Card
       title={TEXTS.wall}
       aside={
-        <output id="told-of-wall" className={styles.bounds} data-stands={stands !== null}>
-          {stands
-            ? fillText(stands.side === "above" ? TEXTS.wallAbove : TEXTS.wallBelow, {
-                angle: angleWithUnit(stands.q_wall, decimals, angles),
+        <output id="told-of-wall" className={styles.bounds} data-stands={current !== null}>
+          {current
+            ? fillText(current.side === "above" ? TEXTS.wallAbove : TEXTS.wallBelow, {
+                angle: angleWithUnit(current.q_wall, decimals, angles),
               })
             : TEXTS.simulatedOnly}
         </output>
       }
     >
       <RefusedFields error={refusal} about={about}>
-        {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
+        {/* biome-ignore lint/a11y/useSemanticElements: the buttons act at once; they are not a form */}
         <div className={styles.wallRow} role="group" aria-label={TEXTS.wall}>
           <span className={styles.wallLabel}>{TEXTS.sideAndAngle}</span>
           <NativeSelect
@@ -157,7 +157,7 @@ function WallControls({ limits }: { limits: Limits }) {
   );
 }
 
-/** How stiff and how damped it may be. */
+/** Returns the accepted stiffness and damping as text. */
 function bounds({ k_wall_min, k_wall_max, c_wall_max }: Limits): string {
   return fillText(TEXTS.wallHint, {
     stiffness: rangeOf(k_wall_min, k_wall_max),

@@ -1,17 +1,17 @@
-/** Whoever does not hold control is offered no end of a trial, and no end and no pause of what runs. */
+/** A page without the control lease cannot end a trial, and cannot abort or pause a run. */
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { cleanup, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 
-// the REST client takes hold of fetch when it is made
+// the REST client captures fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
   return replacement;
 });
-// curves are no part of what is asked here
+// the charts are not under test
 vi.mock("./LiveCharts", () => ({ LiveCharts: () => null }));
 
 import { LiveProvider } from "../../live/react";
@@ -75,7 +75,7 @@ function offered(name: string): boolean {
   return !button.disabled && button.getAttribute("aria-disabled") !== "true";
 }
 
-it("offers all of it where nobody holds control, nothing of it where somebody else does", async () => {
+it("enables the buttons while nobody holds control, and disables them while another person does", async () => {
   open(null);
   await waitFor(() => expect(ENDS.map(offered)).toEqual([true, true, true, true]));
   cleanup();

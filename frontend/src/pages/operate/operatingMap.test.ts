@@ -19,13 +19,13 @@ describe("plane scale", () => {
   const PLANE = planeOver(LIMITS, 300, 200);
 
   describe("the plane of position and stiffness", () => {
-    it("goes to pixels and back", () => {
+    it("converts to pixels and back", () => {
       const { q, S } = pointAt(PLANE, xOf(PLANE, 0.7), yOf(PLANE, 12));
       expect(q).toBeCloseTo(0.7, 12);
       expect(S).toBeCloseTo(12, 12);
     });
 
-    it("has the whole range in sight, stiffness upwards", () => {
+    it("shows the whole range, with stiffness upwards", () => {
       expect(xOf(PLANE, LIMITS.q_min)).toBeGreaterThan(PLANE.left);
       expect(xOf(PLANE, LIMITS.q_max)).toBeLessThan(PLANE.width);
       expect(yOf(PLANE, LIMITS.S_max)).toBeLessThan(yOf(PLANE, LIMITS.S_min));
@@ -48,7 +48,7 @@ describe("paint plane", () => {
   } as unknown as Limits;
   const SIZE = { width: 300, height: 190 };
   const PLANE = planeOver(LIMITS, SIZE.width, SIZE.height);
-  const WAY: PlannedPath = {
+  const PLANNED: PlannedPath = {
     q_low: -0.02,
     q_high: 0.57,
     path: [
@@ -60,8 +60,8 @@ describe("paint plane", () => {
 
   type Call = readonly [string, ...unknown[]];
 
-  /** What a pen is told to do, in order. */
-  function drawn(entries: readonly PlaneEntry[], way: PlannedPath | null): Call[] {
+  /** Returns the calls on the drawing context, in order. */
+  function drawn(entries: readonly PlaneEntry[], planned: PlannedPath | null): Call[] {
     const calls: Call[] = [];
     const pen = new Proxy({} as Record<string, unknown>, {
       get:
@@ -71,24 +71,24 @@ describe("paint plane", () => {
       set: () => true,
     });
     const surface = { ...SIZE, context: pen, colours: { drawn: (hue: string) => hue } } as unknown as Surface;
-    paintPlane(surface, LIMITS, undefined, new SampleWindow(["q", "S"], 16), entries, null, "deg", way);
+    paintPlane(surface, LIMITS, undefined, new SampleWindow(["q", "S"], 16), entries, null, "deg", planned);
     return calls;
   }
 
-  it("draws the way of a run through each of its points, and the band that it stays in", () => {
-    const calls = drawn([], WAY);
-    const points = WAY.path.map(({ q, S }) => ["lineTo", xOf(PLANE, q), yOf(PLANE, S)]);
+  it("draws the planned path of a run through each of its points, and the band of its positions", () => {
+    const calls = drawn([], PLANNED);
+    const points = PLANNED.path.map(({ q, S }) => ["lineTo", xOf(PLANE, q), yOf(PLANE, S)]);
     const first = calls.findIndex((call) => JSON.stringify(call) === JSON.stringify(points[0]));
     expect(calls.slice(first, first + 4)).toEqual([...points, ["stroke"]]);
-    const bands = calls.filter(([name, x]) => name === "fillRect" && x === xOf(PLANE, WAY.q_low));
+    const bands = calls.filter(([name, x]) => name === "fillRect" && x === xOf(PLANE, PLANNED.q_low));
     expect(bands).toHaveLength(1);
-    expect(bands[0]?.[3]).toBeCloseTo(xOf(PLANE, WAY.q_high) - xOf(PLANE, WAY.q_low), 9);
+    expect(bands[0]?.[3]).toBeCloseTo(xOf(PLANE, PLANNED.q_high) - xOf(PLANE, PLANNED.q_low), 9);
   });
 
   it.each([
     { q: 0.47, x: xOf(PLANE, 0.47), finished: "fill" },
     { q: null, x: PLANE.left, finished: "stroke" },
-  ])("draws an entry where it was identified, hollow on the S axis where that is not known: $q", (entry) => {
+  ])("draws an operating point at its position, hollow on the S axis if that is unknown: $q", (entry) => {
     const calls = drawn([{ S: 10.55, q: entry.q }], null);
     const start = calls.findIndex(([name, , y]) => name === "moveTo" && y === yOf(PLANE, 10.55));
     const diamond = calls.slice(start, start + 6);

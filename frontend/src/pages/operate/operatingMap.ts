@@ -1,4 +1,4 @@
-/** Draws the map of joint position over stiffness, and finds what is at a point of it. Pure. */
+/** Draws the map of joint position and stiffness, and converts its pixels to values. */
 
 import type { Surface } from "../../charts/canvas";
 import { short } from "../../samples/format";
@@ -7,7 +7,7 @@ import type { SampleWindow } from "../../samples/window";
 import { HUES } from "../../theme/signals";
 import type { Limits, Prediction, References, State } from "../../wire/types";
 
-/** The position-stiffness plane on a drawing: SI to pixels and back. Pure. */
+/** Converts between SI and pixels of the position-stiffness plane. Pure. */
 
 interface Plane {
   readonly width: number;
@@ -21,11 +21,11 @@ interface Plane {
 const LEFT = 34;
 const BOTTOM = 22;
 const TOP = 8;
-/** Room for the scale of tension. */
+/** Space for the tension scale [px]. */
 const RIGHT = 34;
 const MARGIN = 0.06;
 
-/** The plane around all that can be reached, with a margin in which the joint can be seen beyond it. */
+/** Returns the plane over the reachable range, with a margin that shows the joint beyond the range. */
 export function planeOver(limits: Limits, width: number, height: number): Plane {
   const q_end = (1 + MARGIN) * limits.q_trip;
   return {
@@ -34,7 +34,7 @@ export function planeOver(limits: Limits, width: number, height: number): Plane 
     left: LEFT,
     bottom: BOTTOM,
     q: [-q_end, q_end],
-    // from below the stiffness of slack tendons to that of solid springs, with a margin
+    // from below the stiffness at the lowest tension to above that of solid springs
     S: [0.6 * (limits.tensions[0]?.S ?? limits.S_min), (limits.tensions.at(-1)?.S ?? limits.S_max) + 0.8],
   };
 }
@@ -49,7 +49,7 @@ export function yOf(plane: Plane, S: number): number {
   return plane.height - BOTTOM - share * (plane.height - TOP - BOTTOM);
 }
 
-/** The point of the plane under a pixel. */
+/** Returns the point of the plane at a pixel. */
 export function pointAt(plane: Plane, x: number, y: number): { q: number; S: number } {
   const q_share = (x - LEFT) / (plane.width - LEFT - RIGHT);
   const S_share = (plane.height - BOTTOM - y) / (plane.height - TOP - BOTTOM);
@@ -59,7 +59,7 @@ export function pointAt(plane: Plane, x: number, y: number): { q: number; S: num
   };
 }
 
-/** Paints the position-stiffness plane: what tensions and joint allow, entries of the bank, trail, references, joint. */
+/** Paints the plane: limits, tensions, operating points of the bank, trail, references and joint. */
 
 const Q_GRID = { deg: [-60, -30, 0, 30, 60], rad: [-1, -0.5, 0, 0.5, 1] } as const;
 const S_GRID = [6, 8, 10, 12, 14, 16];
@@ -69,13 +69,13 @@ const CROSS = 7;
 const ENTRY = 5;
 const BAND = 0.12;
 
-/** A point of the bank: where it was identified; without a position its stiffness alone is known. */
+/** Operating point of the bank; q is null if only its stiffness is known. */
 export interface PlaneEntry {
   readonly S: number;
   readonly q: number | null;
 }
 
-/** Where a run is expected to take the joint, and between which positions it stays. */
+/** Predicted path of a run, and the lowest and highest position. */
 export type PlannedPath = Pick<Prediction, "path" | "q_low" | "q_high">;
 
 export function paintPlane(
@@ -106,7 +106,7 @@ export function paintPlane(
   paintJoint(pen, xOf(plane, window.newest("q")), yOf(plane, window.newest("S")), colours);
 }
 
-/** References in force as a cross; one that is only aimed at is dashed by the caller. */
+/** Paints references as a cross; for a target that is not sent, the caller sets a dashed line. */
 function paintCross(
   pen: CanvasRenderingContext2D,
   plane: Plane,
@@ -145,7 +145,7 @@ function paintRegion(
   pen.fillRect(left, top, xOf(plane, limits.q_max) - left, yOf(plane, limits.S_min) - top);
 }
 
-/** What tension each stiffness takes at rest, along the right edge. */
+/** Paints the tension at rest for each stiffness along the right edge. */
 function paintTensions(
   pen: CanvasRenderingContext2D,
   plane: Plane,
@@ -160,7 +160,7 @@ function paintTensions(
   }
 }
 
-/** Points of the bank in use, as diamonds where they were identified; hollow on the S axis where that is not known. */
+/** Paints the operating points of the bank as diamonds; hollow on the S axis if the position is unknown. */
 function paintEntries(
   pen: CanvasRenderingContext2D,
   plane: Plane,
@@ -183,7 +183,7 @@ function paintEntries(
   }
 }
 
-/** The way of a run as a line, and the band of positions that it does not leave. */
+/** Paints the path of a run as a line, and the range of its positions as a band. */
 function paintPlanned(
   pen: CanvasRenderingContext2D,
   plane: Plane,

@@ -4,7 +4,7 @@ import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-libra
 import type { ReactElement } from "react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 
-// the REST client takes hold of fetch when it is made
+// the REST client captures fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);
@@ -59,11 +59,11 @@ async function commanded(): Promise<{ q_ref: number; S_ref: number }[]> {
   return Promise.all(puts.map((request) => request.clone().json()));
 }
 
-/** Whatever is on its way has left by then. */
+/** Waits until pending requests are sent. */
 const settled = () => new Promise((resolve) => setTimeout(resolve, 20));
 
 beforeEach(() => {
-  vi.useFakeTimers({ toFake: ["performance"] }); // an order counts for 1.2 s, however slow the machine is
+  vi.useFakeTimers({ toFake: ["performance"] }); // a command is pending for 1.2 s; fake time makes that independent of the machine
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
   vi.stubGlobal(
     "ResizeObserver",
@@ -92,7 +92,7 @@ const box = () => screen.getByRole("textbox", { name: "q_ref value [°]" }) as H
 it.each([
   ["End", 80],
   ["Home", -80],
-])("shows where %s would take the joint, and commands it on Enter only", async (key, degrees) => {
+])("shows the target of %s, and sends it on Enter only", async (key, degrees) => {
   open(<ReferencesCard />);
   fireEvent.keyDown(q_ref(), { key });
   await settled();
@@ -106,7 +106,7 @@ it.each([
   expect(screen.queryByText(/not sent yet/)).toBeNull();
 });
 
-it("moves a target with the arrows without commanding, and leaves it on Escape or when the slider is left", async () => {
+it("moves a target with the arrow keys without sending it, and discards it on Escape or blur", async () => {
   open(<ReferencesCard />);
   fireEvent.keyDown(q_ref(), { key: "End" });
   fireEvent.keyDown(q_ref(), { key: "ArrowLeft" });
@@ -120,7 +120,7 @@ it("moves a target with the arrows without commanding, and leaves it on Escape o
   expect(await commanded()).toEqual([]);
 });
 
-it("still commands a step of the arrows at once", async () => {
+it("sends a step of the arrow keys at once if no target is set", async () => {
   open(<ReferencesCard />);
   fireEvent.keyDown(q_ref(), { key: "ArrowRight" });
   await waitFor(async () => expect((await commanded())[0]?.q_ref).toBeCloseTo(11 / DEGREES, 9));
@@ -134,7 +134,7 @@ function clickMap(degrees: number, S: number): void {
   fireEvent.click(map, { clientX: xOf(plane, degrees / DEGREES), clientY: yOf(plane, S) });
 }
 
-it("aims with a click on the map, and sends what it shows by a button", async () => {
+it("sets a target with a click on the map, and sends the shown target with a button", async () => {
   open(<MapCard />);
   clickMap(30, 9);
   await settled();
@@ -148,7 +148,7 @@ it("aims with a click on the map, and sends what it shows by a button", async ()
   expect(screen.queryByText(/not sent yet/)).toBeNull();
 });
 
-it("forgets a target that is left", async () => {
+it("sends nothing after a target is discarded", async () => {
   open(<MapCard />);
   clickMap(-40, 12);
   fireEvent.click(screen.getByRole("button", { name: TEXTS.discardTarget }));
@@ -160,7 +160,7 @@ it("forgets a target that is left", async () => {
 it.each([
   [true, "7 to 15 N·m/rad"],
   [false, fillText(TEXTS.rangeAndRemark, { range: "7 to 15 N·m/rad", remark: TEXTS.measuredOnly })],
-])("says what a number below the range is (reference in force: %s)", (in_force, hint) => {
+])("explains a number below the range (references active: %s)", (in_force, hint) => {
   const references = { q_ref: 0, S_ref: in_force ? 10 : 3.73, in_force };
   open(<ReferencesCard />, { ...STATE, references });
   expect(screen.getByLabelText<HTMLInputElement>("S_ref value [N·m/rad]").value).toBe(
@@ -180,10 +180,10 @@ const S_BOX = "S_ref value [N·m/rad]";
 
 async function sent(count: number): Promise<void> {
   await waitFor(async () => expect((await commanded()).length).toBe(count));
-  await act(settled); // answered too
+  await act(settled); // wait for the response too
 }
 
-it("sends one reference with the other one as it was ordered last, though the state does not tell it yet", async () => {
+it("sends one reference with the last sent value of the other, before the state contains it", async () => {
   open(<ReferencesCard />);
   enter(Q_BOX, "30");
   enter(S_BOX, "12");
@@ -196,7 +196,7 @@ it("sends one reference with the other one as it was ordered last, though the st
   ]);
 });
 
-it("sends in the card what the map ordered since, not what the card did before", async () => {
+it("sends the reference that the map set later, not the one that the card set before", async () => {
   open(
     <>
       <ReferencesCard />
@@ -215,16 +215,20 @@ it("sends in the card what the map ordered since, not what the card did before",
   expect(last).toEqual({ q_ref: 20 / DEGREES, S_ref: ofMap?.S_ref });
 });
 
-const told = (degrees: number, S_ref: number) => ({ q_ref: degrees / DEGREES, S_ref, in_force: true });
+const activeReferences = (degrees: number, S_ref: number) => ({
+  q_ref: degrees / DEGREES,
+  S_ref,
+  in_force: true,
+});
 
 it.each([
-  ["before the order", [told(10, 10)], 12],
-  ["of the first of two orders", [told(10, 11)], 12],
-  ["of the order itself, and then of somebody else's", [told(10, 12), told(0, 8)], 8],
-  ["of somebody else's order", [told(0, 8)], 8],
-  ["of going back to those from before", [told(10, 12), told(10, 10)], 10],
+  ["before the command", [activeReferences(10, 10)], 12],
+  ["of the first of two commands", [activeReferences(10, 11)], 12],
+  ["of the command, then of another person's", [activeReferences(10, 12), activeReferences(0, 8)], 8],
+  ["of another person's command", [activeReferences(0, 8)], 8],
+  ["of a return to the earlier references", [activeReferences(10, 12), activeReferences(10, 10)], 10],
 ] as const)(
-  "goes by the state once it tells other references than those ordered (%s)",
+  "uses the state once it contains references other than the sent ones (%s)",
   async (_, states, S) => {
     const store = open(<ReferencesCard />);
     enter(S_BOX, "11");
@@ -238,7 +242,7 @@ it.each([
   },
 );
 
-it("forgets an order that was refused", async () => {
+it("drops a command that was refused", async () => {
   const store = open(<ReferencesCard />);
   const answers = fetched.getMockImplementation() as (request: Request) => Promise<Response>;
   const problem = { code: "out_of_range", message: "S_ref is too high" };
@@ -258,7 +262,7 @@ it.each([
   ["off", TEXTS.referencesNeedMode],
   ["experiment", TEXTS.referencesNeedMode],
   ["compliance", null],
-] as const)("offers references in the modes that follow the operator's (%s)", (mode, why) => {
+] as const)("offers references only in modes that follow the operator's references (%s)", (mode, why) => {
   open(<ReferencesCard />, { ...STATE, mode });
   const box = screen.getByLabelText<HTMLInputElement>("S_ref value [N·m/rad]");
   expect(box.disabled).toBe(why !== null);
@@ -268,7 +272,7 @@ it.each([
   expect(screen.queryAllByText(TEXTS.referencesNeedMode, { exact: false }).length).toBe(why === null ? 0 : 2);
 });
 
-it("offers no reference while the joint gives way to a contact", () => {
+it("offers no reference during a contact reaction", () => {
   const felt = { F_ext_hat: 3, contact_N: 2, tick: 1 };
   open(<ReferencesCard />, { ...STATE, mode: "compliance", touch: { felt } } as unknown as State);
   expect(screen.getByLabelText<HTMLInputElement>("q_ref value [°]").disabled).toBe(true);

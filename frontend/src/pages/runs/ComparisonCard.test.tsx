@@ -3,7 +3,7 @@ import { MantineProvider } from "@mantine/core";
 import { cleanup, render, screen, within } from "@testing-library/react";
 import { afterEach, expect, it, vi } from "vitest";
 
-// the REST client takes hold of fetch when it is made
+// the REST client captures fetch when it is created
 vi.hoisted(() => vi.stubGlobal("fetch", () => new Promise(() => {})));
 
 import { fillText } from "../../samples/texts";

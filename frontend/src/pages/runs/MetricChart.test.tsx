@@ -10,7 +10,7 @@ import type { MetricHistory } from "../../wire/types";
 import { MetricChart, scatter, steps } from "./MetricChart";
 import { TEXTS } from "./texts";
 
-// the REST client takes hold of fetch when it is made
+// the REST client captures fetch when it is created
 vi.hoisted(() => vi.stubGlobal("fetch", () => new Promise(() => {})));
 
 vi.mock("@mantine/hooks", async (original) => ({

@@ -15,7 +15,7 @@ import StudiesPage from "./StudiesPage";
 import { FiguresCard, SharesCard } from "./StudyPage";
 import { TEXTS } from "./texts";
 
-// the REST client takes hold of fetch when it is made
+// the REST client captures fetch when it is created
 vi.hoisted(() => vi.stubGlobal("fetch", () => Promise.reject(new TypeError("no way to the service"))));
 
 afterEach(cleanup);
