@@ -240,7 +240,7 @@ function disc(pen: Pen, radius: number, colours: Surface["colours"], width: numb
 
 const NAMES = ["q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B"] as const;
 
-/** Without `read` the drawing is live. `read` returns a signal's value; its identity changes only with the recording. */
+/** Live without `read`, which returns a signal's value and must be the same function for one recording. */
 export function ActuatorDrawing({ read }: { read?: (name: string) => number }) {
   const store = useLiveStore();
   const angles = useAngleUnit();

@@ -20,7 +20,7 @@ import operateStyles from "./Operate.module.css";
 import { type LoopName, StepPreview } from "./StepPreview";
 import { TEXTS } from "./texts";
 
-/** Control of one λ: slider with its safe range, box, − / + / reset, and the preview at the edited value. */
+/** Control of one λ: slider with its safe range, box, buttons, and the preview at the edited value. */
 
 const STEP_S = 0.01;
 const DECIMALS = 3;
@@ -270,7 +270,7 @@ export function DisturbanceFeedforwardControl(props: DisturbanceFeedforwardContr
 }
 
 /**
- * Forecast of a constant push: deflection, return time and apparent stiffness, the last two without → with rejection.
+ * Forecast of a constant push: deflection, and return time and apparent stiffness without → with rejection.
  * Apparent stiffness is force over deflection; the rejection does not change the joint stiffness S.
  */
 function PushForecast({ previewed }: Pick<DisturbanceFeedforwardControlProps, "previewed">) {

@@ -96,7 +96,7 @@ afterEach(() => {
   vi.useRealTimers();
 });
 
-it("shows a refused value until other references are active, whoever sent them", async () => {
+it("shows a refused value until other references are active", async () => {
   open();
   await refused(422, OUT_OF_RANGE);
   vi.advanceTimersByTime(5000);

@@ -1,4 +1,4 @@
-/** Map of position and stiffness with the allowed range and the joint's path; a click sets a target, a button sends it. */
+/** Map of position and stiffness with limits and trail; a click sets a target, a button sends it. */
 
 import { Button } from "@mantine/core";
 import { type MouseEvent, useMemo, useState } from "react";

@@ -67,7 +67,7 @@ export function CardJumps() {
   );
 }
 
-/** Card with the actuator as a flat drawing or in 3D; the service serves the 3D view to signed-in clients. */
+/** Card with the actuator as a flat drawing or in 3D, which the service serves after sign-in. */
 
 function SceneCard() {
   const { solid, camera, known, toggle, look } = useSceneView(true);

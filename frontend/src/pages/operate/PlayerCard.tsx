@@ -150,7 +150,7 @@ function Marks({ at_s, locked, onGo }: MarksProps) {
   );
 }
 
-/** Returns the playback time, extrapolated between two reports of the service, which arrive twice a second. */
+/** Returns the playback time, extrapolated between the reports of the service (two per second). */
 function useTime(player: PlayerPosition): number {
   const now_ms = useNow(REFRESH_MS);
   const received = useMemo(() => ({ player, at_ms: performance.now() }), [player]);

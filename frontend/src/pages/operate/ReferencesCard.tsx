@@ -22,7 +22,7 @@ import { whyNot } from "./ModeCard";
 import operateStyles from "./Operate.module.css";
 import { TEXTS } from "./texts";
 
-/** Control of the motion: the paper's law (lambda) or a trajectory within a voltage limit (time-optimal). */
+/** Control of the motion: the paper's law (lambda) or a voltage-limited trajectory (time-optimal). */
 
 const STEP_V = 0.1;
 const DECIMALS = 1;
@@ -99,7 +99,7 @@ export function MotionControl({ tuning, disabled }: MotionControlProps) {
 
 /** Reasons why the service would refuse a command now; the page then disables its control. Pure. */
 
-/** Returns the reason why no experiment or identification can start; null if one can. `noControl` names the holder. */
+/** Returns why no experiment or identification can start, or null. `noControl` names the holder of control. */
 export function whyNoStart(state: State | null, mode: Mode, noControl: string | null): string | null {
   if (noControl !== null) return noControl;
   if (state?.task != null) return TEXTS.anotherRun;

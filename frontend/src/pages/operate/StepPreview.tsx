@@ -13,7 +13,7 @@ import plannedProfileStyles from "./PlannedProfile.module.css";
 import stepPreviewStyles from "./StepPreview.module.css";
 import { TEXTS } from "./texts";
 
-/** Motion of a preview that a λ determines: a step (`lambda`) or the return from a push (`time-optimal`). Pure. */
+/** Motion that a λ determines: a step (`lambda`) or the return from a push (`time-optimal`). Pure. */
 
 export type LoopName = "position" | "stiffness";
 
@@ -23,7 +23,7 @@ interface PreviewedMotion {
   readonly t: readonly number[];
   /** Progress of the step from 0 to 1, or deflection under the push relative to the largest one. */
   readonly y: readonly number[];
-  /** End of the motion in the unit of `y`: the new reference, or the band around the position before the push. */
+  /** End of the motion in the unit of `y`: the new reference, or the edge of the return band. */
   readonly target: number;
   /** Time to 90 % of the step, or to the return into the band [s]; null if not reached. */
   readonly time_s: number | null;
@@ -56,8 +56,8 @@ interface StepDrawing {
 
 const TOP = 1.15;
 
-/** Draws the response `y(t)` from 0 to at least 1.15, or to `upper`. `end_s` sets a common time axis for two
- * responses; after the last sample the response keeps its last value. */
+/** Draws the response `y(t)` from 0 to at least 1.15, or to `upper`.
+ * `end_s` sets a common time axis for two responses; the last value continues up to it. */
 export function stepPath(
   t: readonly number[],
   y: readonly number[],
@@ -302,7 +302,7 @@ export const PROFILE_WIDTH = 1000;
 export const PROFILE_HEIGHT = 40;
 const MARGIN = 3;
 
-/** Returns the line of a signal: horizontal at half height if constant, with gaps where the program leaves it open. */
+/** Returns the line of a signal: at half height if constant, with gaps where the program leaves it open. */
 export function lineOf(t: readonly number[], values: readonly (number | null)[]): Line {
   const given = values.filter((value) => value !== null);
   const lowest = Math.min(...given);

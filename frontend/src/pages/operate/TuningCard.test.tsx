@@ -77,9 +77,10 @@ it.each(Object.keys(SAVED) as Part[])(
     const table = screen.getByRole("table", { name: TEXTS.tuningTable });
     expect(table.querySelectorAll("[data-differs=true]").length).toBe(1);
     fireEvent.click(revert());
-    const put = () => fetched.mock.calls.map(([request]) => request).find(({ method }) => method === "PUT");
-    await waitFor(() => expect(put()).toBeDefined());
-    expect(await put()?.clone().json()).toEqual(SAVED);
+    const request = () =>
+      fetched.mock.calls.map(([request]) => request).find(({ method }) => method === "PUT");
+    await waitFor(() => expect(request()).toBeDefined());
+    expect(await request()?.clone().json()).toEqual(SAVED);
   },
 );
 
