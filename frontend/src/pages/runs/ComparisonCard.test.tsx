@@ -1,4 +1,4 @@
-/** Differences stand beside the run that they are to, and a figure that is none beside its reason. */
+/** The comparison shows differences to the reference run only, and a reason for a missing metric. */
 import { MantineProvider } from "@mantine/core";
 import { cleanup, render, screen, within } from "@testing-library/react";
 import { afterEach, expect, it, vi } from "vitest";
@@ -18,7 +18,7 @@ afterEach(cleanup);
 const RUNS = [1, 2, 3];
 const REASON = "one step was not measured; the one at 2 s: it came to 66 % of its way";
 
-/** Peak voltages of 3 V, 4 V and 6 V beside a run of reference. */
+/** Returns a comparison of peak voltages of 3 V, 4 V and 6 V with a reference run. */
 function answer(reference: number): RunComparison {
   const volts = [3, 4, 6];
   const own = volts[RUNS.indexOf(reference)] ?? 0;
@@ -65,7 +65,7 @@ function answer(reference: number): RunComparison {
   };
 }
 
-/** The card for a reference, with the answer for another one until its own has come. */
+/** Returns the card for a reference, with the answer for the reference `answered`. */
 function card(reference: number, answered = reference) {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
   return (
@@ -73,7 +73,7 @@ function card(reference: number, answered = reference) {
       <ComparisonCard
         asked={askedOf(RUNS, { ...USUAL, reference })}
         signal="q"
-        told={answer(answered)}
+        comparison={answer(answered)}
         error={null}
       />
     </MantineProvider>
@@ -92,7 +92,7 @@ function busy(): string | null | undefined {
     ?.getAttribute("aria-busy");
 }
 
-it("shows differences to the run that is named, and none while those are under way", () => {
+it("shows differences to the selected reference, and none while these are being computed", () => {
   const { rerender } = render(card(1));
   expect(row("Peak voltage")).toEqual(["Peak voltage", "3.000", "4.000+1.000", "6.000+3.000", "V"]);
   expect(busy()).toBe("false");
@@ -104,7 +104,7 @@ it("shows differences to the run that is named, and none while those are under w
   expect(busy()).toBe("false");
 });
 
-it("shows the settings that differ as they are read, and which of them are not those of the reference", () => {
+it("shows different settings in the person's unit, and highlights values that differ from the reference", () => {
   render(card(2));
   expect(row("time each reference")).toEqual(["time each reference is held t_q", "1.5", "1.5", "–", "s"]);
   expect(row("range of the joint")).toEqual(["range of the joint q_max", "90", "180", "90", "°"]);
@@ -114,7 +114,7 @@ it("shows the settings that differ as they are read, and which of them are not t
   expect(apart).toEqual(["90", "90", "simulator", "simulator"]);
 });
 
-it("leads to files of what is compared, by the same reference", () => {
+it("links to files of the comparison with the same reference", () => {
   render(card(2));
   const link = (name: string) => screen.getByRole("link", { name }).getAttribute("href");
   const asked = "run=1&run=2&run=3&reference=2&by=begin&step=q_ref&event=trip&number=1&signal=q";
@@ -122,7 +122,7 @@ it("leads to files of what is compared, by the same reference", () => {
   expect(link(fillText(TEXTS.curvesFile, { signal: "q" }))).toBe(`./api/run-comparison/curves.csv?${asked}`);
 });
 
-it("says beside a figure why there is none, or why it is that of a part", () => {
+it("shows the reason of a metric that is missing or covers a part only", () => {
   render(card(1));
   expect(row("Overshoot of q").slice(1)).toEqual([
     `2.000${fillText(EXPERIMENT_TEXTS.boundedReason, { bound: EXPERIMENT_TEXTS.atLeast, reason: REASON })}`,

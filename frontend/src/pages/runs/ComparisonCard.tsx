@@ -37,18 +37,18 @@ import {
 } from "./runAddress";
 import { TEXTS } from "./texts";
 
-/** The metrics of several runs beside each other, with the differences to one of them. */
+/** Card with the metrics of several runs in columns, and the differences to the reference run. */
 
 interface ComparisonCardProps {
   readonly asked: ComparisonAsked;
-  /** Of which the file of curves is. */
+  /** Signal of the exported curves. */
   readonly signal: string;
-  /** What the service said last, maybe of another reference. */
-  readonly told: RunComparison | undefined;
+  /** Last comparison from the service, possibly with another reference. */
+  readonly comparison: RunComparison | undefined;
   readonly error: Error | null;
 }
 
-export function ComparisonCard({ asked, signal, told: data, error }: ComparisonCardProps) {
+export function ComparisonCard({ asked, signal, comparison: data, error }: ComparisonCardProps) {
   const { reference } = asked;
   const angles = useAngleUnit();
   return (
@@ -101,14 +101,14 @@ export function ComparisonCard({ asked, signal, told: data, error }: ComparisonC
             </Table>
           </div>
           {data.metrics.length === 0 && <p className={pageStyles.empty}>{TEXTS.noResults}</p>}
-          <DifferingSettings told={data} />
+          <DifferingSettings comparison={data} />
         </div>
       )}
     </Card>
   );
 }
 
-/** One report of all these runs, in their order, and the comparison as text. */
+/** Buttons for a report of all compared runs and for the comparison as CSV files. */
 function Files({ asked, signal }: { asked: ComparisonAsked; signal: string }) {
   const files = [
     { label: TEXTS.tableFile, href: comparisonFile("table", asked, signal) },
@@ -130,7 +130,7 @@ interface ValueProps {
   readonly metric: ComparedMetric;
   readonly index: number;
   readonly angles: AngleUnit;
-  /** Whether the differences are to the run that is named. */
+  /** Whether the differences are to the selected reference. */
   readonly compared: boolean;
 }
 
@@ -150,10 +150,10 @@ function Value({ metric, index, angles, compared }: ValueProps) {
   );
 }
 
-/** Two that differ by less are the same but for the last digits of their computation [%]. */
+/** Smaller differences are rounding errors [%]. */
 const SAME_PERCENT = 1e-9;
 
-/** "+0.5 (+12 %)"; nothing where both are the same, or one is not there. */
+/** Returns a text like "+0.5 (+12 %)"; "" if both values are equal or one is missing. */
 function difference(value: number | null, percent: number | null, factor: number): string {
   if (value === null || value === 0 || Math.abs(percent ?? 100) < SAME_PERCENT) return "";
   const sign = value > 0 ? "+" : "";
@@ -161,7 +161,7 @@ function difference(value: number | null, percent: number | null, factor: number
   return `${sign}${significant(value * factor, 4)}${relative}`;
 }
 
-/** Which run the others are compared with, and what of each is brought to one moment. */
+/** Bar that selects the reference run and the event at which the runs are aligned. */
 
 const ALIGNMENTS: Readonly<Record<AlignBy, string>> = {
   begin: TEXTS.alignBegin,
@@ -228,14 +228,14 @@ export function AlignmentBar({ asked, onChange }: AlignmentBarProps) {
   );
 }
 
-/** Choice of further runs for the same axes. */
+/** Control that adds runs to the comparison and removes them. */
 
 const OFFERED = 100;
 
 interface CompareWithProps {
   readonly run: Run;
   readonly others: readonly number[];
-  /** How they are compared, as the address has it. */
+  /** Settings of the comparison as in the address of the page. */
   readonly how?: string;
 }
 
@@ -245,7 +245,7 @@ export function CompareWith({ run, others, how = "" }: CompareWithProps) {
   const offered = (runs.data?.runs ?? []).filter(
     ({ id, samples }) => id !== run.id && samples > 0 && !others.includes(id),
   );
-  // those of the same kind come first: they are what one compares with
+  // runs with the same title first, because these are compared most often
   const sorted = [...offered].sort((a, b) => Number(b.title === run.title) - Number(a.title === run.title));
   return (
     <div className={pageStyles.actions}>
@@ -289,11 +289,11 @@ export function CompareWith({ run, others, how = "" }: CompareWithProps) {
   );
 }
 
-/** A run beside others: all on one time axis, what differs from one of them, where, and by how much. */
+/** Comparison of runs: curves on one time axis, differences to the reference, and metrics. */
 
 interface ComparedRunsProps {
   readonly run: Run;
-  /** Has to be the same array as long as it says the same. */
+  /** Must be the same array while its elements are equal. */
   readonly others: readonly number[];
   readonly compared: Compared;
 }
@@ -302,8 +302,8 @@ export function ComparedRuns({ run, others, compared }: ComparedRunsProps) {
   const [, go] = useLocation();
   const asked = useMemo(() => askedOf([run.id, ...others], compared), [run.id, others, compared]);
   const { data, error, isPlaceholderData } = useQuery(comparisonQuery(asked));
-  const told = isPlaceholderData ? undefined : data;
-  const placed = usePlaced(asked, told);
+  const comparison = isPlaceholderData ? undefined : data;
+  const placed = usePlaced(asked, comparison);
   const drawn = useMemo(() => asked.run.filter((id) => placed?.offsets.has(id)), [asked, placed]);
   const change = (to: Partial<Compared>) =>
     go(addressOf(run.id, others, null, textOf({ ...compared, ...to })), { replace: true });
@@ -312,7 +312,11 @@ export function ComparedRuns({ run, others, compared }: ComparedRunsProps) {
       <Card title={TEXTS.curves} aside={<CompareWith run={run} others={others} how={textOf(compared)} />}>
         <AlignmentBar asked={asked} onChange={change} />
         <p className={runsStyles.placed} aria-live="polite">
-          {told === undefined ? (error?.message ?? TEXTS.aligning) : <Placing told={told} />}
+          {comparison === undefined ? (
+            (error?.message ?? TEXTS.aligning)
+          ) : (
+            <Placing comparison={comparison} />
+          )}
         </p>
         <div className={pageStyles.charts}>
           {placed === undefined ? (
@@ -329,31 +333,33 @@ export function ComparedRuns({ run, others, compared }: ComparedRunsProps) {
         band={compared.band}
         onChange={change}
       />
-      <ComparisonCard asked={asked} signal={compared.signal} told={data} error={error} />
+      <ComparisonCard asked={asked} signal={compared.signal} comparison={data} error={error} />
     </>
   );
 }
 
-/** From the begin of each run nothing has to be asked for: the curves do not wait. */
-function usePlaced(asked: ComparisonAsked, told: RunComparison | undefined): Placed | undefined {
+/** Returns the time offsets of the runs; alignment at the start does not wait for the comparison. */
+function usePlaced(asked: ComparisonAsked, comparison: RunComparison | undefined): Placed | undefined {
   return useMemo(() => {
     const { reference, by, run } = asked;
     if (by === "begin") return { reference, offsets: new Map(run.map((id) => [id, 0])) };
-    if (told === undefined) return undefined;
-    const found = told.runs.flatMap(({ id, offset_s }): [number, number][] =>
+    if (comparison === undefined) return undefined;
+    const found = comparison.runs.flatMap(({ id, offset_s }): [number, number][] =>
       offset_s === null ? [] : [[id, offset_s]],
     );
     return { reference, offsets: new Map(found) };
-  }, [asked, told]);
+  }, [asked, comparison]);
 }
 
-/** In words how each run came onto the axis, or why it did not. */
-function Placing({ told }: { told: RunComparison }) {
-  const absent = told.runs.filter(({ not_aligned }) => not_aligned !== "");
-  const shifted = told.runs.filter(({ id, offset_s }) => id !== told.reference && offset_s !== null);
+/** Text with the time offset of each run, or the reason why a run is not aligned. */
+function Placing({ comparison }: { comparison: RunComparison }) {
+  const absent = comparison.runs.filter(({ not_aligned }) => not_aligned !== "");
+  const shifted = comparison.runs.filter(
+    ({ id, offset_s }) => id !== comparison.reference && offset_s !== null,
+  );
   return (
     <>
-      {fillText(TEXTS.timeBase, { run: told.reference })}
+      {fillText(TEXTS.timeBase, { run: comparison.reference })}
       {shifted.map(({ id, offset_s }) => (
         <span key={id}>{fillText(TEXTS.offset, { run: id, offset: signed(offset_s as number) })}</span>
       ))}

@@ -9,7 +9,7 @@ import { bandLines, differencePanel, nameOf } from "./DifferencesCard";
 const DRAWN = [7, 9, 4];
 
 describe("the panel of differences", () => {
-  it("has each run but the reference, in the mark and the look of its curves", () => {
+  it("has each run except the reference, with the mark and line style of its curves", () => {
     const panel = differencePanel("S", DRAWN, 9, "deg");
     expect(panel.traces.map(({ name }) => name)).toEqual(["ΔS", "ΔS′′"]);
     const curves = comparedPanels(panelsOf(STANDARD), 2).flatMap(({ traces }) => traces);
@@ -20,7 +20,7 @@ describe("the panel of differences", () => {
     expect(unitOf("ΔS′′")).toBe("N·m/rad");
   });
 
-  it("shows angles and the band as the person reads them", () => {
+  it("shows angles and the band in the person's unit", () => {
     const panel = differencePanel("q", DRAWN, 7, "deg");
     expect([panel.unit, panel.factor]).toEqual(["°", 180 / Math.PI]);
     const lines = bandLines(panel, Math.PI / 180);
@@ -30,7 +30,7 @@ describe("the panel of differences", () => {
     expect(differencePanel("theta_A_ref", DRAWN, 7, "deg").unit).toBe("°");
   });
 
-  it("leaves a run without a place on the axis out of the curves", () => {
+  it("omits the curves of a run that is not drawn", () => {
     const one = {
       reason: "",
       minimum: [0.5, null],

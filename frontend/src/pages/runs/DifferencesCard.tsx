@@ -23,11 +23,11 @@ import runsStyles from "./Runs.module.css";
 import type { Compared } from "./runAddress";
 import { TEXTS } from "./texts";
 
-/** Where each run leaves the band around the reference, for how long, and how far it goes. */
+/** Table of each run's deviations: first violation of the band, time outside, largest difference. */
 
 interface DeviationTableProps {
   readonly found: Differences;
-  /** In SI; null where none is given. */
+  /** In SI; null if none is set. */
   readonly band: number | null;
 }
 
@@ -91,19 +91,23 @@ function Figures({ one, banded, factor }: FiguresProps) {
       : fixed(one.compared_s, 3),
   ];
   return cells.map((cell, place) => (
-    // biome-ignore lint/suspicious/noArrayIndexKey: columns have a place and nothing else to tell them by
+    // biome-ignore lint/suspicious/noArrayIndexKey: columns have no identity except their index
     <Table.Td key={place} className={pageStyles.number}>
       {cell}
     </Table.Td>
   ));
 }
 
-/** What not all compared runs were set to alike. */
+/** Table of the settings in which the compared runs differ. */
 
-/** Texts of more letters stand out by themselves. */
+/** Longer texts are conspicuous without emphasis [characters]. */
 const LONG = 40;
 
-export function DifferingSettings({ told: { settings, runs, reference } }: { told: RunComparison }) {
+export function DifferingSettings({
+  comparison: { settings, runs, reference },
+}: {
+  comparison: RunComparison;
+}) {
   const angles = useAngleUnit();
   if (settings.length === 0) {
     return <p className={pageStyles.empty}>{TEXTS.sameSettings}</p>;
@@ -146,7 +150,7 @@ export function DifferingSettings({ told: { settings, runs, reference } }: { tol
 interface ValueProps {
   readonly setting: ComparedSetting;
   readonly index: number;
-  /** Place of the reference: who differs from it stands out. */
+  /** Index of the reference; a value that differs from the reference's is emphasized. */
   readonly alike: number;
   readonly angles: AngleUnit;
 }
@@ -159,21 +163,21 @@ function Value({ setting: { values, unit }, index, alike, angles }: ValueProps) 
   return text.length > LONG ? text : <strong>{text}</strong>;
 }
 
-/** The panel of a signal's differences: in the looks of the runs that they are of, with the tolerance band. Pure. */
+/** Panel of a signal's differences in the line styles of the runs, with the tolerance band. Pure. */
 
-/** Those that have a unit: of codes and counts there is no difference that says anything. */
+/** Signals with a unit; differences of codes and counts are meaningless. */
 const SIGNALS = FIELDS.filter(({ unit }) => unit !== "1").map(({ name }) => name);
 
-/** Differences are small: their axis may be as much finer. */
+/** Factor by which the axis of the differences may be finer, because differences are small. */
 const FINER = 20;
 
-/** What the difference of a run is called: with the mark that the run has in the curves; null where it has none. */
+/** Returns the name of a run's difference with the mark of its curves; null if the run is not drawn. */
 export function nameOf(signal: string, drawn: readonly number[], run: number): string | null {
   const place = drawn.indexOf(run);
   return place < 0 ? null : `Δ${signal}${markOf(place)}`;
 }
 
-/** Of all `drawn` runs but the reference. */
+/** Returns the panel with the differences of all `drawn` runs except the reference. */
 export function differencePanel(
   signal: string,
   drawn: readonly number[],
@@ -194,7 +198,7 @@ export function differencePanel(
   );
 }
 
-/** The band, given in SI, as lines of the panel. */
+/** Returns the band, given in SI, as lines of the panel. */
 export function bandLines({ traces, factor }: Panel, band: number | null): readonly LimitLine[] {
   if (band === null) return [];
   const line = (sign: 1 | -1): LimitLine => ({
@@ -206,17 +210,17 @@ export function bandLines({ traces, factor }: Panel, band: number | null): reado
   return [line(1), line(-1)];
 }
 
-/** A signal of each run minus that of the reference, and where it leaves the band that the operator gives. */
+/** Card with the difference of a signal to the reference run, and its violations of a tolerance band. */
 
 const POINTS = 2000;
 const RESTED_MS = 300;
 
 interface DifferencesCardProps {
   readonly asked: ComparisonAsked;
-  /** The runs as the curves above have them, in their order. */
+  /** Runs that the curves above show, in the same order. */
   readonly drawn: readonly number[];
   readonly signal: string;
-  /** In SI; null where none is given. */
+  /** In SI; null if none is set. */
   readonly band: number | null;
   onChange(to: Partial<Compared>): void;
 }
@@ -277,7 +281,7 @@ interface DifferenceChartsProps extends Omit<DifferencesCardProps, "onChange"> {
   readonly found: Differences;
 }
 
-/** Mounted anew for other runs or another signal. */
+/** Charts of the differences; React remounts them for other runs or another signal. */
 function DifferenceCharts({ asked, drawn, signal, band, found }: DifferenceChartsProps) {
   const angles = useAngleUnit();
   const begin_s = found.t[0] ?? 0;
@@ -300,7 +304,7 @@ function DifferenceCharts({ asked, drawn, signal, band, found }: DifferenceChart
   useEffect(() => {
     source.setOverview(curvesOf(found, named));
   }, [source, found, named]);
-  // biome-ignore lint/correctness/useExhaustiveDependencies: the data belong to the stretch asked for with them
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the data belong to the range that was requested with them
   useEffect(() => {
     if (detail)
       source.setDetail(

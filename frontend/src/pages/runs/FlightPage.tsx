@@ -1,4 +1,4 @@
-/** The seconds around a trip or a trigger in charts and 3D, opened at its tick; time counts from it, as in the exported file. */
+/** Page of a flight record: charts and replay around a trip or trigger, which is t = 0 as in the export. */
 
 import { useQuery } from "@tanstack/react-query";
 import { useCallback, useMemo, useState } from "react";
@@ -102,7 +102,7 @@ function FlightCharts({ flight, samples }: { flight: Flight; samples: Columns })
   const read = useCallback((name: string, time_s: number) => source.at(name, time_s), [source]);
   const show = useCallback((time_s: number) => showFlightMoment(id, time_s), [id]);
   return (
-    <div className={replay.beside}>
+    <div className={replay.withReplay}>
       <Charts
         panels={panels}
         source={source}

@@ -12,17 +12,17 @@ describe("applied runs", () => {
     ["as applied last", [of("b", 3), of("a", 2), FILE], "b", [2, 3]],
     ["before the last application", [of("b", 3), of("a", 2), FILE], "a", [2]],
     [
-      "after one that was undone",
+      "after an application that was undone",
       [of("c", 5), of("a", null, true), of("b", 3), of("a", 2), FILE],
       "c",
       [2, 5],
     ],
-    ["as they were put back", [of("file", null, true), of("a", 2), FILE], "file", []],
+    ["restored by an undo", [of("file", null, true), of("a", 2), FILE], "file", []],
   ])("finds the runs applied to parameters %s", (_, versions, digest, runs) => {
     expect(appliedRuns(versions, digest)).toEqual(runs);
   });
 
-  it("takes the parameters of the run itself, not of an identification before it", () => {
+  it("uses the parameters of the run, not those of an earlier identification", () => {
     const box = (id: string, kind: "run" | "parameters", sha256: string, origins: string[] = []) => ({
       id,
       kind,
@@ -56,7 +56,7 @@ describe("lineage layout", () => {
     };
   }
 
-  it("puts each box right of all it came from, and no two on the same place", () => {
+  it("places each box to the right of its origins, and no two boxes at the same position", () => {
     const nodes = [
       node("run", ["gains", "parameters"]),
       node("gains", ["bank"]),
@@ -82,12 +82,12 @@ describe("lineage layout", () => {
     }
   });
 
-  it("ends where boxes would come from each other", () => {
+  it("terminates on circular origins", () => {
     expect(laidOut([node("a", ["b"]), node("b", ["a"])]).boxes.length).toBe(2);
     expect(laidOut([])).toEqual({ boxes: [], edges: [], width: 0, height: 0 });
   });
 
-  it("leads to the page that tells more", () => {
+  it("returns the page with the details of a box", () => {
     expect(addressOfNode(node("a", [], { bank: 3 }))).toBe("/banks/3");
     expect(addressOfNode(node("a", [], { identification: 4 }))).toBe("/identify/4");
     expect(addressOfNode(node("a", [], { run: 5 }))).toBe("/runs/5");

@@ -16,18 +16,18 @@ import pageStyles from "../Page.module.css";
 import runsStyles from "./Runs.module.css";
 import { TEXTS } from "./texts";
 
-/** From the parameters of a run to the identifications that were applied to them. Pure. */
+/** Finds the identifications that were applied to the parameters of a run. Pure. */
 
 type Version = Pick<Parameters["versions"][number], "digest" | "run" | "undone">;
 type Node = Pick<Lineage["nodes"][number], "id" | "kind" | "sha256" | "origins">;
 
-/** Digest of the parameters that the first of the boxes, the run itself, was made with; null where it is not known. */
+/** Returns the digest of the parameters of the first box, which is the run; null if unknown. */
 export function digestOfParameters(nodes: readonly Node[]): string | null {
   const origins = nodes[0]?.origins ?? [];
   return nodes.find(({ id, kind }) => kind === "parameters" && origins.includes(id))?.sha256 ?? null;
 }
 
-/** Runs whose identifications were applied up to these parameters, oldest first; `versions` are newest first. */
+/** Returns the runs whose results these parameters contain, oldest first; `versions` is newest first. */
 export function appliedRuns(versions: readonly Version[], digest: string | null): number[] {
   const first = versions.findIndex((version) => version.digest === digest);
   if (digest === null || first < 0) return [];
@@ -41,7 +41,7 @@ export function appliedRuns(versions: readonly Version[], digest: string | null)
   return [...new Set(found.reverse())];
 }
 
-/** Where the boxes of a lineage stand: origins at the left, what came of them at the right. Pure. */
+/** Layout of the boxes of a lineage, with origins on the left and results on the right. Pure. */
 
 export const BOX = { width: 178, height: 76, across: 44, down: 14 } as const;
 
@@ -58,7 +58,7 @@ interface Picture {
   readonly height: number;
 }
 
-/** Each box stands right of all it came from, as near to what came of it as that leaves room. */
+/** Places each box in the first column to the right of all its origins, in the next free row. */
 export function laidOut(nodes: readonly LineageNode[]): Picture {
   const byId = new Map(nodes.map((node) => [node.id, node]));
   const columns = columnsOf(nodes, byId);
@@ -102,11 +102,11 @@ function columnsOf(
   return depth;
 }
 
-/** The lineage of a run as boxes and arrows: each leads to its thing, says its digest, and whether it still holds. */
+/** Diagram of the lineage; each box shows its digest, links to its page, and can be out of date. */
 
 const SHORT = 12;
 const MARGIN = 2;
-/** Letters that fit into a box. */
+/** Characters that fit into a box. */
 const FIT = 27;
 
 function LineagePicture({ nodes, self }: { nodes: readonly LineageNode[]; self: string }) {
@@ -115,7 +115,7 @@ function LineagePicture({ nodes, self }: { nodes: readonly LineageNode[]; self: 
   return (
     <>
       <div className={runsStyles.picture}>
-        {/* biome-ignore lint/a11y/useSemanticElements: a fieldset is no part of a drawing */}
+        {/* biome-ignore lint/a11y/useSemanticElements: an SVG cannot be a fieldset */}
         <svg
           width={width}
           height={height}
@@ -204,7 +204,7 @@ function cut(text: string): string {
   return text.length <= FIT ? text : `${text.slice(0, FIT - 1)}…`;
 }
 
-/** The page that tells more of a box. */
+/** Returns the page with the details of a box; null if it has none. */
 export function addressOfNode({ bank, identification, run }: LineageNode): string | null {
   if (bank !== null) return `/banks/${bank}`;
   if (identification !== null) return `/identify/${identification}`;
@@ -261,7 +261,7 @@ function Digest({ title, sha256 }: { title: string; sha256: string }) {
   );
 }
 
-/** Back from a run to parameters, bank, identifications and their raw data, and forth to what came of it. */
+/** Card with the lineage of a run: parameters, bank, identifications, and banks built from the run. */
 
 export function LineageCard({ run }: { run: number }) {
   const { data, error } = useQuery(lineageQuery(run));
@@ -332,7 +332,7 @@ function Origins({ lineage }: { lineage: Lineage }) {
   );
 }
 
-/** The identifications that the run's parameters have their values from. */
+/** Links to the identifications from which the run's parameters have values. */
 function AppliedFrom({ lineage }: { lineage: Lineage }) {
   const { data } = useQuery(parametersQuery(null));
   const runs = appliedRuns(data?.versions ?? [], digestOfParameters(lineage.nodes));

@@ -1,4 +1,4 @@
-/** The chart of a metric is of the kind that is chosen, and its numbers are told apart. */
+/** The chart of a metric shows the selected kind only, and its labels are distinct. */
 
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
@@ -28,16 +28,16 @@ function history(kind: string, label: string): MetricHistory {
   return { kind, metric, metrics: [metric], points, without: 0, left_out: 0 };
 }
 
-it("shows no chart of another kind than the one chosen, and no number of two lines", async () => {
+it("shows a chart of the selected kind only, with distinct labels", async () => {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
-  const complained = vi.spyOn(console, "error");
+  const errors = vi.spyOn(console, "error");
   const client = new QueryClient({ defaultOptions: { queries: { staleTime: Number.POSITIVE_INFINITY } } });
   client.setQueryData(searchWordsQuery.queryKey, {
     ...{ station: "", stations: [""], fields: [], ends: [], verdicts: [], tags: [], values: {} },
     kinds: ["tracking", "compliance"],
   });
-  const told = (kind: string) => metricHistoryQuery(kind, "", "", false).queryKey;
-  client.setQueryData(told("tracking"), history("tracking", "Smallest tension"));
+  const queryKey = (kind: string) => metricHistoryQuery(kind, "", "", false).queryKey;
+  client.setQueryData(queryKey("tracking"), history("tracking", "Smallest tension"));
   render(
     <QueryClientProvider client={client}>
       <MantineProvider>
@@ -56,9 +56,9 @@ it("shows no chart of another kind than the one chosen, and no number of two lin
   expect(screen.queryByRole("figure")).toBeNull();
   expect(screen.getByText(TEXTS.loading)).toBeTruthy();
   expect(screen.getByRole<HTMLSelectElement>("combobox", { name: TEXTS.metric }).disabled).toBe(true);
-  client.setQueryData(told("compliance"), history("compliance", "Sensor delay"));
+  client.setQueryData(queryKey("compliance"), history("compliance", "Sensor delay"));
   expect(await screen.findByRole("figure", { name: "Sensor delay" })).toBeTruthy();
-  expect(complained).not.toHaveBeenCalled();
+  expect(errors).not.toHaveBeenCalled();
 });
 
 describe("scatter", () => {
@@ -66,7 +66,7 @@ describe("scatter", () => {
 
   afterEach(() => vi.unstubAllEnvs());
 
-  it("puts points between round numbers, in order of their dates", () => {
+  it("places points between round values, in the order of their dates", () => {
     vi.stubEnv("TZ", "UTC");
     const points = [3.2, 4.9, 4.1].map((value, index) => ({
       run: index + 1,
@@ -86,7 +86,7 @@ describe("scatter", () => {
     expect(drawn.line.match(/[ML]/g)?.join("")).toBe("MLL");
   });
 
-  it("draws a single point, equal ones and none", () => {
+  it("draws one point, equal points and no points", () => {
     const one = scatter([{ run: 1, at: DAY_MS, value: 0 }], 800, 360).points[0];
     expect(one?.x).toBeCloseTo((64 + 788) / 2);
     expect(Number.isFinite(one?.y)).toBe(true);
@@ -99,7 +99,7 @@ describe("scatter", () => {
     expect(steps(-3, 7, 5)).toEqual([-4, -2, 0, 2, 4, 6, 8]);
   });
 
-  it("tells its lines and its points apart, however near to each other they are", () => {
+  it("gives lines and points distinct labels, however close they are", () => {
     for (const [low, high] of [
       [10.0051, 10.0093],
       [0.1, 0.1 + 1e-7],
@@ -125,7 +125,7 @@ describe("scatter", () => {
     }
   });
 
-  it("writes dates in the zone of whoever reads, as its points are told, each apart from the others", () => {
+  it("formats dates in the local time zone, each distinct from the others", () => {
     const start = Date.parse("2026-03-31T22:30:00Z");
     for (const zone of ["UTC", "Pacific/Auckland", "America/Los_Angeles"]) {
       vi.stubEnv("TZ", zone);

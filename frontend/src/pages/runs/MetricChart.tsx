@@ -16,7 +16,7 @@ import page from "../Page.module.css";
 import styles from "./Runs.module.css";
 import { TEXTS } from "./texts";
 
-/** Points over dates, laid out in pixels, with their axes. Pure. */
+/** Layout of points over dates in pixels, with their axes. Pure. */
 
 interface Point {
   readonly run: number;
@@ -26,15 +26,15 @@ interface Point {
 }
 
 interface Tick {
-  /** Place on its axis [px]. */
+  /** Position on the axis [px]. */
   readonly at: number;
   readonly label: string;
 }
 
 interface Scatter {
-  /** `label` is the value, told ten times as finely as the lines are apart. */
+  /** `label` is the value with a resolution of a tenth of the line spacing. */
   readonly points: readonly (Point & { readonly x: number; readonly y: number; readonly label: string })[];
-  /** Through all points, as a path of SVG. */
+  /** SVG path through all points. */
   readonly line: string;
   readonly values: readonly Tick[];
   readonly dates: readonly Tick[];
@@ -44,12 +44,12 @@ interface Scatter {
 const LEFT = 64;
 const [RIGHT, TOP, BOTTOM] = [12, 12, 28];
 const VALUES = 5;
-/** Values that differ by less of themselves are the same. */
+/** Values with a smaller relative difference count as equal. */
 const EVEN = 1e-9;
 const DATE_WIDTH = 130;
 const MOST_DATES = 6;
 const MINUTE_MS = 60_000;
-/** So that dates to the minute differ. */
+/** Shortest time axis on which dates to the minute differ. */
 const SHORTEST_MS = (MOST_DATES - 1) * MINUTE_MS;
 const LONGEST_DAY_MS = 25 * 60 * MINUTE_MS;
 
@@ -83,20 +83,20 @@ export function scatter(points: readonly Point[], width: number, height: number)
   };
 }
 
-/** Smallest and largest. */
+/** Returns the smallest and the largest value. */
 function extent(values: readonly number[]): [number, number] {
   const low = values.reduce((least, value) => Math.min(least, value), Number.POSITIVE_INFINITY);
   const high = values.reduce((most, value) => Math.max(most, value), Number.NEGATIVE_INFINITY);
   return [low, high];
 }
 
-/** A stretch about the same middle, at least so long. */
+/** Returns a range with the same centre and at least the length `least`. */
 function widened([low, high]: readonly [number, number], least: number): [number, number] {
   const margin = Math.max(0, least - (high - low)) / 2;
   return [low - margin, high + margin];
 }
 
-/** Round numbers from at most `low` to at least `high`, evenly apart. */
+/** Returns evenly spaced round numbers from at most `low` to at least `high`. */
 export function steps(low: number, high: number, count: number): number[] {
   const rough = (high - low) / count;
   const power = 10 ** Math.floor(Math.log10(rough));
@@ -106,22 +106,22 @@ export function steps(low: number, high: number, count: number): number[] {
   return Array.from({ length: to - from + 1 }, (_, index) => Number(((from + index) * step).toPrecision(12)));
 }
 
-/** In the person's own zone: the day where the instants are further apart than any day is long, else the minute too. */
+/** Returns a date in the local time zone: the day if `step` exceeds any day, else month, day and minute. */
 function dated(at: number, step: number): string {
   const text = dateTime(new Date(at).toISOString());
   return step > LONGEST_DAY_MS ? text.slice(0, 10) : text.slice(5, 16);
 }
 
-/** A metric of one kind of runs over the dates of these runs; each point leads to its run. */
+/** Page with a metric of one kind of runs over the dates of the runs; each point links to its run. */
 
-/** What is looked at where nobody has chosen yet. */
-const USUAL = "tracking";
+/** Kind of runs shown at first. */
+const FIRST_KIND = "tracking";
 const HEIGHT = 520;
-/** Beyond so many points they are small, and no line joins them. */
+/** Above this number, points are small and not joined by a line. */
 const DENSE = 500;
 
 export function MetricChart() {
-  const [kind, setKind] = useState(USUAL);
+  const [kind, setKind] = useState(FIRST_KIND);
   const [metric, setMetric] = useState("");
   const [everywhere, setEverywhere] = useState(false);
   const [typed, setTyped] = useState("");
@@ -129,7 +129,7 @@ export function MetricChart() {
   const words = useQuery(searchWordsQuery);
   const asked = useQuery(metricHistoryQuery(kind, metric, where, everywhere));
   const data = asked.data?.kind === kind ? asked.data : undefined;
-  const kinds = words.data?.kinds ?? [USUAL];
+  const kinds = words.data?.kinds ?? [FIRST_KIND];
   return (
     <div className={page.page}>
       <h1 className={page.title}>
@@ -221,7 +221,7 @@ function Chart({ history }: { history: MetricHistory }) {
         {history.left_out > 0 &&
           fillText(TEXTS.olderOmitted, { runs: countThings(history.left_out, TEXTS.olderRun) })}
       </figcaption>
-      {/* biome-ignore lint/a11y/useSemanticElements: a fieldset is no part of a drawing */}
+      {/* biome-ignore lint/a11y/useSemanticElements: an SVG cannot be a fieldset */}
       <svg
         viewBox={`0 0 ${Math.max(width, 1)} ${HEIGHT}`}
         height={HEIGHT}

@@ -1,4 +1,4 @@
-/** Every run that is over has a report to take home, whatever its kind; one that is not has none yet. */
+/** A run of any kind has a report to download once it has ended, and none before. */
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { cleanup, render, screen } from "@testing-library/react";
@@ -26,7 +26,7 @@ function reports(kind: string, end_state: string): number {
   return found.length;
 }
 
-it("offers the report of a run of any kind once it is over", () => {
+it("offers the report of a run of any kind once it has ended", () => {
   for (const kind of ["tracking", "experiment", "sequence", "session", "actuator_identification"]) {
     expect(reports(kind, "completed")).toBe(2);
     expect(reports(kind, "tripped")).toBe(2);

@@ -1,4 +1,4 @@
-/** Plays a recording back: the actuator stands where it stood at the cursor of the charts. */
+/** Replays a recording: shows the pose of the actuator at the cursor of the charts. */
 
 import { ActionIcon, Button, NativeSelect, Slider } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
@@ -15,14 +15,15 @@ import { ActuatorDrawing } from "../operate/ActuatorDrawing";
 import styles from "./Replay.module.css";
 import { TEXTS } from "./texts";
 
-/** Single samples around the playhead: a bucket of the curves in sight may be seconds long and has no one moment. */
+/** Loads single samples around the playhead, because one bucket of the curves can cover seconds. */
 
 const SIGNALS = ["q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B"];
 const BLOCK_S = 5;
-/** More than a block has samples, so that each comes by itself. */
+/** More points than a block has samples, so that the service returns every sample. */
 const POINTS = 6000;
 
-/** How to read a signal at `at_s`; from the curves in sight until the samples have come. */
+/** Returns a function that reads a signal at a time: from the samples around `at_s`, or until these
+ * have loaded, from the curves. */
 function useMoments(
   run: number,
   at_s: number,
@@ -32,7 +33,7 @@ function useMoments(
   const last = Math.max(0, Math.ceil(duration_s / BLOCK_S) - 1);
   const block = Math.min(Math.floor(at_s / BLOCK_S), last);
   const { data } = useQuery(recordingQuery(run, blockAt(block), POINTS, SIGNALS));
-  // asked for ahead, so that playing does not stand at the end of a block
+  // load the next block ahead, so that playback does not wait at the end of a block
   useQuery(recordingQuery(run, blockAt(Math.min(block + 1, last)), POINTS, SIGNALS));
   const source = useMemo(() => {
     if (data === undefined) return curves;
@@ -49,7 +50,7 @@ function blockAt(block: number): { from_s: number; to_s: number } {
 
 const SPEEDS = [0.1, 0.25, 1, 4, 10];
 const STEP_S = 0.001;
-/** Shortest time between two moments asked for in 3D. */
+/** Shortest time between two requests of the 3D view. */
 const MOMENT_MS = 60;
 
 interface ReplayProps {
@@ -77,10 +78,10 @@ export function Replay({ playhead, run, source, duration_s }: ReplayProps) {
 
 interface PlayedBackProps {
   readonly playhead: Playhead;
-  /** What is played back, in words. */
+  /** Name of the recording. */
   readonly of: string;
   readonly read: (name: string, time_s: number) => number;
-  /** Ask the 3D view for a moment; has to be the same as long as it shows the same. */
+  /** Requests a time from the 3D view; must be the same function for the same recording. */
   readonly show: (time_s: number) => Promise<unknown>;
   readonly begin_s: number;
   readonly end_s: number;
@@ -159,7 +160,7 @@ export function PlayedBack({ playhead, of, read: readAt, show, begin_s, end_s }:
   );
 }
 
-/** Keep the 3D view at the playhead: a moment is asked for once the one before has been answered. */
+/** Keeps the 3D view at the playhead; sends the next request after the response to the previous one. */
 function useMomentIn3D(
   wanted: boolean,
   show: (time_s: number) => Promise<unknown>,
@@ -173,7 +174,7 @@ function useMomentIn3D(
       while (!ended) {
         const at_s = playhead.at_s;
         if (at_s !== shown) {
-          // a service that cannot be reached is told of in the header; the next moment tries again
+          // the header reports an unreachable service; the next request tries again
           await show(at_s).catch(() => undefined);
           shown = at_s;
         }

@@ -7,7 +7,7 @@ import { TEXTS } from "./texts";
 
 const SIGNALS = ["q", "q - q_ref", "S"];
 
-/** What was asked for, and how it is answered. */
+/** Pending requests by their signals, with the function that answers each. */
 const asked = new Map<string, (answer: Response) => void>();
 
 beforeEach(() => {
@@ -22,7 +22,7 @@ afterEach(() => {
   vi.unstubAllGlobals();
 });
 
-/** One bucket of so many signals, each with its place as smallest value and 10 more as largest. */
+/** Returns one bucket of `count` signals; signal n has the extremes n and n + 10. */
 function curves(count: number): Response {
   const message = new ArrayBuffer(24 + 8 * count);
   const view = new DataView(message);
@@ -44,42 +44,42 @@ function used(to_s: number) {
   }).result;
 }
 
-it("asks for all of a short stretch at once", async () => {
+it("loads all signals of a short range with one request", async () => {
   const result = used(LONG_S);
   await waitFor(() => expect([...asked.keys()]).toEqual([SIGNALS.join(",")]));
   await act(async () => asked.get(SIGNALS.join(","))?.(curves(3)));
-  await waitFor(() => expect(Object.keys(result.current.there[0]?.signals ?? {})).toEqual(SIGNALS));
-  expect(result.current.lacking).toBe("");
+  await waitFor(() => expect(Object.keys(result.current.excerpts[0]?.signals ?? {})).toEqual(SIGNALS));
+  expect(result.current.pending).toBe("");
 });
 
-it("shows what is summarized of a long one before what follows from every sample, and says that it comes", async () => {
+it("shows stored summaries of a long range before computed signals, and reports these as pending", async () => {
   const result = used(LONG_S + 1);
   await waitFor(() => expect([...asked.keys()].sort()).toEqual(["q - q_ref", "q,S"]));
   await act(async () => asked.get("q,S")?.(curves(2)));
-  await waitFor(() => expect(Object.keys(result.current.there[0]?.signals ?? {})).toEqual(["q", "S"]));
-  expect(result.current.lacking).toBe(fillText(TEXTS.computing, { signals: "q − q_ref" }));
+  await waitFor(() => expect(Object.keys(result.current.excerpts[0]?.signals ?? {})).toEqual(["q", "S"]));
+  expect(result.current.pending).toBe(fillText(TEXTS.computing, { signals: "q − q_ref" }));
   await act(async () => asked.get("q - q_ref")?.(curves(1)));
-  await waitFor(() => expect(result.current.lacking).toBe(""));
-  const { signals } = result.current.there[0] as NonNullable<(typeof result.current.there)[0]>;
+  await waitFor(() => expect(result.current.pending).toBe(""));
+  const { signals } = result.current.excerpts[0] as NonNullable<(typeof result.current.excerpts)[0]>;
   expect([signals.q?.maximum[0], signals.S?.maximum[0], signals["q - q_ref"]?.maximum[0]]).toEqual([
     10, 11, 10,
   ]);
 });
 
-it("says why what follows from every sample could not be had", async () => {
+it("shows why computed signals are not available", async () => {
   const result = used(LONG_S + 1);
   await waitFor(() => expect(asked.size).toBe(2));
   const died = { code: "unavailable", message: "the process that computes this died over it twice" };
   await act(async () => asked.get("q - q_ref")?.(Response.json({ error: died }, { status: 503 })));
   await waitFor(() =>
-    expect(result.current.lacking).toContain(
+    expect(result.current.pending).toContain(
       fillText(TEXTS.notComputed, { signals: "q − q_ref", reason: "" }),
     ),
   );
-  expect(result.current.lacking).toContain(died.message);
+  expect(result.current.pending).toContain(died.message);
 });
 
-it("leaves out a part over other buckets", () => {
+it("omits a part with different buckets", () => {
   const excerpt = (times: number[]) => ({ raw: false, width_s: 1, t: Float64Array.from(times), signals: {} });
   const first = excerpt([0, 1]);
   expect(together(first, excerpt([0, 1, 2]))).toBe(first);

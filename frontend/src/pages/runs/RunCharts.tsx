@@ -37,9 +37,9 @@ import { Replay } from "./Replay";
 import replay from "./Replay.module.css";
 import { TEXTS } from "./texts";
 
-/** Stretches of recordings, in two parts where they are long: what is summarized comes at once, what follows from every sample later. */
+/** Loads ranges of recordings. Of a long range, stored summaries load first, computed signals later. */
 
-/** Of what is longer [s] every sample is read beside the service: the extremes of a difference come some seconds later. */
+/** Above this length [s], the service computes sums and differences from all samples in a worker process. */
 export const LONG_S = AT_HAND_SAMPLES * PERIOD_S;
 
 interface Asked {
@@ -49,13 +49,13 @@ interface Asked {
 }
 
 interface Excerpts {
-  /** In the order asked for; the same array as long as nothing has come. */
-  readonly there: readonly (Excerpt | undefined)[];
-  /** What is not there yet or could not be had, in words; "" for nothing. */
-  readonly lacking: string;
+  /** In the order of `asked`; the same array until new data arrive. */
+  readonly excerpts: readonly (Excerpt | undefined)[];
+  /** Text on signals that are pending or failed; "" if none. */
+  readonly pending: string;
 }
 
-/** `asked` must not change in length. */
+/** Loads an excerpt for each element of `asked`, whose length must not change. */
 export function useExcerpts(asked: readonly Asked[], points: number, signals: readonly string[]): Excerpts {
   const sums = signals.filter(isSum);
   const stored = signals.filter((name) => !isSum(name));
@@ -76,39 +76,40 @@ export function useExcerpts(asked: readonly Asked[], points: number, signals: re
     first[index]?.data,
     apart[index] ? second[index]?.data : undefined,
   ]);
-  const there = useSame(joined.flat());
+  const excerpts = useSame(joined.flat());
   const missing = second.filter((one, index) => apart[index] && asked[index]?.wanted && !one.data);
   return {
-    // biome-ignore lint/correctness/useExhaustiveDependencies: what has come decides, not the arrays around it
-    there: useMemo(() => joined.map(([a, b]) => together(a, b)), [there]),
-    lacking: lackingOf(sums, missing.find((one) => one.error)?.error ?? null, missing.length),
+    // biome-ignore lint/correctness/useExhaustiveDependencies: the elements decide, not the arrays around them
+    excerpts: useMemo(() => joined.map(([a, b]) => together(a, b)), [excerpts]),
+    pending: describePending(sums, missing.find((one) => one.error)?.error ?? null, missing.length),
   };
 }
 
-/** Both parts of an excerpt as one; a part over other buckets, of a recording that grew meanwhile, is left out. */
+/** Merges both parts of an excerpt; omits part b if its buckets differ because the recording grew. */
 export function together(a: Excerpt | undefined, b: Excerpt | undefined): Excerpt | undefined {
   if (a === undefined || b === undefined || a.t.length !== b.t.length || a.t[0] !== b.t[0]) return a;
   return { ...a, signals: { ...a.signals, ...b.signals } };
 }
 
-function lackingOf(sums: readonly string[], error: Error | null, missing: number): string {
+function describePending(sums: readonly string[], error: Error | null, missing: number): string {
   const names = sums.map((name) => name.replace(" - ", " − ")).join(", ");
   if (error !== null) return fillText(TEXTS.notComputed, { signals: names, reason: error.message });
   return missing > 0 ? fillText(TEXTS.computing, { signals: names }) : "";
 }
 
-/** The same array as long as its elements are. */
+/** Returns the same array while its elements are the same. */
 function useSame<Element>(elements: readonly Element[]): readonly Element[] {
-  const kept = useRef(elements);
+  const stable = useRef(elements);
   const same =
-    kept.current.length === elements.length && kept.current.every((one, index) => one === elements[index]);
-  if (!same) kept.current = elements;
-  return kept.current;
+    stable.current.length === elements.length &&
+    stable.current.every((one, index) => one === elements[index]);
+  if (!same) stable.current = elements;
+  return stable.current;
 }
 
-/** The samples of stored runs as sources of curves, in more detail where the view has come to rest. */
+/** Sources of curves of recorded runs, with more detail in the view once it is at rest. */
 
-/** What the drawing of the actuator and the foot of a picture need, whatever the charts show. */
+/** Signals of the actuator drawing and of the footer of pictures, loaded whatever the charts show. */
 const ALWAYS = ["q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B", "lam_q", "lam_S", "bank_entry"];
 const POINTS = 2000;
 const RESTED_MS = 80;
@@ -116,11 +117,11 @@ const RESTED_MS = 80;
 export interface Recorded {
   readonly id: number;
   readonly duration_s: number;
-  /** What its times are shifted by onto the axis of the charts. */
+  /** Shift of its times onto the axis of the charts [s]. */
   readonly offset_s?: number;
 }
 
-/** All that the runs cover of the axis. */
+/** Returns the time range that the runs cover. */
 export function covered(runs: readonly Recorded[]): TimeRange {
   return {
     from_s: Math.min(...runs.map(({ offset_s = 0 }) => offset_s)),
@@ -130,11 +131,11 @@ export function covered(runs: readonly Recorded[]): TimeRange {
 
 export interface Recordings {
   readonly sources: readonly RecordedSource[];
-  /** What a point of the curves of the first stands for at present. */
+  /** Text on the resolution of the first run's curves and on pending signals. */
   readonly resolution: string;
 }
 
-/** `runs` has to be the same array as long as it says the same. */
+/** Loads the runs for the view. `runs` must be the same array while its elements are equal. */
 export function useRecordings(runs: readonly Recorded[], view: Viewport): Recordings {
   const panels = usePanels();
   const signals = useMemo(() => {
@@ -149,7 +150,7 @@ export function useRecordings(runs: readonly Recorded[], view: Viewport): Record
   );
   const whole = covered(runs);
   const seen = visibleRange(view, whole.to_s);
-  // the first turn of the wheel is followed at once, those after it when they have come to rest
+  // the first change of the view loads data at once, further changes once the view is at rest
   const wanted = useSteady(widened(seen, whole));
   const [rested] = useDebouncedValue(wanted, RESTED_MS, { leading: true });
   const parts = runs.map(({ duration_s, offset_s = 0 }) => {
@@ -170,16 +171,16 @@ export function useRecordings(runs: readonly Recorded[], view: Viewport): Record
   );
 
   useEffect(() => {
-    overviews.there.forEach((data, index) => {
+    overviews.excerpts.forEach((data, index) => {
       if (data) sources[index]?.setOverview(data);
     });
-  }, [overviews.there, sources]);
-  // biome-ignore lint/correctness/useExhaustiveDependencies: the data belong to the stretch asked for with them
+  }, [overviews.excerpts, sources]);
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the data belong to the range that was requested with them
   useEffect(() => {
-    details.there.forEach((data, index) => {
+    details.excerpts.forEach((data, index) => {
       if (data && zoomed[index]) sources[index]?.setDetail(parts[index] as TimeRange, data);
     });
-  }, [details.there, sources]);
+  }, [details.excerpts, sources]);
 
   const first = parts[0] as TimeRange;
   const { duration_s, offset_s = 0 } = runs[0] as Recorded;
@@ -188,10 +189,10 @@ export function useRecordings(runs: readonly Recorded[], view: Viewport): Record
     first.from_s <= Math.max(0, seen.from_s - offset_s) &&
     first.to_s >= Math.min(seen.to_s - offset_s, duration_s);
   const shown = fits ? details : overviews;
-  return { sources, resolution: [resolution(shown.there[0]), shown.lacking].filter(Boolean).join("; ") };
+  return { sources, resolution: [resolution(shown.excerpts[0]), shown.pending].filter(Boolean).join("; ") };
 }
 
-/** The same object as long as it says the same: a new one would begin the wait for rest anew. */
+/** Returns the same object while its values are equal; a new object would restart the debounce. */
 function useSteady({ from_s, to_s }: TimeRange): TimeRange {
   return useMemo(() => ({ from_s, to_s }), [from_s, to_s]);
 }
@@ -201,7 +202,7 @@ function resolution(shown: Excerpt | undefined): string {
   return shown.raw ? TEXTS.allSamples : fillText(TEXTS.minMax, { width: significant(shown.width_s, 3) });
 }
 
-/** A third more on either side, so that a small pan needs no new data. */
+/** Returns a range with a third more on each side, so that a small pan needs no new data. */
 function widened({ from_s, to_s }: TimeRange, whole: TimeRange): TimeRange {
   const margin = (to_s - from_s) / 3;
   return {
@@ -210,32 +211,32 @@ function widened({ from_s, to_s }: TimeRange, whole: TimeRange): TimeRange {
   };
 }
 
-/** The samples of a stored run, or of several, on the same charts as the live ones; played back beside its actuator. */
+/** Charts of one recorded run with its replay, or of several runs. */
 
 const NO_MARKS: readonly RunMark[] = [];
 
 const NO_BANKS: readonly Bank[] = [];
 const NO_OTHERS: readonly number[] = [];
 
-/** What the pieces of curves in the key are of. */
+/** Trace whose line style the legend shows. */
 const MEASURED: Trace = { name: "q", hue: HUES.q, dashed: false };
 
 interface RunChartsProps {
   readonly run: number;
-  /** Where the playhead stands first. */
+  /** First position of the playhead. */
   readonly at_s?: number | null;
   readonly others?: readonly number[];
-  /** Of runs beside each other: what brings each onto the axis of the reference, whose marks are shown. */
+  /** For compared runs: offsets to the time axis of the reference, whose marks are shown. */
   readonly placed?: Placed;
 }
 
-/** Runs without an offset are left out. */
+/** Reference and time offsets [s]; runs without an offset are not drawn. */
 export interface Placed {
   readonly reference: number;
   readonly offsets: ReadonlyMap<number, number>;
 }
 
-/** `others` has to be the same array as long as it says the same. */
+/** Charts of a run and of `others`, which must be the same array while its elements are equal. */
 export function RunCharts({ run, at_s = null, others = NO_OTHERS, placed }: RunChartsProps) {
   const asked = useQueries({ queries: [run, ...others].map((id) => runQuery(id)) });
   const error = asked.find((one) => one.error)?.error;
@@ -272,7 +273,7 @@ function OneRun({ run, at_s, duration_s, silent }: OneRunProps) {
   const source = sources[0] as PlotSource;
   const [playhead] = useState(() => new Playhead(Math.min(at_s, duration_s)));
   return (
-    <div className={replay.beside}>
+    <div className={replay.withReplay}>
       <RecordedCharts
         runs={runs}
         silent={silent}
@@ -288,7 +289,7 @@ function OneRun({ run, at_s, duration_s, silent }: OneRunProps) {
   );
 }
 
-/** Seconds in sight of a long recording that is looked at for one moment. */
+/** Length of the view on a long recording that is opened at a time [s]. */
 const AROUND_S = 20;
 
 function around(home: { span_s: number; end_s: number }, at_s: number): Viewport {
@@ -310,22 +311,22 @@ interface SeveralRunsProps {
   readonly reference: number;
 }
 
-/** Mounted anew for other runs: these stay what they are. */
+/** Charts of several runs. React remounts them for other runs, so the first `runs` remain valid. */
 function SeveralRuns({ runs, silent, reference }: SeveralRunsProps) {
-  const [kept] = useState(runs);
+  const [fixedRuns] = useState(runs);
   const home = useMemo(() => {
-    const { from_s, to_s } = covered(kept);
+    const { from_s, to_s } = covered(fixedRuns);
     return { span_s: to_s - from_s, end_s: to_s };
-  }, [kept]);
+  }, [fixedRuns]);
   const control = useViewport(home);
-  const { sources, resolution } = useRecordings(kept, control.view);
+  const { sources, resolution } = useRecordings(fixedRuns, control.view);
   const source = useMemo(
-    () => new ComparedSource(...sources.map((own, n) => new ShiftedSource(own, kept[n]?.offset_s ?? 0))),
-    [sources, kept],
+    () => new ComparedSource(...sources.map((own, n) => new ShiftedSource(own, fixedRuns[n]?.offset_s ?? 0))),
+    [sources, fixedRuns],
   );
   return (
     <RecordedCharts
-      runs={kept}
+      runs={fixedRuns}
       silent={silent}
       marksOf={reference}
       source={source}
@@ -338,7 +339,7 @@ function SeveralRuns({ runs, silent, reference }: SeveralRunsProps) {
 
 interface RecordedChartsProps {
   readonly runs: readonly Recorded[];
-  /** Runs that were asked for and have no samples. */
+  /** Requested runs without samples. */
   readonly silent: readonly number[];
   /** The run whose time the axis shows. */
   readonly marksOf: number;
@@ -404,7 +405,7 @@ function placed(mark: RunMark, angles: AngleUnit): PlacedMark {
   };
 }
 
-/** Which curves are of which run. */
+/** Legend entry: line style and mark of a run. */
 function Key({ n, of, run }: { n: number; of: number; run: number }) {
   return (
     <>

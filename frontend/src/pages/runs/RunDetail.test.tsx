@@ -1,4 +1,4 @@
-/** The page of a run as it is laid out: what comes first, and what it says where something was not measured. */
+/** Order of the cards on the page of a run, and the display of metrics that were not measured. */
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { cleanup, render, screen, within } from "@testing-library/react";
@@ -12,7 +12,7 @@ import type { Experiment, Lineage, Run } from "../../wire/types";
 import { RunDetail } from "./RunDetail";
 import { TEXTS } from "./texts";
 
-// A canvas cannot draw here; where the curves stand is what counts.
+// jsdom has no canvas; the tests check only the position of the curves
 vi.mock("./RunCharts", async (original) => ({
   ...(await original<object>()),
   RunCharts: () => <div data-testid="curves" />,
@@ -119,7 +119,7 @@ function show(problem = "", run = RUN) {
       disconnect() {}
     },
   );
-  // the note's box grows with what is written into it, and listens for fonts
+  // the auto-sized box of the note listens for font events
   Object.defineProperty(document, "fonts", { value: new EventTarget(), configurable: true });
   const client = new QueryClient({ defaultOptions: { queries: { staleTime: Number.POSITIVE_INFINITY } } });
   client.setQueryData(runQuery(7).queryKey, run);
@@ -136,7 +136,7 @@ function show(problem = "", run = RUN) {
   );
 }
 
-it("says what of its address it could not follow", () => {
+it("shows which part of its address is invalid", () => {
   const problem = fillText(TEXTS.invalidRuns, { parts: "abc" });
   show(problem);
   expect(screen.getByRole("alert").textContent).toBe(`${problem}.`);
@@ -147,20 +147,20 @@ it.each([
   [0, TEXTS.noneMissing],
   [12, fillText(TEXTS.samplesMissing, { samples: 12 })],
   [null, TEXTS.missingUnknownWhy],
-])("says of a recording that lacks %s samples that it is so", (missing, told) => {
+])("shows the completeness of a recording with %s missing samples", (missing, text) => {
   show("", { ...RUN, missing_samples: missing });
-  expect(screen.getByText(TEXTS.completeness).nextElementSibling?.textContent).toContain(told);
+  expect(screen.getByText(TEXTS.completeness).nextElementSibling?.textContent).toContain(text);
   cleanup();
 });
 
-it("names what was run, when and by whom, and shows the curves before anything else", () => {
+it("shows title, date and person, and the curves before all other cards", () => {
   show();
   expect(screen.getByRole("heading", { level: 1 }).textContent).toBe(
     `${TEXTS.runs} / ${fillText(TEXTS.runWithTitle, { run: 7, title: "Tracking" })}`,
   );
   const made = screen.getAllByText("A. Operator")[0]?.parentElement;
-  for (const told of ["2026", "A. Operator", "Incomplete", "9.10 N", "> 4 N"]) {
-    expect(made?.textContent).toContain(told);
+  for (const text of ["2026", "A. Operator", "Incomplete", "9.10 N", "> 4 N"]) {
+    expect(made?.textContent).toContain(text);
   }
   const headings = screen.getAllByRole("heading", { level: 2 }).map((heading) => heading.textContent);
   expect(headings).toEqual([

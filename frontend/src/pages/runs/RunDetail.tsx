@@ -32,7 +32,7 @@ import runsStyles from "./Runs.module.css";
 import { type Compared, experimentOf, USUAL } from "./runAddress";
 import { TEXTS } from "./texts";
 
-/** What a run came to: verdict, criteria, figures; of an identification its own verdict. */
+/** Card with the result of a run: verdict, criteria and metrics, or the verdict of an identification. */
 
 function RunResult({ run }: { run: Run }) {
   return (
@@ -94,11 +94,11 @@ function Identified({ id }: { id: number }) {
   );
 }
 
-/** Verdict and key figure of a run in a list. */
+/** Verdict and headline metric of a run in a list. */
 
 type JudgedRun = Pick<Run, "outcome" | "end_state">;
 
-/** How a run counts; a kind of run without criteria is not judged. */
+/** Verdict of a run; runs without criteria are not judged. */
 export function RunVerdict({ run: { outcome, end_state } }: { run: JudgedRun }) {
   const why = end_state === "running" ? TEXTS.notOver : TEXTS.noCriteria;
   return (
@@ -118,7 +118,7 @@ export function RunVerdict({ run: { outcome, end_state } }: { run: JudgedRun }) 
   );
 }
 
-/** The figure that decided, with its bound; the first one measured where nothing is judged. */
+/** Headline metric: the deciding metric with its bound, or the first measured one without criteria. */
 export function KeyFigure({ headline }: Pick<Run, "headline">) {
   const angles = useAngleUnit();
   return (
@@ -143,7 +143,7 @@ export function KeyFigure({ headline }: Pick<Run, "headline">) {
   );
 }
 
-/** What a person wants to remember of a run, and what can be taken away of it. */
+/** Card with the note of a run and its downloads. */
 
 export function NoteCard({ run }: { run: Run }) {
   const draft = useDraft(`note of run ${run.id}`, run.note, isText);
@@ -194,7 +194,7 @@ function NoteField({ value, onChange }: { value: string; onChange: (value: strin
   );
 }
 
-/** What a run was set to, with units. */
+/** Card with the settings of a run, with units. */
 
 export function SettingsCard({ settings }: { settings: Run["settings"] }) {
   const angles = useAngleUnit();
@@ -236,7 +236,7 @@ export function SettingsCard({ settings }: { settings: Run["settings"] }) {
   );
 }
 
-/** The tags of a run: put on, taken off, and led on to the runs that have them too. */
+/** Tags of a run; an operator can add and remove them. */
 
 function Tags({ run }: { run: Run }) {
   const draft = useDraft(`tag of run ${run.id}`, "", isText);
@@ -244,7 +244,7 @@ function Tags({ run }: { run: Run }) {
   const change = useTag(run.id);
   const words = useQuery(searchWordsQuery);
   const known = useId();
-  function put(): void {
+  function add(): void {
     if (typed.trim() !== "") {
       change.mutate({ tag: typed.trim(), put: true }, { onSuccess: draft.discard });
     }
@@ -275,7 +275,7 @@ function Tags({ run }: { run: Run }) {
           className={pageStyles.actions}
           onSubmit={(event) => {
             event.preventDefault();
-            put();
+            add();
           }}
         >
           <TextInput
@@ -301,16 +301,16 @@ function Tags({ run }: { run: Run }) {
   );
 }
 
-/** One run: when, by whom and its curves first, then what it came to, what it was and with which settings. */
+/** Page of a run, or of a run compared with others: curves, result, facts, settings and lineage. */
 
 interface RunDetailProps {
   readonly id: number;
-  /** The second of the recording to be shown first; its begin where left out. */
+  /** Time of the recording that is shown first; its start by default. */
   readonly at_s?: number | null;
   readonly others: readonly number[];
-  /** How it is compared with these. */
+  /** Settings of the comparison with `others`. */
   readonly compared?: Compared;
-  /** What of the address could not be followed. */
+  /** Text on invalid parts of the address. */
   readonly problem?: string;
 }
 
@@ -361,7 +361,7 @@ export function RunDetail({ id, at_s = null, others, compared = USUAL, problem =
   );
 }
 
-/** The title of the page: the run with its title, once that is loaded, or the compared runs. */
+/** Returns the page title: the run, with its title once loaded, or the numbers of the compared runs. */
 function titleOf(id: number, others: readonly number[], run: Run | undefined): string {
   if (others.length > 0) return fillText(TEXTS.severalRuns, { runs: [id, ...others].join(", ") });
   return run === undefined
@@ -369,10 +369,10 @@ function titleOf(id: number, others: readonly number[], run: Run | undefined): s
     : fillText(TEXTS.runWithTitle, { run: id, title: run.title });
 }
 
-/** Lines above the curves of a comparison: more of them would push the curves out of sight. */
+/** Most lines above the curves of a comparison, so that the curves remain visible. */
 const MOST_NAMED = 4;
 
-/** One of several compared runs, by its kind. */
+/** Line of a compared run with its title. */
 function NamedRun({ id }: { id: number }) {
   const { data } = useQuery(runQuery(id));
   return data === undefined ? null : (
@@ -380,7 +380,7 @@ function NamedRun({ id }: { id: number }) {
   );
 }
 
-/** When, by whom, on what, and what it came to: in a line below the title. */
+/** Line below the title: date, person, duration, plant, status, verdict and headline metric. */
 function Made({ run, title }: { run: Run; title?: string }) {
   return (
     <p className={runsStyles.made}>

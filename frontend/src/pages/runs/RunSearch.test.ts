@@ -6,7 +6,7 @@ import { TEXTS } from "./texts";
 
 afterEach(() => vi.unstubAllEnvs());
 
-it("says the form as a search, with what would end a quote behind a backslash", () => {
+it("converts the form to a search and escapes quotes and backslashes", () => {
   expect(whereOf(NO_FILTERS)).toBe("");
   expect(whereOf({ ...NO_FILTERS, kind: "tracking", tag: 'a"b\\' })).toBe(
     'kind = "tracking" tag = "a\\"b\\\\"',
@@ -14,7 +14,7 @@ it("says the form as a search, with what would end a quote behind a backslash", 
   expect(whereOf({ ...NO_FILTERS, station: "rig-2" })).toBe('station = "rig-2"');
 });
 
-it("means days of the person's own zone, by the instants in UTC that searches have", () => {
+it("converts days of the local time zone to times in UTC", () => {
   const day = { ...NO_FILTERS, from: "2026-03-29", to: "2026-03-29" };
   for (const [zone, first, after] of [
     ["UTC", "2026-03-29T00:00", "2026-03-30T00:00"],
@@ -28,27 +28,27 @@ it("means days of the person's own zone, by the instants in UTC that searches ha
   expect(whereOf({ ...NO_FILTERS, from: "20266-13-01" })).toBe("date >= 20266-13-01");
 });
 
-it("keeps what is typed apart from the form, whatever it says", () => {
+it("puts the typed text in brackets when it joins the form", () => {
   const filters = { ...NO_FILTERS, end: "tripped" };
   expect(together(" a or b ", filters)).toBe('(a or b) end = "tripped"');
   expect(together("", filters)).toBe('end = "tripped"');
   expect(together("a or b", NO_FILTERS)).toBe("a or b");
 });
 
-it("keeps all stations in a search that is saved", () => {
+it("includes all stations in a saved search", () => {
   const filters = { ...NO_FILTERS, station: ALL_STATIONS };
   expect(together("a or b", filters)).toBe('(a or b) station ~ ""');
   expect(together("", filters)).toBe('station ~ ""');
 });
 
-it("has the runs beside a run in its address, each once", () => {
+it("writes and reads the compared runs of an address, each once", () => {
   expect(addressOf(3, [])).toBe("/runs/3");
   expect(addressOf(3, [4, 5])).toBe("/runs/3/4,5");
   expect(othersIn("4,5,4,3", 3)).toEqual({ numbers: [4, 5], problem: "" });
   expect(othersIn(undefined, 3)).toEqual({ numbers: [], problem: "" });
 });
 
-it("asks for no run that an address does not name, and says what it leaves out", () => {
+it("ignores invalid and surplus runs of an address, and reports them", () => {
   const numbers = Array.from({ length: 21 }, (_, index) => index + 2);
   expect(RUNS.exec("/runs/3/abc,4")?.groups).toMatchObject({ id: "3", others: "abc,4" });
   expect(RUNS.exec(addressOf(1, numbers))?.groups).toMatchObject({ id: "1", others: numbers.join(",") });

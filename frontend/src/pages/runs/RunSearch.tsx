@@ -11,26 +11,26 @@ import pageStyles from "../Page.module.css";
 import runsStyles from "./Runs.module.css";
 import { TEXTS } from "./texts";
 
-/** The form beside the search box: what it says as a search. Pure. */
+/** Converts the filter form to a search. Pure. */
 
 export interface Filters {
   readonly kind: string;
   readonly end: string;
   readonly verdict: string;
   readonly tag: string;
-  /** A station's name; ALL_STATIONS for all, "" for the one of this service. */
+  /** Name of a station, ALL_STATIONS, or "" for the station of this service. */
   readonly station: string;
-  /** Days of the person's own zone as the boxes have them, 2026-03-31, or "". */
+  /** Days of the local time zone, such as 2026-03-31, or "". */
   readonly from: string;
   readonly to: string;
 }
 
 export const ALL_STATIONS = "*";
-/** A search that names a station looks at all of them, and this fits each. */
+/** Matches every station; without a station term, a search covers only this service's station. */
 const ANY_STATION = 'station ~ ""';
 export const NO_FILTERS: Filters = { kind: "", end: "", verdict: "", tag: "", station: "", from: "", to: "" };
 
-/** The search that the form is, "" where it is empty. */
+/** Returns the form as a search; "" for an empty form. */
 export function whereOf(filters: Filters): string {
   const { kind, end, verdict, tag, station, from, to } = filters;
   const terms = [
@@ -45,14 +45,15 @@ export function whereOf(filters: Filters): string {
   return terms.filter((term) => typeof term === "string" && term !== "").join(" ");
 }
 
-/** Form and box in one, to be saved under a name. */
+/** Returns the form and the search box as one search, to save under a name. */
 export function together(typed: string, filters: Filters): string {
   const form = whereOf(filters);
   const box = typed.trim();
   return form === "" || box === "" ? box || form : `(${box}) ${form}`;
 }
 
-/** Where a day begins, or one `days` later, in UTC as searches have it; what is no date is left to be refused. */
+/** Returns the start of a day, plus `days`, in UTC.
+ * Returns an invalid date unchanged, so that the service refuses it. */
 function midnight(day: string, days: number): string {
   const begin = new Date(`${day}T00:00`);
   if (Number.isNaN(begin.getTime())) return day;
@@ -64,7 +65,7 @@ function quoted(text: string): string {
   return `"${text.replace(/["\\]/g, "\\$&")}"`;
 }
 
-/** Searches under names: chosen, kept, taken off the list. */
+/** Saved searches: select, save and delete. */
 
 interface SavedSearchesProps {
   readonly typed: string;
@@ -124,7 +125,7 @@ function SavedSearches({ typed, filters, onChoose, onFilter }: SavedSearchesProp
   );
 }
 
-/** What narrows the list of runs: one box for a search, a form for what is asked for most, searches under names. */
+/** Search box, filter form and saved searches of the list of runs. */
 
 interface RunSearchProps {
   readonly typed: string;
@@ -235,7 +236,7 @@ interface ChoiceProps {
   readonly all: string;
   readonly known: readonly string[] | undefined;
   readonly value: string;
-  /** Shown as it is: somebody's own word. */
+  /** Shows the values unchanged, because a person entered them. */
   readonly plain?: boolean;
   onChange(value: string): void;
 }

@@ -22,7 +22,7 @@ import { TEXTS } from "./texts";
 interface RunRowsProps {
   readonly runs: readonly Run[];
   readonly chosen: readonly number[];
-  /** No further one can be chosen. */
+  /** No further run can be selected. */
   readonly full: boolean;
   onChoose(id: number, is: boolean): void;
 }
@@ -73,7 +73,7 @@ function RunRows({ runs, chosen, full, onChoose }: RunRowsProps) {
   );
 }
 
-/** The plant with its parameters where all these runs were made on the same, else null. */
+/** Returns the plant and parameters that all these runs share; null if they differ. */
 function commonPlant(runs: readonly Run[]): string | null {
   const found = new Set(runs.map(plantOf));
   return found.size === 1 ? ([...found][0] as string) : null;
@@ -129,7 +129,7 @@ const Cells = memo(({ run, stations, plants }: CellsProps) => (
   </>
 ));
 
-/** LocalizedText only where the recording lacks something, or where that is not known. */
+/** Shows a text only if samples are missing or their number is unknown. */
 function Missing({ samples }: { samples: number | null }) {
   if (samples === 0) return null;
   return (
@@ -141,23 +141,23 @@ function Missing({ samples }: { samples: number | null }) {
   );
 }
 
-/** What there will be to look at, and what begins it. */
+/** Text in place of an empty list: which actions record runs. */
 
-const WAYS = [
+const SOURCES = [
   {
     href: "/operate",
     title: TEXTS.session,
-    told: TEXTS.sessionRecords,
+    description: TEXTS.sessionRecords,
   },
   {
     href: "/identify",
     title: TEXTS.identification,
-    told: TEXTS.identificationRecords,
+    description: TEXTS.identificationRecords,
   },
   {
     href: "/experiments",
     title: TEXTS.experiment,
-    told: TEXTS.experimentRecords,
+    description: TEXTS.experimentRecords,
   },
 ] as const;
 
@@ -165,10 +165,10 @@ function NoRuns() {
   return (
     <div className={runsStyles.none}>
       <p className={pageStyles.empty}>{TEXTS.noRuns}</p>
-      <ul className={runsStyles.ways} aria-label={TEXTS.recordedKinds}>
-        {WAYS.map(({ href, title, told }) => (
+      <ul className={runsStyles.sources} aria-label={TEXTS.recordedKinds}>
+        {SOURCES.map(({ href, title, description }) => (
           <li key={href}>
-            <Link href={href}>{title}</Link> {told}
+            <Link href={href}>{title}</Link> {description}
           </li>
         ))}
       </ul>
@@ -177,7 +177,7 @@ function NoRuns() {
   );
 }
 
-/** All runs, newest first, a page at a time; a person can select and compare some. */
+/** Page with all runs, newest first, in pages; selected runs can be compared. */
 
 const PAGE = 50;
 

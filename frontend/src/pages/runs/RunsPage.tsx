@@ -1,4 +1,4 @@
-/** Everything that was recorded: search, look, compare, take home. */
+/** Page Runs: search, view, compare and download recorded runs. */
 
 import { useMemo } from "react";
 import { useParams } from "wouter";
@@ -9,8 +9,8 @@ import { comparedIn, othersIn } from "./runAddress";
 
 export default function RunsPage() {
   const { id, at, others, how, chart } = useParams();
-  const beside = useMemo(() => othersIn(others, Number(id)), [others, id]);
-  const told = useMemo(() => comparedIn(how), [how]);
+  const further = useMemo(() => othersIn(others, Number(id)), [others, id]);
+  const comparison = useMemo(() => comparedIn(how), [how]);
   if (chart !== undefined) return <MetricChart />;
   return id === undefined ? (
     <RunTable />
@@ -19,9 +19,9 @@ export default function RunsPage() {
       key={id}
       id={Number(id)}
       at_s={at === undefined ? null : Number(at)}
-      others={beside.numbers}
-      compared={told.compared}
-      problem={[beside.problem, told.problem].filter((one) => one !== "").join(". ")}
+      others={further.numbers}
+      compared={comparison.compared}
+      problem={[further.problem, comparison.problem].filter((one) => one !== "").join(". ")}
     />
   );
 }

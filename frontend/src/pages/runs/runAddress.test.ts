@@ -11,8 +11,8 @@ const CHOSEN: Compared = {
   band: 0.0125,
 };
 
-describe("how runs are compared", () => {
-  it("comes back from the address as it was", () => {
+describe("settings of a comparison", () => {
+  it("survive conversion to an address and back", () => {
     const address = addressOf(1, [2, 3], null, textOf(CHOSEN));
     const how = RUNS.exec(address)?.groups?.how;
     expect(comparedIn(how)).toEqual({ compared: CHOSEN, problem: "" });
@@ -21,7 +21,7 @@ describe("how runs are compared", () => {
     expect(comparedIn(undefined)).toEqual({ compared: USUAL, problem: "" });
   });
 
-  it("says what of an address means nothing, and leaves that as usual", () => {
+  it("use the default for invalid parts of an address, and report these", () => {
     const { compared, problem } = comparedIn("by=magic;number=0;band=-1;band=x;reference=2.5;signal=S;odd");
     expect(compared).toEqual({ ...USUAL, signal: "S" });
     for (const part of ["by=magic", "number=0", "band=-1", "band=x", "reference=2.5", "odd"]) {
@@ -29,7 +29,7 @@ describe("how runs are compared", () => {
     }
   });
 
-  it("is asked with a reference that is among the runs", () => {
+  it("use the first run as the reference if the selected one is not among the runs", () => {
     expect(askedOf([1, 2, 3], CHOSEN).reference).toBe(3);
     expect(askedOf([1, 2], CHOSEN).reference).toBe(1);
     expect(askedOf([5, 2], USUAL)).toMatchObject({ run: [5, 2], reference: 5, by: "begin", number: 1 });

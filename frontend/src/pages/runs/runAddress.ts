@@ -1,4 +1,4 @@
-/** Addresses of runs and experiments on the page, and how runs are compared in them. Pure. */
+/** Addresses of runs and experiments on the page, with the settings of comparisons. Pure. */
 
 import { fillText } from "../../samples/texts";
 import type { ComparisonAsked } from "../../service/api/runs";
@@ -6,19 +6,19 @@ import { TEXTS } from "./texts";
 
 /** Addresses of runs on the page. Pure. */
 
-/** All runs, their metrics, a run, a run at a second of it, a run beside others, whatever these are: `othersIn` says what is wrong with them. */
+/** Paths of the run list, the metrics, a run, a run at a time, and a run with others (see `othersIn`). */
 export const RUNS =
   /^\/runs(?:\/(?:(?<chart>metrics)|(?<id>\d+)(?:@(?<at>\d+(?:\.\d+)?))?(?:\/(?<others>[^/]+)(?:\/(?<how>[^/]+))?)?))?$/;
 
-/** All experiments, one that was run, one to be made of a run. */
+/** Paths of all experiments, of one that was run, and of a new experiment from a run. */
 export const EXPERIMENTS = /^\/experiments(?:\/(?:(?<id>\d+)|as-run\/(?<asRun>\d+)))?$/;
 
-/** Where a run is made an experiment. */
+/** Returns the address of a new experiment from a run. */
 export function experimentOf(run: number): string {
   return `/experiments/as-run/${run}`;
 }
 
-/** A run by itself, at a second of its recording where one is given, or beside others, compared as `how` says. */
+/** Returns the address of a run, at a time of its recording if given, or compared with others by `how`. */
 export function addressOf(
   run: number,
   others: readonly number[] = [],
@@ -30,16 +30,16 @@ export function addressOf(
   return `${own}/${others.join(",")}${how === "" ? "" : `/${how}`}`;
 }
 
-/** As many as the service sets beside each other. */
+/** Most runs that the service compares. */
 export const MOST_COMPARED = 20;
 
 interface Others {
   readonly numbers: readonly number[];
-  /** What of the address is left out, and why; "" where nothing is. */
+  /** Text on omitted parts of the address with the reason; "" if none. */
   readonly problem: string;
 }
 
-/** The runs beside a run in its address, each once and without the run itself. */
+/** Returns the other runs of a run's address, each once and without the run itself. */
 export function othersIn(text: string | undefined, run: number): Others {
   const parts = (text ?? "").split(",").filter((part) => part !== "");
   const strange = parts.filter((part) => !isNumber(part));
@@ -64,7 +64,7 @@ function isNumber(part: string): boolean {
   return /^[1-9]\d*$/.test(part) && Number.isSafeInteger(Number(part));
 }
 
-/** How runs are compared, as it stands in the address of the page: only what is not as usual. Pure. */
+/** Settings of a comparison in the address of the page, which contains only non-default values. Pure. */
 
 export type AlignBy = "begin" | "step" | "event";
 export type StepSignal = (typeof STEP_SIGNALS)[number];
@@ -85,16 +85,16 @@ export const EVENT_KINDS = [
 export const MOST_NUMBER = 100_000;
 
 export interface Compared {
-  /** The run that all others are compared with; null: the one whose page it is. */
+  /** Reference of the comparison; null for the run of the page. */
   readonly reference: number | null;
   readonly by: AlignBy;
   readonly step: StepSignal;
   readonly event: EventKind;
-  /** Which step or event, from 1. */
+  /** Number of the step or event, from 1. */
   readonly number: number;
-  /** Whose differences are shown. */
+  /** Signal whose differences are shown. */
   readonly signal: string;
-  /** Tolerance to either side in SI; null where none is given. */
+  /** Tolerance to each side in SI; null if none is set. */
   readonly band: number | null;
 }
 
@@ -108,7 +108,7 @@ export const USUAL: Compared = {
   band: null,
 };
 
-/** A part of the address; "" where all is as usual. */
+/** Returns the settings as a part of the address; "" for default settings. */
 export function textOf(compared: Compared): string {
   return Object.entries(compared)
     .filter(([name, value]) => value !== USUAL[name as keyof Compared])
@@ -116,16 +116,16 @@ export function textOf(compared: Compared): string {
     .join(";");
 }
 
-/** What such a part says; `problem` tells what of it means nothing, and is left as usual. */
+/** Reads such a part of the address; `problem` reports invalid parts, whose defaults remain. */
 export function comparedIn(text: string | undefined): { compared: Compared; problem: string } {
-  const said = new Map<string, string>();
+  const valid = new Map<string, string>();
   const strange: string[] = [];
   for (const part of (text ?? "").split(";").filter((one) => one !== "")) {
     const [name = "", value = ""] = part.split("=");
-    if (name in USUAL && READ[name as keyof Compared](value) !== undefined) said.set(name, value);
+    if (name in USUAL && READ[name as keyof Compared](value) !== undefined) valid.set(name, value);
     else strange.push(part);
   }
-  const read = [...said].map(([name, value]) => [name, READ[name as keyof Compared](value)]);
+  const read = [...valid].map(([name, value]) => [name, READ[name as keyof Compared](value)]);
   return {
     compared: { ...USUAL, ...Object.fromEntries(read) },
     problem: strange.length === 0 ? "" : fillText(TEXTS.invalidSettings, { parts: strange.join(", ") }),
@@ -147,7 +147,7 @@ function whole(text: string, most: number): number | undefined {
   return /^[1-9]\d*$/.test(text) && Number(text) <= most ? Number(text) : undefined;
 }
 
-/** What is asked of the service: of these runs, the first of them the reference unless another one is chosen. */
+/** Returns the request to the service; the first run is the reference unless another one is selected. */
 export function askedOf(runs: readonly number[], compared: Compared): ComparisonAsked {
   const { reference, by, step, event, number } = compared;
   const chosen = reference !== null && runs.includes(reference) ? reference : (runs[0] as number);
