@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import { cellsOf, colourOf, colourRange, inkOf, ticksOf } from "./MapsCard";
 
-test("the least number is darkest, the largest lightest, and rows begin at the bottom", () => {
+test("the smallest value is darkest, the largest lightest, and the first row is at the bottom", () => {
   const { range, drawn } = cellsOf(
     [
       [1, 2],
@@ -21,13 +21,13 @@ test("the least number is darkest, the largest lightest, and rows begin at the b
   expect(drawn.map(({ text }) => text)).toEqual(["1", "2", "3", ""]);
 });
 
-test("a map of one number has a colour, and one of none has none", () => {
+test("a map with one value has a colour, and one without values has none", () => {
   expect(cellsOf([[4, 4]], 100, 100).drawn[0]?.colour).toBe(colourOf(0.5));
   expect(cellsOf([[null]], 100, 100).drawn[0]?.colour).toBeNull();
   expect(cellsOf([[null]], 100, 100).range).toBeNull();
 });
 
-test("numbers that differ by less than a twentieth do not take all colours", () => {
+test("values that differ by less than 5 % do not use the whole colour range", () => {
   const [low, high] = colourRange([8.847, 8.856]);
   expect(high - low).toBeCloseTo(0.05 * 8.856, 9);
   expect((low + high) / 2).toBeCloseTo(8.8515, 9);
@@ -36,7 +36,7 @@ test("numbers that differ by less than a twentieth do not take all colours", () 
   expect(colourRange([0, 0])).toEqual([-0.5, 0.5]);
 });
 
-test("numbers have a contrast of 4.5 at least to the colour they stand on", () => {
+test("numbers have a contrast of at least 4.5 to the colour of their cell", () => {
   for (let share = 0; share <= 1; share += 0.01) {
     const parts = (colourOf(share).match(/\d+/g) ?? []).map((part) => {
       const value = Number(part) / 255;
@@ -48,12 +48,12 @@ test("numbers have a contrast of 4.5 at least to the colour they stand on", () =
   }
 });
 
-test("the ends of the colours are those of the scale", () => {
+test("shares outside 0 to 1 have the colours at the ends of the scale", () => {
   expect(colourOf(-1)).toBe("rgb(68 1 84)");
   expect(colourOf(2)).toBe("rgb(253 231 37)");
 });
 
-test("few values are all written, many by equal steps", () => {
+test("an axis labels every value, or equally spaced ones if there are many", () => {
   expect(ticksOf(3)).toEqual([0, 1, 2]);
   expect(ticksOf(20)).toEqual([0, 3, 6, 9, 12, 15, 18]);
 });

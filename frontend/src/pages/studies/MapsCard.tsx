@@ -11,7 +11,7 @@ import pageStyles from "../Page.module.css";
 import studiesStyles from "./Studies.module.css";
 import { TEXTS } from "./texts";
 
-/** Where the cells of a map stand, and in which colour. */
+/** Layout and colours of the cells of a map. */
 
 type Cells = readonly (readonly (number | null)[])[];
 
@@ -24,14 +24,14 @@ interface Cell {
   readonly top: number;
   readonly width: number;
   readonly height: number;
-  /** null where there is no number. */
+  /** null without a number. */
   readonly colour: string | null;
-  /** Of the number in the cell. */
+  /** Colour of the number in the cell. */
   readonly ink: string;
   readonly text: string;
 }
 
-/** From dark to light by even steps of lightness, told apart by all eyes, on light and dark ground (viridis). */
+/** Colour scale viridis: even steps of lightness, which colour-blind people can distinguish. */
 const STOPS = [
   [68, 1, 84],
   [59, 82, 139],
@@ -40,20 +40,20 @@ const STOPS = [
   [253, 231, 37],
 ] as const;
 
-/** A cell narrower or lower than this [px] has no number in it. */
-const ROOM_X = 34;
-const ROOM_Y = 14;
+/** A smaller cell shows no number [px]. */
+const NUMBER_LEAST_X = 34;
+const NUMBER_LEAST_Y = 14;
 const MOST_TICKS = 8;
 
-/** The colours range over this share of the largest magnitude at least: what is alike looks alike. */
+/** Least range of the colours relative to the largest magnitude, so that similar values look similar. */
 const LEAST_RANGE = 0.05;
 
-/** The colour of a share from 0 to 1. */
+/** Returns the colour of a share from 0 to 1. */
 export function colourOf(share: number): string {
   return `rgb(${partsOf(share).join(" ")})`;
 }
 
-/** Black or white for a text on the colour of a share, whichever is read better (contrast of WCAG 2.1). */
+/** Returns black or white for a text on the colour of a share, whichever has more contrast (WCAG 2.1). */
 export function inkOf(share: number): string {
   const [red = 0, green = 0, blue = 0] = partsOf(share).map((part) => {
     const value = part / 255;
@@ -63,7 +63,7 @@ export function inkOf(share: number): string {
   return (luminance + 0.05) ** 2 > 1.05 * 0.05 ? "#000000" : "#ffffff";
 }
 
-/** The numbers at the ends of the colours: the least and the largest, and further apart where these are alike. */
+/** Returns the least and the largest value, or a wider range if these are similar, for the colour scale. */
 export function colourRange(values: readonly number[]): [number, number] {
   const [low, high] = values.length === 0 ? [0, 1] : [Math.min(...values), Math.max(...values)];
   const wide = LEAST_RANGE * Math.max(Math.abs(low), Math.abs(high));
@@ -72,7 +72,7 @@ export function colourRange(values: readonly number[]): [number, number] {
   return [(low + high) / 2 - half, (low + high) / 2 + half];
 }
 
-/** Red, green and blue from 0 to 255. */
+/** Returns red, green and blue from 0 to 255. */
 function partsOf(share: number): number[] {
   const at = Math.min(1, Math.max(0, share)) * (STOPS.length - 1);
   const low = Math.min(STOPS.length - 2, Math.floor(at));
@@ -80,7 +80,7 @@ function partsOf(share: number): number[] {
   return from.map((part, place) => Math.round(part + (at - low) * ((to[place] ?? part) - part)));
 }
 
-/** The cells of a map that is `width` by `height` [px], the first row at the bottom. */
+/** Returns the cells of a map of `width` by `height` [px], with the first row at the bottom. */
 export function cellsOf(cells: Cells, width: number, height: number) {
   const known = cells.flat().filter((value) => value !== null);
   const [low, high] = colourRange(known);
@@ -101,20 +101,23 @@ export function cellsOf(cells: Cells, width: number, height: number) {
         height: cellHeight,
         colour: value === null ? null : colourOf(share),
         ink: value === null ? "var(--text)" : inkOf(share),
-        text: value === null || cellWidth < ROOM_X || cellHeight < ROOM_Y ? "" : short(value, digits),
+        text:
+          value === null || cellWidth < NUMBER_LEAST_X || cellHeight < NUMBER_LEAST_Y
+            ? ""
+            : short(value, digits),
       };
     });
   });
   return { range: known.length === 0 ? null : ([low, high] as const), digits, drawn };
 }
 
-/** Which of so many values are written at an axis. */
+/** Returns the indices of the values that an axis with `count` values labels. */
 export function ticksOf(count: number): number[] {
   const step = Math.ceil(count / MOST_TICKS);
   return Array.from({ length: Math.ceil(count / step) }, (_, place) => place * step);
 }
 
-/** A map as a picture: a cell for each pair of values, its colour between the numbers at the ends of the scale. */
+/** Picture of a map: a coloured cell for each pair of values, and the colour scale. */
 
 interface Axis {
   readonly label: string;
@@ -125,11 +128,11 @@ interface HeatMapProps {
   readonly title: string;
   readonly x: Axis;
   readonly y: Axis;
-  /** By place of y, then of x. */
+  /** Indexed by y, then by x. */
   readonly cells: Cells;
-  /** Where there is no number because the loop of a run is unstable, by the same places. */
+  /** Cells without a number because the loop of a run is unstable; same indices. */
   readonly unstable: readonly (readonly boolean[])[];
-  /** Of which runs each cell is, and of a share its interval, by the same places; "" where there is nothing to say. */
+  /** Number of runs of each cell, and the interval of a share; "" for one run per cell; same indices. */
   readonly notes: readonly (readonly string[])[];
 }
 
@@ -139,10 +142,10 @@ const LEFT = 62;
 const BOTTOM = 40;
 const SCALE = 96;
 const TOP = 8;
-/** Half the distance [px] of a number and the note below it, and the room that both take in a cell. */
+/** Half the distance of a number and the note below it, and the least size of a cell with both [px]. */
 const APART = 7;
-const ROOM_NOTE_X = 62;
-const ROOM_NOTE_Y = 30;
+const NOTE_LEAST_X = 62;
+const NOTE_LEAST_Y = 30;
 
 function HeatMap({ title, x, y, cells, unstable, notes }: HeatMapProps) {
   const width = WIDTH - LEFT - SCALE;
@@ -150,12 +153,12 @@ function HeatMap({ title, x, y, cells, unstable, notes }: HeatMapProps) {
   const { range, digits, drawn } = cellsOf(cells, width, height);
   const noteOf = ({ row, column }: Cell) => notes[row]?.[column] ?? "";
   const isNoted = (cell: Cell) =>
-    noteOf(cell) !== "" && cell.width >= ROOM_NOTE_X && cell.height >= ROOM_NOTE_Y;
+    noteOf(cell) !== "" && cell.width >= NOTE_LEAST_X && cell.height >= NOTE_LEAST_Y;
   const textAt = (cell: Cell) => cell.top + cell.height / 2 - (isNoted(cell) ? APART : 0);
   const [namesX, namesY] = [namesOf(x), namesOf(y)];
   const describeCell = (cell: Cell): string => {
     const { row, column, value } = cell;
-    const told = {
+    const cellTexts = {
       x: x.label,
       atX: namesX[column] ?? "",
       y: y.label,
@@ -163,7 +166,9 @@ function HeatMap({ title, x, y, cells, unstable, notes }: HeatMapProps) {
       value: value !== null ? short(value, digits) : unstable[row]?.[column] ? TEXTS.unstable : TEXTS.noValue,
     };
     const note = noteOf(cell);
-    return note === "" ? fillText(TEXTS.cell, told) : fillText(TEXTS.cellWithNote, { ...told, note });
+    return note === ""
+      ? fillText(TEXTS.cell, cellTexts)
+      : fillText(TEXTS.cellWithNote, { ...cellTexts, note });
   };
   const atX = (place: number) => LEFT + ((place + 0.5) * width) / x.values.length;
   const atY = (place: number) => TOP + height - ((place + 0.5) * height) / y.values.length;
@@ -259,7 +264,7 @@ function HeatMap({ title, x, y, cells, unstable, notes }: HeatMapProps) {
   );
 }
 
-/** Which colour stands for which number. */
+/** Colour scale with its least and largest value. */
 function Scale({
   left,
   height,
@@ -298,13 +303,13 @@ function Scale({
   );
 }
 
-/** What stands at the values of an axis, each apart from the others. */
+/** Returns distinct labels for the values of an axis. */
 function namesOf({ values }: Axis): string[] {
   const digits = digitsApart(values.filter((value) => typeof value === "number"));
   return values.map((value) => (typeof value === "number" ? short(value, digits) : settingValue(value)));
 }
 
-/** Maps of a study: one figure each over two axes, the first four at once, any other and what a cell shows by choice. */
+/** Card with the first four maps of a study or a selected one, and the choice of the cells' statistic. */
 
 const AT_ONCE = 4;
 const PICKS: readonly { value: MapPick; label: string }[] = [
@@ -409,7 +414,7 @@ function FigureMap({ map, detail }: { map: StudyMap; detail: StudyDetail }) {
   );
 }
 
-/** Of which runs a cell is; of a share between what it lies, too. */
+/** Returns the note of a cell: its number of runs, and the interval of a share. */
 function noteOf(map: StudyMap, row: number, column: number, runs: number): string {
   const [count, computed] = [map.counts[row]?.[column] ?? 0, map.runs[row]?.[column] ?? 0];
   const interval = map.intervals[row]?.[column];

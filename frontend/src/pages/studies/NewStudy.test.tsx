@@ -1,5 +1,5 @@
 // @vitest-environment jsdom
-/** The form and the text of a study say the same, whichever is edited; both are a draft. */
+/** The form and the text of a study have the same content, whichever is edited; both are a draft. */
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { cleanup, fireEvent, render, screen, waitFor, within } from "@testing-library/react";
@@ -103,18 +103,18 @@ const axisBox = (label: string) => `${label} ${fillText(TEXTS.ofAxis, { number: 
 const box = (name: string) => screen.getByRole<HTMLInputElement>("textbox", { name });
 const change = (element: HTMLElement, value: string) => fireEvent.change(element, { target: { value } });
 
-it("shows in the form what the text says, and how many runs it has", async () => {
+it("shows the content of the text in the form, and the number of runs", async () => {
   open();
   change(text(), TEXT);
   await waitFor(() => expect(box(axisBox(`${TEXTS.to} [s]`)).value).toBe("1"));
   expect(box(axisBox(`${TEXTS.from} [s]`)).value).toBe("0.4");
   expect(box(axisBox(TEXTS.count)).value).toBe("5");
   const varied = screen.getByRole("combobox", { name: axisBox(TEXTS.parameter) }) as HTMLSelectElement;
-  expect(varied.title).toBe(varied.selectedOptions[0]?.textContent); // in full where the box cuts it
+  expect(varied.title).toBe(varied.selectedOptions[0]?.textContent); // the box can truncate it
   expect(screen.getByRole("status", { name: "Refusal" }).textContent).toContain("5 runs.");
 });
 
-it("writes into the text what is edited in the form, in SI", async () => {
+it("writes edits of the form into the text, in SI", async () => {
   open();
   change(text(), TEXT);
   await waitFor(() => expect(box(axisBox(`${TEXTS.to} [s]`)).value).toBe("1"));
@@ -133,19 +133,19 @@ it("writes into the text what is edited in the form, in SI", async () => {
   change(axis.getByRole("combobox", { name: axisBox(TEXTS.definition) }), "values");
   change(axis.getByRole("textbox", { name: axisBox(`${TEXTS.values} [s]`) }), "0.4, 0.6,");
   expect(text().value).toContain("- {over: lam_q, values: [0.4, 0.6]}");
-  expect(box(axisBox(`${TEXTS.values} [s]`)).value).toBe("0.4, 0.6,"); // what is typed stays as it is
+  expect(box(axisBox(`${TEXTS.values} [s]`)).value).toBe("0.4, 0.6,"); // the typed text does not change
   fireEvent.click(screen.getByRole("button", { name: fillText(TEXTS.removeAxis, { number: 1 }) }));
   expect(text().value).not.toContain("lam_q");
 });
 
-it("says why a text is no study, and shows no form of it", async () => {
+it("shows why a text is not a study, and hides the form", async () => {
   open();
   change(text(), "[");
   await screen.findByText(/neither YAML nor JSON/);
   expect(screen.queryByRole("group", { name: TEXTS.form })).toBeNull();
 });
 
-it("is a draft that survives leaving, begun anew after a question only", async () => {
+it("is a draft that survives leaving the page; replacing it requires confirmation", async () => {
   open();
   await waitFor(() =>
     expect(fetched.mock.calls.some(([{ url }]) => url.endsWith("/api/session"))).toBe(true),

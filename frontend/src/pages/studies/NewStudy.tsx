@@ -14,11 +14,11 @@ import page from "../Page.module.css";
 import { asStudy, EMPTY_STUDY, type StudyDocument, StudyForm, writeStudy } from "./StudyForm";
 import { TEXTS } from "./texts";
 
-/** What a text of a study says, read by the service once the text has come to rest. */
+/** Checks the text of a study with the service once nobody has typed for REST_MS. */
 
 const REST_MS = 400;
 
-/** Of this very text; null while that is not known, and for no text. */
+/** Returns the check of exactly this text; null until it is known, and for an empty text. */
 function useCheckedStudy(text: string): CheckedStudy | null {
   const [rested, rest] = useState(text);
   useEffect(() => {
@@ -29,7 +29,7 @@ function useCheckedStudy(text: string): CheckedStudy | null {
   return rested === text && data !== undefined ? data : null;
 }
 
-/** A study as a form and as its text, either of which edits the other: refused in its line, computed. */
+/** Card that creates a study with a form and its text; an edit of one changes the other. */
 
 const FILES = ".yaml,.yml,.json,application/yaml,application/json";
 const EXAMPLE = `format: 1
@@ -51,10 +51,10 @@ export function NewStudy() {
   const [guard, question] = useReplaceDraft(draft.since !== null);
   const begin = useBeginStudy();
   const checked = useCheckedStudy(text);
-  // what the form has written needs no reading; what is typed is shown as it was until it is read
+  // text that the form has written is shown without a check by the service
   const [shown, show] = useState<{ readonly text: string; readonly document: StudyDocument } | null>(null);
-  const said = asStudy(checked?.document);
-  const document = shown?.text === text ? shown.document : said;
+  const parsed = asStudy(checked?.document);
+  const document = shown?.text === text ? shown.document : parsed;
   const [, go] = useLocation();
 
   function change(next: string): void {

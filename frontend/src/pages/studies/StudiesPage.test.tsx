@@ -1,4 +1,4 @@
-/** What is shown of studies says what it is: a map which of several runs, a list why it is not there. */
+/** Cards of a study state what they show: the statistic of a map, the reason for a missing list. */
 
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
@@ -40,7 +40,7 @@ function show(content: ReactNode) {
   );
 }
 
-/** Runs of the cells of a map, all of which were computed. */
+/** Returns counts for the cells of a map whose runs all have a value. */
 function counts(...counted: number[][]): Pick<StudyMap, "counts" | "runs" | "intervals"> {
   return { counts: counted, runs: counted, intervals: counted.map((row) => row.map(() => null)) };
 }
@@ -105,7 +105,7 @@ function titles(): (string | null)[] {
     .map((figure) => figure.querySelector("figcaption")?.textContent ?? null);
 }
 
-it("says in the title of a map what its cells show, and lets it be chosen", () => {
+it("shows the statistic of the cells in the title of a map, and offers a choice", () => {
   const picked: MapPick[] = [];
   show(<MapsCard detail={detail(32)} pick="worst" onPick={(pick) => picked.push(pick)} />);
   expect(titles()).toEqual([
@@ -116,12 +116,12 @@ it("says in the title of a map what its cells show, and lets it be chosen", () =
   expect(picked).toEqual(["largest"]);
 });
 
-it("has nothing to say of a map whose cells are a run each", () => {
+it("shows no statistic in the title of a map with one run per cell", () => {
   show(<MapsCard detail={detail(4)} pick="worst" onPick={() => {}} />);
   expect(titles()).toEqual(["Smallest tension [N]", "Sensitivity peak"]);
 });
 
-it("hides no unstable loop", () => {
+it("marks cells with an unstable loop", () => {
   const found = detail(4);
   const [first] = found.maps;
   if (first === undefined) throw new Error("a map is missing");
@@ -140,7 +140,7 @@ it("hides no unstable loop", () => {
   expect(screen.getByText((text) => text.endsWith(`0.7: ${TEXTS.unstable}`))).toBeTruthy();
 });
 
-it("says how many runs gave no number, and between what a share lies", () => {
+it("shows the number of runs without a value, and the interval of a share", () => {
   const found = detail(32);
   const [first] = found.maps;
   if (first === undefined) throw new Error("a map is missing");
@@ -197,13 +197,13 @@ it("says how many runs gave no number, and between what a share lies", () => {
     `${mapOf("Smallest tension [N]", TEXTS.least)}; ${fillText(TEXTS.mapWithout, { without: 9, runs: "32 runs" })}`,
     mapOf("Runs not completed [%]", TEXTS.share),
   ]);
-  const told = Array.from(document.querySelectorAll("svg text"), ({ textContent }) => textContent);
-  expect(told).toContain("n = 7 of 8");
-  expect(told).toContain("7.1 to 59, n = 8");
-  expect(told).toContain("λ_q [s]");
+  const labels = Array.from(document.querySelectorAll("svg text"), ({ textContent }) => textContent);
+  expect(labels).toContain("n = 7 of 8");
+  expect(labels).toContain("7.1 to 59, n = 8");
+  expect(labels).toContain("λ_q [s]");
 });
 
-it("shows how runs ended as shares with their interval, and why a statistic is missing", () => {
+it("shows outcomes as shares with their interval, and why a statistic is missing", () => {
   const [first] = detail(32).figures;
   if (first === undefined) throw new Error("a figure is missing");
   show(
@@ -246,14 +246,14 @@ it("shows how runs ended as shares with their interval, and why a statistic is m
   expect(screen.getAllByLabelText(fillText(TEXTS.unstableIn, { runs: "2 runs" }))).toHaveLength(2);
 });
 
-it("tells cells and the places of an axis apart", () => {
+it("gives cells and axis values distinct labels", () => {
   show(<MapsCard detail={detail(4)} pick="worst" onPick={() => {}} />);
   const texts = Array.from(screen.getAllByRole("figure")[0]?.querySelectorAll("text") ?? []);
-  const told = texts.map(({ textContent }) => textContent);
-  for (const text of ["10.0051", "10.0053", "10.0093", "10"]) expect(told).toContain(text);
+  const labels = texts.map(({ textContent }) => textContent);
+  for (const text of ["10.0051", "10.0053", "10.0093", "10"]) expect(labels).toContain(text);
 });
 
-it("says why there is no list of studies", async () => {
+it("shows why the list of studies is missing", async () => {
   show(<StudiesPage />);
   expect(await screen.findByText(/^The service cannot be reached/)).toBeTruthy();
   expect(screen.queryByText(TEXTS.loading)).toBeNull();

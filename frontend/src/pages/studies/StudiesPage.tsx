@@ -1,4 +1,4 @@
-/** Studies: many simulated runs, computed beside the loop; all of them, or one. */
+/** Page Studies: the list of all studies, or one study. */
 
 import { useQuery } from "@tanstack/react-query";
 import { useParams } from "wouter";

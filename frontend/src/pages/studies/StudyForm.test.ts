@@ -1,7 +1,7 @@
 import { expect, it } from "vitest";
 import { asStudy, EMPTY_STUDY, type StudyDocument, valuesIn, writeStudy } from "./StudyForm";
 
-it("writes each axis on a line of its own, as a person would", () => {
+it("writes each axis on its own line", () => {
   const study: StudyDocument = {
     ...EMPTY_STUDY,
     title: "Both λ: a map",
@@ -26,14 +26,14 @@ draws: 4
 `);
 });
 
-it("puts between quotes what YAML would read as something else", () => {
+it("quotes strings that YAML would read as another type", () => {
   const written = writeStudy({ ...EMPTY_STUDY, name: "true", title: "1e3", experiment: "composed@2" });
   expect(written).toContain('name: "true"');
   expect(written).toContain('title: "1e3"');
   expect(written).toContain("experiment: composed@2");
 });
 
-it("keeps what the form does not show, and leaves out what is left out", () => {
+it("writes fields that the form does not show, and omits undefined ones", () => {
   const written = writeStudy({
     ...EMPTY_STUDY,
     description: "why",
@@ -45,7 +45,7 @@ it("keeps what the form does not show, and leaves out what is left out", () => {
   expect(written).not.toContain("axes");
 });
 
-it("shows what is a study, and nothing that the form could not hold", () => {
+it("accepts a study, and rejects documents that the form cannot show", () => {
   expect(asStudy({ name: "a", title: "A" })).not.toBeNull();
   for (const other of [
     null,
@@ -61,7 +61,7 @@ it("shows what is a study, and nothing that the form could not hold", () => {
   }
 });
 
-it("reads lists of values in the unit of who types them", () => {
+it("reads lists of values with a unit conversion", () => {
   expect(valuesIn("1, 2.5;x true", (word) => (word === "x" ? null : Number(word) * 10))).toEqual([
     10,
     25,

@@ -13,13 +13,13 @@ import pageStyles from "../Page.module.css";
 import studyFormStyles from "./StudyForm.module.css";
 import { TEXTS } from "./texts";
 
-/** What a study can vary: settings of its experiment and of the loop, and numbers of the plant, with symbol and unit. */
+/** Parameters that a study can vary: settings of the experiment and the loop, and plant parameters. */
 
 interface Varied {
   readonly name: string;
   readonly label: string;
   readonly unit: string;
-  /** What a new axis or setting begins with. */
+  /** Initial value of a new axis or setting. */
   readonly value: boolean | number | string;
 }
 
@@ -29,7 +29,7 @@ interface Choices {
   readonly plant: readonly Varied[];
 }
 
-/** The choices of a study of this experiment; those of an experiment that is not known are of the loop and the plant. */
+/** Returns the parameters of an experiment; for an unknown one, only those of loop and plant. */
 function useVaried(experiment: string): Choices {
   const { data: kinds = [] } = useQuery(experimentKindsQuery);
   const { data: numbers = [] } = useQuery(plantNumbersQuery);
@@ -50,13 +50,13 @@ function useVaried(experiment: string): Choices {
   };
 }
 
-/** One of the choices by name; what is not among them counts in SI. */
+/** Returns a parameter by name; an unknown name becomes a dimensionless parameter. */
 function variedOf(choices: Choices, name: string): Varied {
   const all = [...choices.experiment, ...choices.loop, ...choices.plant];
   return all.find((one) => one.name === name) ?? { name, label: name, unit: "1", value: 0 };
 }
 
-/** The choices as groups of a select, with what stands there also where it is none of them. */
+/** Returns the parameters as groups of a select, including the current value if it is none of them. */
 function groupsOf(choices: Choices, current: string, only: readonly (keyof Choices)[]) {
   const titles = { experiment: TEXTS.ofExperiment, loop: TEXTS.ofLoop, plant: TEXTS.ofPlant };
   const groups = only.map((key) => ({
@@ -67,7 +67,7 @@ function groupsOf(choices: Choices, current: string, only: readonly (keyof Choic
   return known ? groups : [{ group: TEXTS.fromText, items: [{ value: current, label: current }] }, ...groups];
 }
 
-/** What is varied or set, by name and meaning: on a line of its own, as meanings are long. */
+/** Select of a parameter by symbol and meaning, on its own line because meanings are long. */
 
 interface VariedSelectProps {
   readonly label: string;
@@ -90,11 +90,11 @@ function VariedSelect({ label, value, choices, only, onChange }: VariedSelectPro
   );
 }
 
-/** A study as its form edits it: the document as the service reads it, and as a text again. Pure. */
+/** Document of a study, which the form edits, and its conversion to YAML. Pure. */
 
 type Value = boolean | number | string;
 
-/** What is gone through: `values`, or `count` of them from `first` to `last`. A box may hold what is no number yet. */
+/** Axis over `values`, or `count` values from `first` to `last`; a text is an incomplete number. */
 interface Axis {
   readonly over: string;
   readonly values?: readonly Value[];
@@ -104,7 +104,7 @@ interface Axis {
   readonly spacing?: string;
 }
 
-/** How a number of the plant is drawn. */
+/** Random spread of a plant parameter. */
 interface Spread {
   readonly of: string;
   readonly by?: string;
@@ -134,7 +134,7 @@ export const EMPTY_STUDY: StudyDocument = {
   axes: [{ over: "lam_q", first: 0.4, last: 1, count: 5 }],
 };
 
-/** A document that the form can show; whatever else is wrong with it the service says. */
+/** Returns the document if the form can show it, else null; the service checks everything else. */
 export function asStudy(read: unknown): StudyDocument | null {
   if (typeof read !== "object" || read === null || Array.isArray(read)) return null;
   const { axes = [], spread = [], settings = {}, name = "", title = "" } = read as Record<string, unknown>;
@@ -153,7 +153,7 @@ function isRecord(value: unknown): value is Record<string, unknown> {
   return typeof value === "object" && value !== null && !Array.isArray(value);
 }
 
-/** The document as a text: YAML with an axis and a spread on a line each; what is left out is left out. */
+/** Returns the document as YAML, one line per axis and spread, without undefined values and empty lists. */
 export function writeStudy(document: StudyDocument): string {
   const lines = Object.entries(document).flatMap(([name, value]) => {
     if (value === undefined || (Array.isArray(value) && value.length === 0)) return [];
@@ -168,7 +168,7 @@ export function writeStudy(document: StudyDocument): string {
 const PLAIN = /^[A-Za-z][A-Za-z0-9_.@]*$/;
 const WORDS = new Set(["true", "false", "null"]);
 
-/** In one line, as YAML; a text that could be read as something else stands between quotes, as in JSON. */
+/** Returns a value as one line of YAML; quotes strings that YAML could read as another type. */
 function flow(value: unknown): string {
   if (typeof value === "string") {
     return PLAIN.test(value) && !WORDS.has(value) ? value : JSON.stringify(value);
@@ -181,7 +181,7 @@ function flow(value: unknown): string {
   return JSON.stringify(value);
 }
 
-/** The words of a list of values as numbers in SI where they are numbers, else as they are. */
+/** Reads a list of values: numbers in SI, true and false, and other words unchanged. */
 export function valuesIn(text: string, inSI: (word: string) => number | null): Value[] {
   return text
     .split(/[,;\s]+/)
@@ -189,7 +189,7 @@ export function valuesIn(text: string, inSI: (word: string) => number | null): V
     .map((word) => (word === "true" ? true : word === "false" ? false : (inSI(word) ?? word)));
 }
 
-/** The axes of a study: what is gone through, by a range or by single values. */
+/** Fields of the axes of a study, each with a range or a list of values. */
 
 interface AxisRowsProps {
   readonly axes: readonly Axis[];
@@ -203,7 +203,7 @@ function AxisRows({ axes, choices, onChange }: AxisRowsProps) {
       <legend>{TEXTS.axes}</legend>
       {axes.map((axis, index) => (
         <Row
-          // biome-ignore lint/suspicious/noArrayIndexKey: an axis is its place in the list
+          // biome-ignore lint/suspicious/noArrayIndexKey: an axis has no identity except its index
           key={index}
           number={index + 1}
           axis={axis}
@@ -256,10 +256,11 @@ function Row({ number, axis, choices, onChange, onRemove }: RowProps) {
     );
   }
 
-  function turn(way: string): void {
+  function changeDefinition(definition: string): void {
     const first = typeof axis.values?.[0] === "number" ? axis.values[0] : value;
     const last = typeof axis.values?.at(-1) === "number" ? axis.values.at(-1) : value;
-    if (way === "values") onChange({ over: axis.over, values: [axis.first, axis.last].filter(isThere) });
+    if (definition === "values")
+      onChange({ over: axis.over, values: [axis.first, axis.last].filter(isDefined) });
     else onChange({ over: axis.over, first, last, count: 5 } as Axis);
   }
 
@@ -279,7 +280,7 @@ function Row({ number, axis, choices, onChange, onRemove }: RowProps) {
           { value: "values", label: TEXTS.values },
         ]}
         value={isList ? "values" : "range"}
-        onChange={(event) => turn(event.currentTarget.value)}
+        onChange={(event) => changeDefinition(event.currentTarget.value)}
       />
       {isList ? (
         <ValueList
@@ -336,7 +337,7 @@ function Row({ number, axis, choices, onChange, onRemove }: RowProps) {
   );
 }
 
-function isThere(value: Value | undefined): value is Value {
+function isDefined(value: Value | undefined): value is Value {
   return value !== undefined;
 }
 
@@ -371,19 +372,19 @@ interface ValueListProps {
   onChange(values: Value[]): void;
 }
 
-/** Keeps what is typed while it says the same: a comma at the end is not taken away. */
+/** Box of a list of values; keeps the typed text while its values are equal, so a trailing comma remains. */
 function ValueList({ label, of, unit, values, onChange }: ValueListProps) {
   const angles = useAngleUnit();
   const [typed, setTyped] = useState("");
   const read = (text: string) => valuesIn(text, (word) => inSI(word, unit, angles));
   const isMine = JSON.stringify(read(typed)) === JSON.stringify(values);
-  const told = values.map((one) => (typeof one === "number" ? boxText(one, unit, angles) : String(one)));
+  const texts = values.map((one) => (typeof one === "number" ? boxText(one, unit, angles) : String(one)));
   return (
     <TextInput
       label={label}
       aria-label={fillText(TEXTS.labelOf, { label, owner: of })}
       style={{ flex: 1, minWidth: 160 }}
-      value={isMine && typed !== "" ? typed : told.join(", ")}
+      value={isMine && typed !== "" ? typed : texts.join(", ")}
       onChange={(event) => {
         setTyped(event.currentTarget.value);
         onChange(read(event.currentTarget.value));
@@ -392,7 +393,7 @@ function ValueList({ label, of, unit, values, onChange }: ValueListProps) {
   );
 }
 
-/** Plants of a study that differ: which numbers are drawn, and how far. */
+/** Fields of the plant variation: which parameters vary, and by how much. */
 
 interface SpreadRowsProps {
   readonly spread: readonly Spread[];
@@ -416,7 +417,7 @@ function SpreadRows({ spread, choices, onChange }: SpreadRowsProps) {
         const set = (part: Partial<Spread>) => onChange(spread.with(index, { ...one, ...part }));
         return (
           <fieldset
-            // biome-ignore lint/suspicious/noArrayIndexKey: a spread is its place in the list
+            // biome-ignore lint/suspicious/noArrayIndexKey: a spread has no identity except its index
             key={index}
             className={studyFormStyles.row}
             aria-label={fillText(TEXTS.spread, { number })}
@@ -483,7 +484,7 @@ function SpreadRows({ spread, choices, onChange }: SpreadRowsProps) {
   );
 }
 
-/** The form of a study: what is varied, the plants and the noise. It edits the document that the text says. */
+/** Form that edits the document of a study: name, experiment, settings, axes, plants and seeds. */
 
 interface StudyFormProps {
   readonly document: StudyDocument;
@@ -564,7 +565,7 @@ interface FixedProps {
   onChange(settings: Readonly<Record<string, Value>>): void;
 }
 
-/** What is the same in each run, and other than what is in force. */
+/** Fields of the settings that are the same in all runs and replace the default or active values. */
 function FixedSettings({ settings, choices, onChange }: FixedProps) {
   const entries = Object.entries(settings);
   const replace = (index: number, entry: [string, Value]) =>

@@ -25,11 +25,11 @@ import { MapsCard } from "./MapsCard";
 import studiesStyles from "./Studies.module.css";
 import { TEXTS } from "./texts";
 
-/** How far a study is: in words, and as a bar. */
+/** Progress of a study as text and as a bar. */
 
 function StudyProgress({ study }: { study: Study }) {
   const { left_s } = study;
-  const told = { state: capital(study.state), done: fixed(study.done, 0), runs: fixed(study.points, 0) };
+  const counts = { state: capital(study.state), done: fixed(study.done, 0), runs: fixed(study.points, 0) };
   return (
     <div className={studiesStyles.progress}>
       <Progress
@@ -39,14 +39,14 @@ function StudyProgress({ study }: { study: Study }) {
       />
       <span>
         {left_s === null
-          ? fillText(TEXTS.doneOf, told)
-          : fillText(TEXTS.doneOfLeft, { ...told, time: duration(left_s) })}
+          ? fillText(TEXTS.doneOf, counts)
+          : fillText(TEXTS.doneOfLeft, { ...counts, time: duration(left_s) })}
       </span>
     </div>
   );
 }
 
-/** The figures of a study and how they are spread, and the rows that they come from. */
+/** Cards with the outcomes, the statistics of the metrics and the results of single runs. */
 
 const STATISTICS = [
   ["least", TEXTS.columnLeast],
@@ -214,7 +214,7 @@ function RowsCard({ detail }: { detail: StudyDetail }) {
   );
 }
 
-/** One study: how far it is, its maps, how its figures are spread, its first rows. */
+/** Page of a study: progress, maps, outcomes, statistics and first results. */
 
 export function StudyPage({ id }: { id: number }) {
   const [pick, setPick] = useState<MapPick>("worst");
@@ -283,7 +283,7 @@ function ProgressCard({ study }: { study: Study }) {
   );
 }
 
-/** Studies as a table: how far each is, and how long it takes on. */
+/** Table of studies with their progress and remaining time. */
 
 export function StudyRows({ studies }: { studies: readonly Study[] }) {
   return (
