@@ -1,4 +1,4 @@
-/** Pages for who is not signed in: the sign-in, and the reason why it cannot work without cookies. */
+/** Pages without a session: the sign-in, and the notice that it requires cookies. */
 
 import { Alert, Box, Button, Paper, PasswordInput, Stack, Text, TextInput, Title } from "@mantine/core";
 import { type FormEvent, useState } from "react";
@@ -6,7 +6,7 @@ import { fillText } from "../samples/texts";
 import { useSignIn } from "../service/api/session";
 import { TEXTS } from "./texts";
 
-/** Shown in place of everything else where the browser keeps no cookies: nobody can be signed in there. */
+/** Replaces all pages if the browser blocks cookies, because sign-in requires them. */
 
 export function CookiesBlockedPage() {
   const host = globalThis.location.host;
@@ -24,7 +24,7 @@ export function CookiesBlockedPage() {
   );
 }
 
-/** Shown when the page has no session: a token opens it. STOP is here too: a session that lapsed is good for it. */
+/** Sign-in with a token. The page also shows STOP, because an expired session may still send it. */
 
 export function SignInPage() {
   const [token, setToken] = useState("");

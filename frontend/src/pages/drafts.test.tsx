@@ -1,4 +1,4 @@
-/** Values typed into boxes survive a change of the page, until they are saved or discarded. */
+/** Text in boxes that send nothing yet survives leaving the page, until it is saved or discarded. */
 
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
@@ -90,7 +90,7 @@ const BOXES: [string, ReactNode, string][] = [
   ["Expression (signals in SI)", <FormulaEditor key="formula" />, "F_A + F_B"],
 ];
 
-it.each(BOXES)("keeps the text typed into %s while its page is closed", async (label, what, text) => {
+it.each(BOXES)("restores the text typed into %s after its page was left", async (label, what, text) => {
   open(what);
   const typed = await box(label);
   expect(typed.value).not.toBe(text);
@@ -109,7 +109,7 @@ it("marks an unsaved note, and discards it on request", async () => {
   expect((await box("Note")).value).toBe("saved");
 });
 
-it("discards a cancelled remark", async () => {
+it("discards a note of an event on Cancel", async () => {
   open(<RemarkForm entry={ENTRY} onDone={onDone} />);
   fireEvent.change(await box("Note of the event"), { target: { value: "typed" } });
   fireEvent.click(screen.getByRole("button", { name: LOG.cancel }));

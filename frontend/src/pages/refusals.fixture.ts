@@ -1,4 +1,4 @@
-/** A bench at rest and the forms that it offers, as the service declares them. */
+/** State of a simulated plant and definitions of forms, as the service sends them. */
 
 import type { ExperimentKind, State } from "../wire/types";
 

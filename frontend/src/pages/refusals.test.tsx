@@ -1,4 +1,4 @@
-/** Whatever kind of field a refusal means: it is told whole there, once, the field is marked and gone to. */
+/** A refusal appears once, in full, at the field that it names; the field is marked and focused. */
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
@@ -45,7 +45,7 @@ import { NoteCard } from "./runs/RunDetail";
 const STAGED = { staging: true, values: { lam_q: 0.7 }, turn() {}, stage() {}, discard() {} };
 const SENTENCE = "what was given: 120° is outside −80 to 80°; choose a value between the two";
 
-/** Path and what is said; anything else is answered as by a service with nothing stored. */
+/** Path of the refused request and of its field; other requests get answers of an empty service. */
 let refusal: { path: string; place?: (string | number)[] | undefined };
 
 function answer({ url, method }: Request): Response {
@@ -77,7 +77,7 @@ function open(page: ReactElement): void {
 }
 
 beforeEach(() => {
-  // a box that grows with what is written into it listens for fonts
+  // an auto-sized box listens for font events
   Object.defineProperty(document, "fonts", { value: new EventTarget(), configurable: true });
   fetched.mockReset().mockImplementation(async (request) => answer(request));
 });
@@ -119,7 +119,7 @@ const field = (name: string | RegExp) => () => screen.getByLabelText(name);
 
 it.each<Case>([
   [
-    "length of a trial",
+    "duration of a trial",
     <TuningChanges key="" tuning={TUNING as unknown as Tuning} staged={STAGED} locked={null} />,
     [press(OPERATE.tryFor)],
     "/api/tuning/trial",
@@ -135,7 +135,7 @@ it.each<Case>([
     field(OPERATE.pushForce),
   ],
   [
-    "angle of a wall",
+    "angle of an obstacle",
     <WallCard key="" />,
     [press(OPERATE.addWall)],
     "/api/wall",
@@ -143,7 +143,7 @@ it.each<Case>([
     field(fillText(OPERATE.wallAngle, { unit: "°" })),
   ],
   [
-    "stiffness of a wall",
+    "stiffness of an obstacle",
     <WallCard key="" />,
     [press(OPERATE.addWall)],
     "/api/wall",
@@ -151,7 +151,7 @@ it.each<Case>([
     field(OPERATE.wallStiffness),
   ],
   [
-    "damping of a wall",
+    "damping of an obstacle",
     <WallCard key="" />,
     [press(OPERATE.addWall)],
     "/api/wall",
@@ -159,7 +159,7 @@ it.each<Case>([
     field(OPERATE.wallDamping),
   ],
   [
-    "time of a push",
+    "duration of a push",
     <DisturbanceCard key="" />,
     [press(OPERATE.applyPush)],
     "/api/push",
@@ -175,7 +175,7 @@ it.each<Case>([
     () => screen.getByRole("button", { name: /Import bank/ }),
   ],
   [
-    "file of a bank, as a whole",
+    "file of a bank without a path",
     <BankImport key="" />,
     [choose("{}")],
     "/api/banks/file",
@@ -256,15 +256,15 @@ it.each<Case>([
     ["name"],
     field(IDENTIFY.bankName),
   ],
-])("tells a refused %s there", async (_kind, page, steps, path, place, meant) => {
+])("shows the refusal of the %s at its field", async (_kind, page, steps, path, place, meant) => {
   refusal = { path, place };
   open(page);
   for (const step of steps) await step();
-  const said = await screen.findByText(SENTENCE);
-  expect(screen.getAllByText(SENTENCE)).toEqual([said]);
+  const message = await screen.findByText(SENTENCE);
+  expect(screen.getAllByText(SENTENCE)).toEqual([message]);
   const box = meant();
   const described = box.getAttribute("aria-describedby")?.split(" ") ?? [];
-  expect(described.some((id) => document.getElementById(id)?.contains(said))).toBe(true);
+  expect(described.some((id) => document.getElementById(id)?.contains(message))).toBe(true);
   await waitFor(() => expect(document.activeElement).toBe(box));
   const marked = [...document.querySelectorAll("[aria-invalid=true], [data-refused=true][type=button]")];
   expect(marked).toEqual([box]);
@@ -273,7 +273,7 @@ it.each<Case>([
 it.each([
   ["10; a", "“a” is not a number"],
   ["1 2 3 4 5 6 7 8 9", "at most 8"],
-])("finds at the field itself that %j are no tensions", async (text, why) => {
+])("shows at the field that %j is not a list of tensions", async (text, why) => {
   refusal = { path: "" };
   open(identification);
   await type(IDENTIFY.tensionList, text)();
@@ -283,15 +283,15 @@ it.each([
   expect(described.map((id) => document.getElementById(id)?.textContent).join()).toContain(why);
 });
 
-it("says in words which box of an identification holds no number", async () => {
+it("names the field of an identification that is not a number", async () => {
   refusal = { path: "" };
   open(identification);
   await type(IDENTIFY.tension, "much")();
-  const said = screen.getByRole("status", { name: "Refusal" }).textContent;
-  expect(said).toBe("Tension: “much” is not a number.");
+  const message = screen.getByRole("status", { name: "Refusal" }).textContent;
+  expect(message).toBe("Tension: “much” is not a number.");
 });
 
-it("does not take the typing away to what a forecast blames", async () => {
+it("does not move the focus from the edited field when a forecast is refused", async () => {
   refusal = { path: "/api/identifications/prediction", place: ["actuator", "estimator"] };
   open(identification);
   const box = await screen.findByLabelText(IDENTIFY.tension);
@@ -302,7 +302,7 @@ it("does not take the typing away to what a forecast blames", async () => {
   expect(screen.getAllByText(SENTENCE)).toHaveLength(1);
 });
 
-it("says how long a trial may not be where it is not a number", async () => {
+it("shows at the duration of a trial that it is not a number", async () => {
   refusal = { path: "" };
   open(<TuningChanges tuning={TUNING as unknown as Tuning} staged={STAGED} locked={null} />);
   await type(OPERATE.trialDuration, "ten")();

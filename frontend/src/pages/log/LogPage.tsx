@@ -1,4 +1,4 @@
-/** Everything that happened here: who did what, when, and where it stands in a recording. */
+/** Page Log: events with time, person and their position in a recording. */
 
 import { Button, NativeSelect, TextInput } from "@mantine/core";
 import { useDebouncedValue } from "@mantine/hooks";

@@ -17,18 +17,18 @@ import { addressOf } from "../runs/runAddress";
 import styles from "./Log.module.css";
 import { TEXTS } from "./texts";
 
-/** What a person says of an event: a note, and tags as words. */
+/** Form for the note and the tags of an event. */
 
 function isRemark(value: unknown): value is { note: string; tags: string } {
   return isPlainRecord(value) && isText(value.note) && isText(value.tags);
 }
 
 export function RemarkForm({ entry, onDone }: { entry: LogEntry; onDone: () => void }) {
-  const kept = { note: entry.note, tags: entry.tags.join(" ") };
-  const draft = useDraft(`remark on event ${entry.event}`, kept, isRemark);
+  const stored = { note: entry.note, tags: entry.tags.join(" ") };
+  const draft = useDraft(`remark on event ${entry.event}`, stored, isRemark);
   const { note, tags } = draft.value;
   const save = useRemark(entry.event as number);
-  const set = (part: Partial<typeof kept>) => draft.set((before) => ({ ...before, ...part }));
+  const set = (part: Partial<typeof stored>) => draft.set((before) => ({ ...before, ...part }));
   function close(): void {
     draft.discard();
     onDone();
@@ -68,9 +68,9 @@ export function RemarkForm({ entry, onDone }: { entry: LogEntry; onDone: () => v
   );
 }
 
-/** What the log can be narrowed to, in words. Pure. */
+/** Filters of the log by kind. Pure. */
 
-/** Each kind by its name; a new kind of the service has to be given one here. */
+/** Names of the kinds; the type requires a name for each kind of the service. */
 export const NAMES: Readonly<Record<LogKind, string>> = {
   mode: "Mode",
   tuning: "Tuning",
@@ -91,7 +91,7 @@ export const NAMES: Readonly<Record<LogKind, string>> = {
 
 export const ALARMS: readonly LogKind[] = ["fault", "trip", "recording"];
 
-/** What a choice of the box means: "" all, "alarms", or one kind. */
+/** Returns the kinds of a filter choice: "" for all, "alarms", or one kind. */
 export function kindsOf(choice: string): readonly LogKind[] {
   if (choice === "alarms") return ALARMS;
   return isKind(choice) ? [choice] : [];
@@ -106,7 +106,7 @@ export const CHOICES = [
   })),
 ];
 
-/** Midnight at the begin of a day of the person's own zone, or `days` later, as the service has times; "" for none. */
+/** Returns the start of a day in the local time zone, plus `days`, as ISO time; "" without a date. */
 export function midnight(day: string, days = 0): string {
   const begin = new Date(`${day}T00:00`);
   if (Number.isNaN(begin.getTime())) return "";
@@ -118,7 +118,7 @@ function isKind(choice: string): choice is LogKind {
   return choice in NAMES;
 }
 
-/** The log as a table: alarms with icon and word, each line linked to its second of the recording. */
+/** Table of events: alarms have an icon, and each row links to its time in the recording. */
 
 export function LogRows({ entries }: { entries: readonly LogEntry[] }) {
   return (
@@ -144,7 +144,7 @@ export function LogRows({ entries }: { entries: readonly LogEntry[] }) {
   );
 }
 
-/** A run has a line for its begin and one for its end. */
+/** Returns the key of a row; a run has one row for its start and one for its end. */
 function keyOf({ event, run, at }: LogEntry): string {
   return event === null ? `run ${run} ${at}` : String(event);
 }
@@ -173,7 +173,7 @@ const Row = memo(({ entry }: { entry: LogEntry }) => {
   );
 }, alike);
 
-/** Asked for again and again, most lines stay what they are: only what changed is drawn anew. */
+/** Whether two entries are equal, so that a refetch renders only changed rows. */
 function alike(before: { entry: LogEntry }, now: { entry: LogEntry }): boolean {
   return before.entry === now.entry || JSON.stringify(before.entry) === JSON.stringify(now.entry);
 }
@@ -205,7 +205,7 @@ function RemarkLine({ entry }: { entry: LogEntry }) {
   const angles = useAngleUnit();
   if (writing) return <RemarkForm entry={entry} onDone={() => setWriting(false)} />;
   return (
-    <span className={styles.said}>
+    <span className={styles.noteLine}>
       {entry.note !== "" && <span>{entry.note}</span>}
       {entry.tags.map((tag) => (
         <span key={tag} className={styles.tag}>

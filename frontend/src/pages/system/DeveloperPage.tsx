@@ -21,14 +21,14 @@ export default function DeveloperPage() {
   const { faults, card } = useQuery(faultsQuery).data ?? { faults: [], card: [] };
   const latched = useLive((live) => live.state?.fault?.code);
   const plant = useLive((live) => live.state?.plant);
-  const breakable = plant?.simulated ?? true;
+  const injectable = plant?.simulated ?? true;
   const inject = useInjectFault();
-  const mend = useEndInjection();
+  const clear = useEndInjection();
   return (
     <div className={page.page}>
       <h1 className={page.title}>{TEXTS.developer}</h1>
       <p className={page.lead}>
-        {breakable
+        {injectable
           ? fillText(TEXTS.developerHint, { plant: plant?.name ?? TEXTS.simulatorName })
           : fillText(TEXTS.notInjectable, { plant: inSentence(plant) })}
       </p>
@@ -37,16 +37,16 @@ export default function DeveloperPage() {
           <div className={styles.actions}>
             <Button
               variant="default"
-              disabled={!breakable}
-              loading={mend.isPending}
-              onClick={() => mend.mutate()}
+              disabled={!injectable}
+              loading={clear.isPending}
+              onClick={() => clear.mutate()}
             >
               {TEXTS.clearAll}
             </Button>
-            <Refusal error={inject.error ?? mend.error} />
+            <Refusal error={inject.error ?? clear.error} />
           </div>
         </OperatorsOnly>
-        <Breakable
+        <InjectionTable
           label={TEXTS.faults}
           columns={[TEXTS.columnFault, TEXTS.columnMeaning, TEXTS.columnInjection]}
           rows={faults.map(({ code, message, injection, by_hand }) => ({
@@ -61,12 +61,12 @@ export default function DeveloperPage() {
             ],
             injection,
           }))}
-          onInject={breakable ? inject.mutate : null}
+          onInject={injectable ? inject.mutate : null}
         />
       </Card>
       {card.length > 0 && (
         <Card title={TEXTS.card}>
-          <Breakable
+          <InjectionTable
             label={TEXTS.card}
             columns={[TEXTS.columnDefect, TEXTS.columnLeadsTo]}
             rows={card.map(({ injection, says, leads_to }) => ({
@@ -82,21 +82,21 @@ export default function DeveloperPage() {
   );
 }
 
-interface BreakableProps {
+interface InjectionTableProps {
   readonly label: string;
   readonly columns: readonly string[];
-  /** A name for the button, a cell for each column, and what to break; null where nothing has to be broken for it. */
+  /** Name for the button, a cell per column, and the injection; null if the fault has none. */
   readonly rows: readonly {
     readonly name: string;
     readonly cells: readonly ReactNode[];
     readonly injection: Injection | null;
   }[];
-  /** Null where nothing can be broken. */
+  /** null if the plant does not support fault injection. */
   readonly onInject: ((injection: Injection) => void) | null;
 }
 
-/** What can be broken, each with a button for whoever may. */
-function Breakable({ label, columns, rows, onInject }: BreakableProps) {
+/** Table of faults or defects; an operator has a button for each injection. */
+function InjectionTable({ label, columns, rows, onInject }: InjectionTableProps) {
   const may = useMayCommand() !== false;
   return (
     <div className={page.tableScroll}>

@@ -1,4 +1,4 @@
-/** Names and values in two columns under a title. */
+/** Card with names and values in two columns. */
 
 import type { ReactNode } from "react";
 import { Card } from "../../components/Card";

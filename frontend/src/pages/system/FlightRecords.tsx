@@ -1,4 +1,4 @@
-/** The flight records of trips, ten seconds before and five after, and of triggers, to take home. */
+/** Card with the flight records of trips and triggers, for download. */
 
 import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
@@ -77,7 +77,7 @@ export function FlightRecords() {
   );
 }
 
-/** One decimal where it says it all; samples are a thousandth of a second. */
+/** Returns 1 if one decimal is exact, else 3, because samples are 1 ms apart. */
 function decimals(seconds: number): number {
   return Math.abs(seconds * 10 - Math.round(seconds * 10)) < 1e-6 ? 1 : 3;
 }

@@ -1,4 +1,4 @@
-/** Room that recordings take; where it is too much, which samples may go, and deleting exactly those. */
+/** Card with the storage that recordings use, and a dialog that deletes samples of old runs. */
 
 import { Button, Modal, Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
@@ -16,9 +16,9 @@ import { TEXTS } from "./texts";
 
 export function RecordingsCard() {
   const found = useQuery(recordingsQuery).data;
-  /** The list as it was when the dialog was opened: what is shown is what goes. */
+  /** List at the time the dialog opened, so that only runs that it shows are deleted. */
   const [asked, setAsked] = useState<Recordings["may_go"] | null>(null);
-  const mayGo = found?.may_go ?? [];
+  const deletable = found?.may_go ?? [];
   return (
     <Facts
       title={TEXTS.recordings}
@@ -37,14 +37,14 @@ export function RecordingsCard() {
         [TEXTS.inUse, found && fillText(TEXTS.inUseKept, { size: bytes(found.in_use_bytes) })],
         [
           TEXTS.deletable,
-          found && (mayGo.length === 0 ? TEXTS.deletableNone : summary(mayGo, found.keep_days)),
+          found && (deletable.length === 0 ? TEXTS.deletableNone : summary(deletable, found.keep_days)),
         ],
       ]}
     >
-      {mayGo.length > 0 && (
+      {deletable.length > 0 && (
         <div className={styles.actions}>
           <OperatorsOnly>
-            <Button variant="default" onClick={() => setAsked(mayGo)}>
+            <Button variant="default" onClick={() => setAsked(deletable)}>
               {TEXTS.choose}
             </Button>
           </OperatorsOnly>
@@ -63,10 +63,10 @@ interface RemovalProps {
 }
 
 function Removal({ runs, onDone }: RemovalProps) {
-  const [kept, setKept] = useState<ReadonlySet<number>>(new Set());
+  const [excluded, setExcluded] = useState<ReadonlySet<number>>(new Set());
   const remove = useRemoveRecordings();
-  const going = runs.filter((run) => !kept.has(run.run));
-  const toggle = (run: number) => setKept((before) => toggled(before, run));
+  const selected = runs.filter((run) => !excluded.has(run.run));
+  const toggle = (run: number) => setExcluded((before) => toggled(before, run));
   return (
     <>
       <p>{TEXTS.removalHint}</p>
@@ -89,7 +89,7 @@ function Removal({ runs, onDone }: RemovalProps) {
                   <input
                     type="checkbox"
                     aria-label={fillText(TEXTS.deleteRun, { run: run.run })}
-                    checked={!kept.has(run.run)}
+                    checked={!excluded.has(run.run)}
                     onChange={() => toggle(run.run)}
                   />
                 </Table.Td>
@@ -108,18 +108,18 @@ function Removal({ runs, onDone }: RemovalProps) {
       <div className={styles.actions}>
         <Button
           color="red"
-          disabled={going.length === 0}
+          disabled={selected.length === 0}
           loading={remove.isPending}
           onClick={() =>
             remove.mutate(
-              going.map((run) => run.run),
+              selected.map((run) => run.run),
               { onSuccess: onDone },
             )
           }
         >
           {fillText(TEXTS.deleteSamples, {
-            runs: countThings(going.length, "run"),
-            size: bytes(total(going)),
+            runs: countThings(selected.length, "run"),
+            size: bytes(total(selected)),
           })}
         </Button>
         <Button variant="default" onClick={onDone}>

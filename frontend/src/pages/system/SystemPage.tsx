@@ -20,9 +20,9 @@ import systemStyles from "./System.module.css";
 import { TriggerCard } from "./TriggerCard";
 import { TEXTS } from "./texts";
 
-/** Disk and database: how they do, a check of all of it, and copies. */
+/** Card with the state of disk and database, an integrity check and backups. */
 
-/** A day at the bench takes about 2 GB. */
+/** Least free space without a warning: a day of recordings takes about 2 GB. */
 const LITTLE_BYTES = 2e9;
 
 export function DatabaseCard({ system }: { system: SystemState | undefined }) {
@@ -72,7 +72,7 @@ export function DatabaseCard({ system }: { system: SystemState | undefined }) {
   );
 }
 
-/** The safety chain in order, each link as it stands now; each watches the one before it. */
+/** Card with the state of each link of the safety chain; each link monitors the one before it. */
 
 export function SafetyChain() {
   const chain = useLive((live) => live.state?.chain);
@@ -91,7 +91,7 @@ export function SafetyChain() {
   );
 }
 
-/** How late the ticks of the last minute began, and what the machine granted to the loop. */
+/** Card with the lateness of the control steps in the last minute, and the granted real-time privileges. */
 
 export function Lateness({ system }: { system: SystemState | undefined }) {
   const classes = system?.lateness ?? [];
@@ -163,12 +163,12 @@ export function Lateness({ system }: { system: SystemState | undefined }) {
   );
 }
 
-/** One tick in a million still shows. */
+/** Returns the length of a bar [%] on a logarithmic scale, on which one step in a million is visible. */
 function share(ticks: number, total: number): number {
   return ticks === 0 ? 0 : (100 * Math.log10(1 + ticks)) / Math.log10(1 + total);
 }
 
-/** How the service, the loop and the link do, and what the signals mean. */
+/** Page System: state of control loop and service, flight records and the list of signals. */
 
 export default function SystemPage() {
   const state = useLive((live) => live.state);

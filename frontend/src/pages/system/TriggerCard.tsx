@@ -1,4 +1,4 @@
-/** Trigger capture: a condition on a signal, and how much is kept around it as a flight record. */
+/** Card of the trigger capture: condition on a signal, and the time range of the flight record. */
 
 import { Button } from "@mantine/core";
 import { useQueryClient } from "@tanstack/react-query";
@@ -32,7 +32,7 @@ import { TEXTS } from "./texts";
 
 type Typed = number | string;
 
-/** The boxes of the form. */
+/** Values of the form. */
 interface Condition {
   readonly signal: string;
   readonly condition: TriggerOrder["condition"];
@@ -65,17 +65,17 @@ export function TriggerCard() {
   const angles = useAngleUnit();
   const queries = useQueryClient();
   const captured = trigger?.captured ?? 0;
-  // biome-ignore lint/correctness/useExhaustiveDependencies: each capture is one more record in the list
+  // biome-ignore lint/correctness/useExhaustiveDependencies: each capture adds a record to the list
   useEffect(() => void queries.invalidateQueries({ queryKey: flightsQuery.queryKey }), [captured, queries]);
   const waits = trigger !== null && trigger.phase !== "ended";
-  const said = localizeText(describeTrigger(trigger), angles);
+  const stateText = localizeText(describeTrigger(trigger), angles);
   return (
     <Card
       title={TEXTS.trigger}
       aside={<Link href="/system">{captured > 0 ? TEXTS.captures : TEXTS.flights}</Link>}
     >
       <output className={styles.state} aria-label={TEXTS.triggerState} data-phase={trigger?.phase ?? "none"}>
-        {waits ? fillText(TEXTS.armedBy, { state: said, person: trigger.who }) : said}
+        {waits ? fillText(TEXTS.armedBy, { state: stateText, person: trigger.who }) : stateText}
       </output>
       <OperatorsOnly>{waits ? <Disarm /> : <ArmForm />}</OperatorsOnly>
     </Card>
