@@ -4,8 +4,6 @@ import { fillText } from "../../samples/texts";
 import type { ComparisonAsked } from "../../service/api/runs";
 import { TEXTS } from "./texts";
 
-/** Addresses of runs on the page. Pure. */
-
 /** Paths of the run list, the metrics, a run, a run at a time, and a run with others (see `othersIn`). */
 export const RUNS =
   /^\/runs(?:\/(?:(?<chart>metrics)|(?<id>\d+)(?:@(?<at>\d+(?:\.\d+)?))?(?:\/(?<others>[^/]+)(?:\/(?<how>[^/]+))?)?))?$/;

@@ -94,7 +94,7 @@ function VariedSelect({ label, value, choices, only, onChange }: VariedSelectPro
 
 type Value = boolean | number | string;
 
-/** Axis over `values`, or `count` values from `first` to `last`; a text is an incomplete number. */
+/** Axis over `values`, or `count` values from `first` to `last`. A box can hold an incomplete number. */
 interface Axis {
   readonly over: string;
   readonly values?: readonly Value[];
