@@ -1,4 +1,4 @@
-"""Who is recognized by what, and where the tokens are kept."""
+"""Authentication: tokens, cookies, sessions, rate limits and token files."""
 
 import asyncio
 import stat
@@ -18,8 +18,6 @@ from backend.server.security import COOKIE, end_session, read_credentials, set_s
 from backend.settings import Settings
 from tests.refusals import refused
 
-# Who is recognized by what, on its own.
-
 
 class Clock:
     def __init__(self) -> None:
@@ -29,8 +27,8 @@ class Clock:
         return self.now
 
 
-class Door:
-    """Authentication on a data folder, its clock, and what browsers do at it."""
+class AuthenticationBench:
+    """Authentication on a data folder with a test clock, and the requests of browsers."""
 
     def __init__(self, data: Path) -> None:
         self.clock = Clock()
@@ -42,19 +40,21 @@ class Door:
         return self.files.tokens.get(role)
 
     def cookie(self, name: str = "Ana", role: Role = Role.OPERATOR, **headers: str) -> str:
-        """Sign in; return the pair that the browser sends from then on."""
-        asks = connection(headers)
-        return self.granted(asks, self.authentication.sign_in(read_credentials(asks), self.token(role), name))
+        """Sign in and return the cookie that the browser sends afterwards."""
+        request = connection(headers)
+        return self.grant_cookie(
+            request, self.authentication.sign_in(read_credentials(request), self.token(role), name)
+        )
 
-    def granted(self, asks: HTTPConnection, person: User) -> str:
+    def grant_cookie(self, request: HTTPConnection, person: User) -> str:
         response = Response()
-        set_session_cookie(self.authentication, asks, response, person)
+        set_session_cookie(self.authentication, request, response, person)
         return response.headers["set-cookie"].partition(";")[0]
 
-    def who(self, cookie: str) -> User | None:
+    def user_of(self, cookie: str) -> User | None:
         return self.authentication.authenticate(read_credentials(connection({"cookie": cookie})))
 
-    def who_stops(self, cookie: str) -> User | None:
+    def stop_user_of(self, cookie: str) -> User | None:
         return self.authentication.authenticate_for_stop(read_credentials(connection({"cookie": cookie})))
 
     def sign_out(self, cookie: str) -> None:
@@ -62,8 +62,8 @@ class Door:
 
 
 @pytest.fixture
-def door(tmp_path: Path) -> Door:
-    return Door(tmp_path)
+def bench(tmp_path: Path) -> AuthenticationBench:
+    return AuthenticationBench(tmp_path)
 
 
 def connection(headers: dict[str, str], address: str = "10.0.0.1") -> HTTPConnection:
@@ -76,266 +76,274 @@ def status(error: pytest.ExceptionInfo[RequestRejectedError]) -> int:
     return STATUS_BY_CODE[error.value.category]
 
 
-def sign_in_status(door: Door, token: str, address: str = "here", **headers: str) -> int:
+def sign_in_status(bench: AuthenticationBench, token: str, address: str = "here", **headers: str) -> int:
     with pytest.raises(RequestRejectedError) as error:
-        door.authentication.sign_in(
+        bench.authentication.sign_in(
             read_credentials(connection({name.replace("_", "-"): value for name, value in headers.items()}, address)),
             token,
         )
     return status(error)
 
 
-def test_each_token_opens_its_role_and_others_none(door: Door) -> None:
-    assert door.authentication.sign_in(read_credentials(connection({})), door.token(), "Ana").role is Role.OPERATOR
-    viewer = door.authentication.sign_in(read_credentials(connection({})), door.token(Role.VIEWER))
+def test_each_token_grants_its_role_and_other_tokens_are_rejected(bench: AuthenticationBench) -> None:
+    assert bench.authentication.sign_in(read_credentials(connection({})), bench.token(), "Ana").role is Role.OPERATOR
+    viewer = bench.authentication.sign_in(read_credentials(connection({})), bench.token(Role.VIEWER))
     assert (viewer.role, viewer.name) == (Role.VIEWER, "viewer")
     assert len(viewer.session) >= 16
-    assert sign_in_status(door, door.token()[:-1]) == 401
-    assert sign_in_status(door, "\ud800") == 401
+    assert sign_in_status(bench, bench.token()[:-1]) == 401
+    assert sign_in_status(bench, "\ud800") == 401
 
 
-def test_the_cookie_is_recognized_with_the_same_tokens_only(door: Door, tmp_path: Path) -> None:
+def test_a_cookie_is_valid_only_for_the_tokens_that_signed_it(bench: AuthenticationBench, tmp_path: Path) -> None:
     response = Response()
-    asks = connection({})
-    ana = door.authentication.sign_in(read_credentials(asks), door.token(), "Ana")
-    set_session_cookie(door.authentication, asks, response, ana)
+    request = connection({})
+    ana = bench.authentication.sign_in(read_credentials(request), bench.token(), "Ana")
+    set_session_cookie(bench.authentication, request, response, ana)
     header = response.headers["set-cookie"]
     assert "HttpOnly" in header
     assert "SameSite=strict" in header
     pair = header.partition(";")[0]
-    assert door.who(pair) == ana
-    other = Door(tmp_path / "other")
-    assert other.who(pair) is None
-    assert other.who_stops(pair) is None
+    assert bench.user_of(pair) == ana
+    other = AuthenticationBench(tmp_path / "other")
+    assert other.user_of(pair) is None
+    assert other.stop_user_of(pair) is None
 
 
-def test_a_forged_cookie_is_nobody(door: Door) -> None:
-    name, _, value = door.cookie("Vera", Role.VIEWER).partition("=")
+def test_forged_cookies_are_rejected(bench: AuthenticationBench) -> None:
+    name, _, value = bench.cookie("Vera", Role.VIEWER).partition("=")
     content, rest = value.split(".", 1)
     forged = content[:-3] + ("AAA" if content[-3:] != "AAA" else "BBB")
     for wrong in (f"{forged}.{rest}", "", "x" * 100_000, value + "A", "."):
-        assert door.who(f"{name}={wrong}") is None
-        assert door.who_stops(f"{name}={wrong}") is None
+        assert bench.user_of(f"{name}={wrong}") is None
+        assert bench.stop_user_of(f"{name}={wrong}") is None
 
 
 @pytest.mark.parametrize("moved_s", [-3600.0, 40 * 86400.0])
-def test_a_clock_that_was_set_signs_nobody_out(door: Door, monkeypatch: pytest.MonkeyPatch, moved_s: float) -> None:
-    pair = door.cookie()
+def test_setting_the_system_clock_does_not_end_sessions(
+    bench: AuthenticationBench, monkeypatch: pytest.MonkeyPatch, moved_s: float
+) -> None:
+    pair = bench.cookie()
     moved = time.time() + moved_s
     monkeypatch.setattr("time.time", lambda: moved)
-    assert door.who(pair) is not None
-    assert door.who_stops(pair) is not None
+    assert bench.user_of(pair) is not None
+    assert bench.stop_user_of(pair) is not None
 
 
-def test_a_session_that_fell_asleep_may_still_stop(door: Door) -> None:
-    pair = door.cookie()
-    door.clock.now += IDLE_S - 10.0
-    assert door.who(pair) is not None
-    door.clock.now += IDLE_S + 10.0
-    assert door.who(pair) is None
-    stops = door.who_stops(pair)
+def test_an_idle_session_expires_but_may_still_send_stop(bench: AuthenticationBench) -> None:
+    pair = bench.cookie()
+    bench.clock.now += IDLE_S - 10.0
+    assert bench.user_of(pair) is not None
+    bench.clock.now += IDLE_S + 10.0
+    assert bench.user_of(pair) is None
+    stops = bench.stop_user_of(pair)
     assert stops is not None
     assert stops.name == "Ana"
 
 
-def test_a_cookie_whose_session_was_forgotten_may_still_stop(door: Door, tmp_path: Path) -> None:
-    pair = door.cookie()
-    again = Door(tmp_path)  # the file of sessions was never written
-    assert again.who(pair) is None
-    assert again.who_stops(pair) is not None
+def test_the_cookie_of_a_lost_session_may_still_send_stop(bench: AuthenticationBench, tmp_path: Path) -> None:
+    pair = bench.cookie()
+    again = AuthenticationBench(tmp_path)  # the session file was never written
+    assert again.user_of(pair) is None
+    assert again.stop_user_of(pair) is not None
 
 
-def test_many_viewers_push_out_no_operator(door: Door) -> None:
-    ana = door.cookie()
-    first = door.cookie("Vic", Role.VIEWER)
+def test_viewer_sessions_do_not_evict_operator_sessions(bench: AuthenticationBench) -> None:
+    ana = bench.cookie()
+    first = bench.cookie("Vic", Role.VIEWER)
     for _ in range(LIVE_OF_A_ROLE):
-        door.clock.now += ATTEMPTS_WINDOW_S / SIGN_INS + 0.1
-        door.cookie("Vic", Role.VIEWER)
-    assert door.who(first) is None
-    assert door.who_stops(first) is not None
-    assert door.who(ana) is not None
+        bench.clock.now += ATTEMPTS_WINDOW_S / SIGN_INS + 0.1
+        bench.cookie("Vic", Role.VIEWER)
+    assert bench.user_of(first) is None
+    assert bench.stop_user_of(first) is not None
+    assert bench.user_of(ana) is not None
 
 
-def test_signing_out_ends_the_cookie_wherever_it_is(door: Door) -> None:
-    pair, other = door.cookie(), door.cookie()
-    door.sign_out(pair)
-    assert door.who(pair) is None
-    assert door.who_stops(pair) is None
-    assert door.who(other) is not None
+def test_signing_out_invalidates_only_the_own_cookie(bench: AuthenticationBench) -> None:
+    pair, other = bench.cookie(), bench.cookie()
+    bench.sign_out(pair)
+    assert bench.user_of(pair) is None
+    assert bench.stop_user_of(pair) is None
+    assert bench.user_of(other) is not None
 
 
-def test_two_services_on_one_host_leave_each_other_their_cookies(tmp_path: Path) -> None:
-    here, there = Door(tmp_path / "here"), Door(tmp_path / "there")
+def test_two_services_on_one_host_use_different_cookie_names(tmp_path: Path) -> None:
+    here, there = AuthenticationBench(tmp_path / "here"), AuthenticationBench(tmp_path / "there")
     ours = here.cookie()
     theirs = there.cookie(host="localhost:8001")
     assert ours.partition("=")[0] == f"{COOKIE}8000"
-    jar = dict(pair.split("=", 1) for pair in (ours, theirs))  # as a browser keeps them: by name, for all ports
+    jar = dict(pair.split("=", 1) for pair in (ours, theirs))  # a browser stores cookies by name, for all ports
     sent = "; ".join(f"{name}={value}" for name, value in jar.items())
-    assert here.who(sent) is not None
+    assert here.user_of(sent) is not None
     assert (
         there.authentication.authenticate(read_credentials(connection({"cookie": sent, "host": "localhost:8001"})))
         is not None
     )
 
 
-def test_a_cookie_of_the_same_name_from_elsewhere_does_not_hide_ours(door: Door) -> None:
-    assert door.who(f"{COOKIE}8000=planted; {door.cookie()}; {COOKIE}8000=") is not None
+def test_foreign_cookies_of_the_same_name_do_not_hide_the_valid_cookie(bench: AuthenticationBench) -> None:
+    assert bench.user_of(f"{COOKIE}8000=planted; {bench.cookie()}; {COOKIE}8000=") is not None
 
 
 @pytest.mark.parametrize("host", ["lab", "lab:99999999", "[::1]", "", "lab:\u0663"])
-def test_any_host_header_has_a_cookie_name(host: str) -> None:
+def test_unusual_host_headers_do_not_break_authentication(host: str) -> None:
     raw = [(b"host", host.encode())]
-    door_less = Authentication(None)
-    assert door_less.authenticate(read_credentials(HTTPConnection({"type": "http", "headers": raw}))) is not None
+    without_tokens = Authentication(None)
+    assert without_tokens.authenticate(read_credentials(HTTPConnection({"type": "http", "headers": raw}))) is not None
 
 
-def test_new_sessions_have_a_rate_for_each_role_and_address(door: Door) -> None:
-    """Who may begin no more sessions goes on with those that there are, and slows nobody else."""
+def test_new_sessions_are_rate_limited_per_role_and_address(bench: AuthenticationBench) -> None:
+    """At the limit, existing sessions stay valid, and other roles and addresses are not limited."""
     ours = [
-        door.authentication.sign_in(read_credentials(connection({}, "here")), door.token(Role.VIEWER))
+        bench.authentication.sign_in(read_credentials(connection({}, "here")), bench.token(Role.VIEWER))
         for _ in range(SIGN_INS)
     ]
     with pytest.raises(RequestRejectedError) as error:
-        door.authentication.sign_in(read_credentials(connection({}, "here")), door.token(Role.VIEWER))
+        bench.authentication.sign_in(read_credentials(connection({}, "here")), bench.token(Role.VIEWER))
     assert status(error) == 429
-    assert door.authentication.sessions.is_live(ours[0].session)
-    assert door.authentication.sign_in(read_credentials(connection({}, "here")), door.token()).role is Role.OPERATOR
-    assert door.authentication.sign_in(read_credentials(connection({}, "there")), door.token(Role.VIEWER))
-    door.clock.now += ATTEMPTS_WINDOW_S + 1
-    assert door.authentication.sign_in(read_credentials(connection({}, "here")), door.token(Role.VIEWER))
+    assert bench.authentication.sessions.is_live(ours[0].session)
+    assert bench.authentication.sign_in(read_credentials(connection({}, "here")), bench.token()).role is Role.OPERATOR
+    assert bench.authentication.sign_in(read_credentials(connection({}, "there")), bench.token(Role.VIEWER))
+    bench.clock.now += ATTEMPTS_WINDOW_S + 1
+    assert bench.authentication.sign_in(read_credentials(connection({}, "here")), bench.token(Role.VIEWER))
 
 
-def test_no_sign_in_pushes_out_a_session_with_an_open_page(door: Door) -> None:
-    ana = door.authentication.sign_in(read_credentials(connection({})), door.token(), "Ana")
-    with door.authentication.active_users.connect(ana, is_page=True):
+def test_sign_ins_do_not_evict_a_session_with_an_open_page(bench: AuthenticationBench) -> None:
+    ana = bench.authentication.sign_in(read_credentials(connection({})), bench.token(), "Ana")
+    with bench.authentication.active_users.connect(ana, is_page=True):
         for number in range(LIVE_OF_A_ROLE + 1):
-            door.clock.now += ATTEMPTS_WINDOW_S / SIGN_INS + 0.1
-            last = door.authentication.sign_in(
-                read_credentials(connection({}, f"10.0.0.{number}")), door.token(), f"{number}"
+            bench.clock.now += ATTEMPTS_WINDOW_S / SIGN_INS + 0.1
+            last = bench.authentication.sign_in(
+                read_credentials(connection({}, f"10.0.0.{number}")), bench.token(), f"{number}"
             )
-        assert door.authentication.sessions.is_live(ana.session)
-        assert door.authentication.sessions.is_live(last.session)
+        assert bench.authentication.sessions.is_live(ana.session)
+        assert bench.authentication.sessions.is_live(last.session)
 
 
-def test_wrong_tokens_are_slowed_and_the_right_one_never(door: Door) -> None:
-    assert [sign_in_status(door, "wrong") for _ in range(ATTEMPTS)] == [401] * ATTEMPTS
+def test_wrong_tokens_are_rate_limited_and_valid_tokens_are_not(bench: AuthenticationBench) -> None:
+    assert [sign_in_status(bench, "wrong") for _ in range(ATTEMPTS)] == [401] * ATTEMPTS
     with pytest.raises(RequestRejectedError) as error:
-        door.authentication.sign_in(read_credentials(connection({}, "here")), "wrong")
+        bench.authentication.sign_in(read_credentials(connection({}, "here")), "wrong")
     assert status(error) == 429
     assert error.value.retry_after_s <= ATTEMPTS_WINDOW_S + 1
-    assert door.authentication.sign_in(read_credentials(connection({}, "here")), door.token()).role is Role.OPERATOR
-    assert sign_in_status(door, "wrong", "elsewhere") == 401
-    door.clock.now += ATTEMPTS_WINDOW_S + 1
-    assert sign_in_status(door, "wrong") == 401
+    assert bench.authentication.sign_in(read_credentials(connection({}, "here")), bench.token()).role is Role.OPERATOR
+    assert sign_in_status(bench, "wrong", "elsewhere") == 401
+    bench.clock.now += ATTEMPTS_WINDOW_S + 1
+    assert sign_in_status(bench, "wrong") == 401
 
 
 @pytest.mark.parametrize("site", ["cross-site", "same-site"])
-def test_what_a_foreign_page_makes_a_browser_send_counts_for_nobody(door: Door, site: str) -> None:
-    assert [sign_in_status(door, "wrong", sec_fetch_site=site) for _ in range(3 * ATTEMPTS)] == [401] * 3 * ATTEMPTS
-    assert sign_in_status(door, "wrong") == 401
+def test_attempts_from_foreign_pages_do_not_count_towards_the_rate_limit(bench: AuthenticationBench, site: str) -> None:
+    assert [sign_in_status(bench, "wrong", sec_fetch_site=site) for _ in range(3 * ATTEMPTS)] == [401] * 3 * ATTEMPTS
+    assert sign_in_status(bench, "wrong") == 401
 
 
-def test_asking_twice_about_one_request_counts_once(door: Door) -> None:
+def test_repeated_checks_of_one_request_count_as_one_attempt(bench: AuthenticationBench) -> None:
     for _ in range(ATTEMPTS):
-        asks = connection({"authorization": "Bearer nonsense"})
+        request = connection({"authorization": "Bearer nonsense"})
         for _ in range(3):
             with pytest.raises(RequestRejectedError) as error:
-                door.authentication.authenticate(read_credentials(asks))
+                bench.authentication.authenticate(read_credentials(request))
             assert status(error) == 401
     with pytest.raises(RequestRejectedError) as error:
-        door.authentication.authenticate(read_credentials(connection({"authorization": "Bearer nonsense"})))
+        bench.authentication.authenticate(read_credentials(connection({"authorization": "Bearer nonsense"})))
     assert status(error) == 429
-    person = door.authentication.authenticate(read_credentials(connection({"authorization": f"Bearer {door.token()}"})))
+    person = bench.authentication.authenticate(
+        read_credentials(connection({"authorization": f"Bearer {bench.token()}"}))
+    )
     assert person is not None
     assert person.role is Role.OPERATOR
 
 
-def test_a_browser_goes_on_with_its_session_or_ends_it(door: Door) -> None:
-    pair = door.cookie("Ana")
-    ana = door.who(pair)
-    again = door.authentication.sign_in(read_credentials(connection({"cookie": pair})), door.token())
+def test_a_second_sign_in_continues_or_replaces_the_session_of_the_browser(bench: AuthenticationBench) -> None:
+    pair = bench.cookie("Ana")
+    ana = bench.user_of(pair)
+    again = bench.authentication.sign_in(read_credentials(connection({"cookie": pair})), bench.token())
     assert again == ana
-    vera = door.authentication.sign_in(read_credentials(connection({"cookie": pair})), door.token(), "Vera")
+    vera = bench.authentication.sign_in(read_credentials(connection({"cookie": pair})), bench.token(), "Vera")
     assert vera.session != again.session
-    assert door.who(pair) is None
+    assert bench.user_of(pair) is None
 
 
-def test_persons_of_one_name_are_told_apart_while_they_are_there(door: Door) -> None:
-    ana = door.authentication.sign_in(read_credentials(connection({})), door.token(), "Ana")
-    with door.authentication.active_users.connect(ana, is_page=True):
-        second = door.authentication.sign_in(read_credentials(connection({})), door.token(), "Ana")
-        viewer = door.authentication.sign_in(read_credentials(connection({})), door.token(Role.VIEWER), "Ana")
-        there = door.authentication.active_users
+def test_connected_users_with_the_same_name_get_distinct_names(bench: AuthenticationBench) -> None:
+    ana = bench.authentication.sign_in(read_credentials(connection({})), bench.token(), "Ana")
+    with bench.authentication.active_users.connect(ana, is_page=True):
+        second = bench.authentication.sign_in(read_credentials(connection({})), bench.token(), "Ana")
+        viewer = bench.authentication.sign_in(read_credentials(connection({})), bench.token(Role.VIEWER), "Ana")
+        there = bench.authentication.active_users
         with there.connect(second, is_page=True), there.connect(viewer, is_page=True):
-            assert [one.name for one in door.authentication.active_users.view()] == ["Ana", "Ana (2)", "Ana (viewer)"]
-        pretender = door.authentication.sign_in(
-            read_credentials(connection({})), door.token(Role.VIEWER), " Ana (2)\n\u202e"
+            assert [one.name for one in bench.authentication.active_users.view()] == ["Ana", "Ana (2)", "Ana (viewer)"]
+        pretender = bench.authentication.sign_in(
+            read_credentials(connection({})), bench.token(Role.VIEWER), " Ana (2)\n\u202e"
         )
         assert pretender.name == "Ana 2 (viewer)"
-    assert door.authentication.active_users.view() == []
-    assert door.authentication.sign_in(read_credentials(connection({})), door.token(), "Ana").name == "Ana"
+    assert bench.authentication.active_users.view() == []
+    assert bench.authentication.sign_in(read_credentials(connection({})), bench.token(), "Ana").name == "Ana"
 
 
-def test_new_tokens_end_the_sessions_of_their_role(door: Door) -> None:
-    ana, vera, vic = door.cookie("Ana"), door.cookie("Vera"), door.cookie("Vic", Role.VIEWER)
-    asks = connection({"cookie": ana})
-    rotating = door.authentication.authenticate(read_credentials(asks))
+def test_rotating_a_token_ends_the_other_sessions_of_its_role(bench: AuthenticationBench) -> None:
+    ana, vera, vic = bench.cookie("Ana"), bench.cookie("Vera"), bench.cookie("Vic", Role.VIEWER)
+    request = connection({"cookie": ana})
+    rotating = bench.authentication.authenticate(read_credentials(request))
     assert rotating is not None
-    before = door.token()
-    tokens = asyncio.run(door.authentication.rotate([Role.OPERATOR], rotating))
-    assert sign_in_status(door, before) == 401
-    assert door.authentication.sign_in(read_credentials(connection({})), tokens.operator).role is Role.OPERATOR
-    assert door.who(vera) is None
-    assert door.who_stops(vera) is None
-    assert door.who(vic) is not None
-    assert door.who(door.granted(asks, rotating)) == rotating
-    assert door.who_stops(ana) is not None  # until the browser has the new one
-    door.clock.now += GRACE_S + 1
-    assert door.who_stops(ana) is None
+    before = bench.token()
+    tokens = asyncio.run(bench.authentication.rotate([Role.OPERATOR], rotating))
+    assert sign_in_status(bench, before) == 401
+    assert bench.authentication.sign_in(read_credentials(connection({})), tokens.operator).role is Role.OPERATOR
+    assert bench.user_of(vera) is None
+    assert bench.stop_user_of(vera) is None
+    assert bench.user_of(vic) is not None
+    assert bench.user_of(bench.grant_cookie(request, rotating)) == rotating
+    assert bench.stop_user_of(ana) is not None  # until the browser has the new cookie
+    bench.clock.now += GRACE_S + 1
+    assert bench.stop_user_of(ana) is None
 
 
-def test_a_token_file_that_was_changed_is_in_force_soon_and_a_broken_one_never(door: Door, tmp_path: Path) -> None:
+def test_a_changed_token_file_is_reloaded_and_a_missing_one_is_ignored(
+    bench: AuthenticationBench, tmp_path: Path
+) -> None:
     async def notice(over: asyncio.Event) -> None:
-        task = asyncio.create_task(door.authentication.run())
+        task = asyncio.create_task(bench.authentication.run())
         await asyncio.wait_for(over.wait(), 60.0)
         task.cancel()
 
-    ana, before = door.cookie(), door.token()
-    person = door.who(ana)
+    ana, before = bench.cookie(), bench.token()
+    person = bench.user_of(ana)
     assert person is not None
     (tmp_path / "viewer-token").unlink()
-    with door.authentication.active_users.connect(person, is_page=True) as over:
+    with bench.authentication.active_users.connect(person, is_page=True) as over:
         replace_tokens(tmp_path, [Role.OPERATOR])
         asyncio.run(notice(over))
-    assert door.token() != before
-    assert door.who(ana) is None
-    assert door.authentication.sign_in(read_credentials(connection({})), door.token(Role.VIEWER)).role is Role.VIEWER
+    assert bench.token() != before
+    assert bench.user_of(ana) is None
+    assert bench.authentication.sign_in(read_credentials(connection({})), bench.token(Role.VIEWER)).role is Role.VIEWER
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"ran_s": 1, "live": {"a": 3}, "ended": []}', "\x00"])
-def test_a_damaged_file_of_sessions_leaves_stop_and_nothing_else(door: Door, tmp_path: Path, content: str) -> None:
-    pair = door.cookie()
-    asyncio.run(door.sessions.save())
-    assert Door(tmp_path).who(pair) is not None
+def test_a_damaged_session_file_ends_sessions_but_permits_stop(
+    bench: AuthenticationBench, tmp_path: Path, content: str
+) -> None:
+    pair = bench.cookie()
+    asyncio.run(bench.sessions.save())
+    assert AuthenticationBench(tmp_path).user_of(pair) is not None
     (tmp_path / "sessions.json").write_text(content)
-    again = Door(tmp_path)
-    assert again.who(pair) is None
-    assert again.who_stops(pair) is not None
+    again = AuthenticationBench(tmp_path)
+    assert again.user_of(pair) is None
+    assert again.stop_user_of(pair) is not None
 
 
-def test_a_session_file_that_cannot_be_written_is_told(door: Door, tmp_path: Path) -> None:
+def test_an_unwritable_session_file_is_reported(bench: AuthenticationBench, tmp_path: Path) -> None:
     (tmp_path / "sessions.json.new").mkdir()
-    asyncio.run(door.sessions.save())
-    assert door.sessions.problem is not None
+    asyncio.run(bench.sessions.save())
+    assert bench.sessions.problem is not None
     (tmp_path / "sessions.json.new").rmdir()
-    asyncio.run(door.sessions.save())
-    assert door.sessions.problem is None
+    asyncio.run(bench.sessions.save())
+    assert bench.sessions.problem is None
 
 
-# The token files, and where a service goes without them.
+# Token files, and addresses that require a token.
 
 
-def test_tokens_are_made_once_and_readable_by_their_owner_only(tmp_path: Path) -> None:
+def test_tokens_are_generated_once_and_readable_only_by_their_owner(tmp_path: Path) -> None:
     made = load_tokens(tmp_path / "data")
     assert load_tokens(tmp_path / "data") == made
     for name in ("token", "viewer-token"):
@@ -346,7 +354,7 @@ def test_tokens_are_made_once_and_readable_by_their_owner_only(tmp_path: Path) -
     assert made.operator not in repr(made)
 
 
-def test_an_emptied_token_file_is_refused(tmp_path: Path) -> None:
+def test_an_empty_token_file_is_rejected(tmp_path: Path) -> None:
     load_tokens(tmp_path)
     (tmp_path / "token").write_text("")
     with refused(TokenError, "no_usable_token", file=str(tmp_path / "token")):
@@ -354,12 +362,12 @@ def test_an_emptied_token_file_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.4", "::", "lab.example"])
-def test_another_address_without_a_token_is_refused(host: str) -> None:
+def test_other_addresses_require_a_token(host: str) -> None:
     with pytest.raises(ValueError, match="needs the token"):
         Settings(host=host, require_token=False)
     assert Settings(host=host).host == host
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1", "localhost"])
-def test_this_machine_may_go_without(host: str) -> None:
+def test_loopback_addresses_do_not_require_a_token(host: str) -> None:
     assert not Settings(host=host, require_token=False).require_token

@@ -11,8 +11,8 @@ from backend.auth.control_lease import BUSY_S, GAP_S, WAITING, CommandSequencer
 from backend.errors import RequestRejectedError
 
 
-class Skipping(selectors.DefaultSelector):
-    """Waits for nothing but other processes: time is over as soon as nothing else is to be done."""
+class SkippingSelector(selectors.DefaultSelector):
+    """Skips the wait when no file descriptor is ready, and adds it to the simulated time."""
 
     skipped_s = 0.0
 
@@ -23,11 +23,11 @@ class Skipping(selectors.DefaultSelector):
         return found
 
 
-class OwnTime(asyncio.SelectorEventLoop):
-    """An event loop in which a machine that stands still makes nothing late."""
+class SimulatedTimeLoop(asyncio.SelectorEventLoop):
+    """An event loop with simulated time, so that a slow machine does not delay a command."""
 
     def __init__(self) -> None:
-        self._waits = Skipping()
+        self._waits = SkippingSelector()
         super().__init__(self._waits)
 
     def time(self) -> float:
@@ -35,52 +35,52 @@ class OwnTime(asyncio.SelectorEventLoop):
 
 
 def run(session: Coroutine[Any, Any, None]) -> None:
-    with asyncio.Runner(loop_factory=OwnTime) as runner:
+    with asyncio.Runner(loop_factory=SimulatedTimeLoop) as runner:
         runner.run(session)
 
 
-class Desk:
-    """Commands that note when they begin and end."""
+class CommandLog:
+    """Runs commands and logs when they begin and end."""
 
     def __init__(self) -> None:
         self.turns = CommandSequencer()
-        self.noted: list[str] = []
+        self.entries: list[str] = []
 
     async def command(self, number: int, arrives_s: float = 0.0, takes_s: float = 0.0) -> None:
         await asyncio.sleep(arrives_s)
         try:
             async with self.turns.turn(number):
-                self.noted.append(f"{number} begins")
+                self.entries.append(f"{number} begins")
                 await asyncio.sleep(takes_s)
-                self.noted.append(f"{number} ends")
+                self.entries.append(f"{number} ends")
         except RequestRejectedError as error:
-            self.noted.append(f"{number} {error.code}")
+            self.entries.append(f"{number} {error.code}")
 
     def play(self, *commands: tuple[int, float, float]) -> list[str]:
         async def together() -> None:
             await asyncio.gather(*(self.command(*command) for command in commands))
 
         run(together())
-        return self.noted
+        return self.entries
 
 
 def test_command_waits_for_its_predecessor_and_its_answer() -> None:
-    noted = Desk().play((2, 0.0, 0.0), (3, 0.0, 0.0), (1, 0.05, 0.1))
-    assert noted == ["1 begins", "1 ends", "2 begins", "2 ends", "3 begins", "3 ends"]
+    entries = CommandLog().play((2, 0.0, 0.0), (3, 0.0, 0.0), (1, 0.05, 0.1))
+    assert entries == ["1 begins", "1 ends", "2 begins", "2 ends", "3 begins", "3 ends"]
 
 
 def test_missing_predecessor_is_awaited_for_GAP_S() -> None:
-    noted = Desk().play((1, 0.0, 0.0), (3, 0.0, 0.0), (4, 0.0, 0.0), (2, GAP_S + 0.5, 0.0))
-    assert noted == ["1 begins", "1 ends", "3 begins", "3 ends", "4 begins", "4 ends", "2 stale_command"]
+    entries = CommandLog().play((1, 0.0, 0.0), (3, 0.0, 0.0), (4, 0.0, 0.0), (2, GAP_S + 0.5, 0.0))
+    assert entries == ["1 begins", "1 ends", "3 begins", "3 ends", "4 begins", "4 ends", "2 stale_command"]
 
 
 def test_unanswered_predecessor_is_awaited_for_BUSY_S() -> None:
-    noted = Desk().play((1, 0.0, BUSY_S + 0.5), (2, 0.0, 0.0))
-    assert noted == ["1 begins", "2 begins", "2 ends", "1 ends"]
+    entries = CommandLog().play((1, 0.0, BUSY_S + 0.5), (2, 0.0, 0.0))
+    assert entries == ["1 begins", "2 begins", "2 ends", "1 ends"]
 
 
 def test_repeated_number_is_executed_once() -> None:
-    assert sorted(Desk().play((1, 0.0, 0.1), (1, 0.0, 0.0), (2, 0.0, 0.0), (2, 0.05, 0.0))) == [
+    assert sorted(CommandLog().play((1, 0.0, 0.1), (1, 0.0, 0.0), (2, 0.0, 0.0), (2, 0.05, 0.0))) == [
         "1 begins",
         "1 ends",
         "1 stale_command",
@@ -104,6 +104,6 @@ def test_failed_command_ends_its_turn() -> None:
 
 
 def test_waiting_commands_of_a_page_are_limited() -> None:
-    noted = Desk().play(*((number, 0.0, 0.0) for number in range(2, WAITING + 4)))
-    assert noted.count("34 too_many_commands") == 1
-    assert len([note for note in noted if note.endswith("ends")]) == WAITING
+    entries = CommandLog().play(*((number, 0.0, 0.0) for number in range(2, WAITING + 4)))
+    assert entries.count("34 too_many_commands") == 1
+    assert len([note for note in entries if note.endswith("ends")]) == WAITING

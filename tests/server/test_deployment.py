@@ -1,4 +1,4 @@
-"""What a service behind a reverse proxy believes: hosts, origins, prefix, who asks, and what its cookie is for."""
+"""The service behind a reverse proxy: accepted hosts and origins, prefix, client address and cookie."""
 
 import asyncio
 import html
@@ -35,7 +35,7 @@ async def live(websocket: WebSocket) -> None:
     await websocket.accept()
 
 
-def ask(
+def send_request(
     public: PublicUrl | None,
     method: str = "GET",
     path: str = "/api/thing",
@@ -43,7 +43,7 @@ def ask(
     allowed: tuple[str, ...] = (),
     **headers: str,
 ) -> httpx.Response:
-    """Return the answer to a request; names of headers have _ for -."""
+    """Return the response to a request; header names have _ instead of -."""
 
     async def exchange() -> httpx.Response:
         transport = httpx.ASGITransport(HostOriginMiddleware(app, allowed, public), client=(peer, 4711))
@@ -73,13 +73,13 @@ def code(answer: httpx.Response) -> str:
         ("", "unknown_host"),
     ],
 )
-def test_hosts_are_the_public_one_and_loopback(host: str, refused: str) -> None:
-    assert code(ask(SECURE, host=host)) == refused
+def test_only_the_public_host_and_loopback_are_accepted(host: str, refused: str) -> None:
+    assert code(send_request(SECURE, host=host)) == refused
 
 
-def test_a_name_that_is_allowed_stays_so_beside_a_public_url() -> None:
-    assert code(ask(SECURE, host="bench.lab", allowed=("bench.lab",))) == ""
-    own = ask(SECURE, "POST", host="bench.lab:8000", origin="http://bench.lab:8000", allowed=("bench.lab",))
+def test_allowed_hosts_stay_accepted_with_a_public_url() -> None:
+    assert code(send_request(SECURE, host="bench.lab", allowed=("bench.lab",))) == ""
+    own = send_request(SECURE, "POST", host="bench.lab:8000", origin="http://bench.lab:8000", allowed=("bench.lab",))
     assert code(own) == ""
 
 
@@ -97,35 +97,35 @@ def test_a_name_that_is_allowed_stays_so_beside_a_public_url() -> None:
         ("rig.lab", "null", "foreign_origin"),
     ],
 )
-def test_origins_are_the_public_one_and_loopback(host: str, origin: str, refused: str) -> None:
-    assert code(ask(SECURE, "POST", host=host, origin=origin)) == refused
+def test_only_the_public_origin_and_loopback_are_accepted(host: str, origin: str, refused: str) -> None:
+    assert code(send_request(SECURE, "POST", host=host, origin=origin)) == refused
 
 
-def test_a_browser_that_says_the_page_is_of_another_site_is_believed_before_the_origin() -> None:
-    answer = ask(SECURE, "POST", host="rig.lab", origin="https://rig.lab", sec_fetch_site="cross-site")
+def test_a_cross_site_fetch_is_rejected_even_from_the_public_origin() -> None:
+    answer = send_request(SECURE, "POST", host="rig.lab", origin="https://rig.lab", sec_fetch_site="cross-site")
     assert code(answer) == "foreign_origin"
 
 
-def test_without_a_public_url_a_proxy_that_rewrites_the_host_gets_the_remedy(
+def test_a_proxy_that_rewrites_the_host_gets_a_remedy_without_a_public_url(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    answer = ask(None, "POST", host="127.0.0.1:8000", origin="http://rig.lab:8080")
+    answer = send_request(None, "POST", host="127.0.0.1:8000", origin="http://rig.lab:8080")
     assert (answer.status_code, code(answer)) == (403, "foreign_origin")
-    told = deployment.foreign_origin("http://rig.lab:8080", "127.0.0.1:8000", None)
-    assert (told.code, told.values["proxy"]) == ("page_of_unknown_proxy", "http://rig.lab:8080")
+    expected = deployment.foreign_origin("http://rig.lab:8080", "127.0.0.1:8000", None)
+    assert (expected.code, expected.values["proxy"]) == ("page_of_unknown_proxy", "http://rig.lab:8080")
     error = answer.json()["error"]
-    assert (error["message_code"], error["message"]) == (told.code, told)
-    assert told in caplog.text
+    assert (error["message_code"], error["message"]) == (expected.code, expected)
+    assert expected in caplog.text
 
 
 @pytest.mark.parametrize("path", ["/api/thing", "/sinew/api/thing"])
-def test_the_prefix_may_be_left_on_the_path_or_taken_off(path: str) -> None:
-    assert ask(SECURE, path=path, host="rig.lab").json()["path"] == "/api/thing"
+def test_paths_are_accepted_with_and_without_the_prefix(path: str) -> None:
+    assert send_request(SECURE, path=path, host="rig.lab").json()["path"] == "/api/thing"
 
 
 @pytest.mark.parametrize("path", ["/sinewy/api/thing", "/other/api/thing", "/sinew/sinew/api/thing"])
-def test_another_prefix_is_no_address(path: str) -> None:
-    assert ask(SECURE, path=path, host="rig.lab").status_code == 404
+def test_paths_with_another_prefix_are_not_found(path: str) -> None:
+    assert send_request(SECURE, path=path, host="rig.lab").status_code == 404
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_another_prefix_is_no_address(path: str) -> None:
     [
         (SECURE, PROXY, BROWSER, BROWSER),
         (SECURE, "::ffff:127.0.0.1", BROWSER, BROWSER),
-        (SECURE, PROXY, f"10.9.9.9, {BROWSER}", BROWSER),  # what a browser said before is not believed
+        (SECURE, PROXY, f"10.9.9.9, {BROWSER}", BROWSER),  # addresses that the browser sent are ignored
         (SECURE, PROXY, f"{BROWSER}, 127.0.0.2", BROWSER),
         (SECURE, PROXY, "nonsense", PROXY),
         (SECURE, STRANGER, BROWSER, STRANGER),
@@ -142,45 +142,47 @@ def test_another_prefix_is_no_address(path: str) -> None:
         (replace(SECURE, proxies=parse_networks(["10.0.0.0/24"])), PROXY, BROWSER, PROXY),
     ],
 )
-def test_who_asks_is_whom_a_trusted_proxy_names(
+def test_the_client_address_is_taken_only_from_a_trusted_proxy(
     public: PublicUrl | None, peer: str, forwarded: str, client: str
 ) -> None:
-    assert ask(public, peer=peer, x_forwarded_for=forwarded).json()["client"] == client
+    assert send_request(public, peer=peer, x_forwarded_for=forwarded).json()["client"] == client
 
 
-def test_no_header_of_a_proxy_makes_a_host_or_an_origin_known() -> None:
+def test_proxy_headers_do_not_make_a_host_or_origin_known() -> None:
     evil = "evil.example"
-    host = ask(SECURE, host=evil, x_forwarded_host="rig.lab", x_forwarded_proto="https", forwarded="host=rig.lab")
+    host = send_request(
+        SECURE, host=evil, x_forwarded_host="rig.lab", x_forwarded_proto="https", forwarded="host=rig.lab"
+    )
     assert code(host) == "unknown_host"
-    origin = ask(
+    origin = send_request(
         SECURE, "POST", host="rig.lab", origin=f"https://{evil}", x_forwarded_host=evil, forwarded=f"host={evil}"
     )
     assert code(origin) == "foreign_origin"
 
 
-class Granting:
-    """An authentication that always has a cookie to give."""
+class FakeAuthentication:
+    """An authentication that always issues a cookie."""
 
     def make_cookie(self, _person: object) -> str:
         return "value"
 
     def sign_out(self, _shown: object) -> None:
-        """Nothing is kept."""
+        """Do nothing."""
 
 
 def cookie_lines(public: PublicUrl | None, headers: dict[str, str], path: str = "/", peer: str = PROXY) -> list[str]:
     """Return the Set-Cookie lines of a sign-in and of a sign-out."""
-    said: list[str] = []
+    lines: list[str] = []
 
     async def route(scope: Any, receive: Any, send: Any) -> None:
         for granted in (True, False):
             response, connection = Response(), HTTPConnection(scope)
-            given: Any = Granting()
+            given: Any = FakeAuthentication()
             if granted:
                 security.set_session_cookie(given, connection, response, given)
             else:
                 security.end_session(given, connection, response)
-            said.extend(response.headers.getlist("set-cookie"))
+            lines.extend(response.headers.getlist("set-cookie"))
         await Response()(scope, receive, send)
 
     async def exchange() -> None:
@@ -189,7 +191,7 @@ def cookie_lines(public: PublicUrl | None, headers: dict[str, str], path: str = 
             (await client.get(path, headers=headers)).raise_for_status()
 
     asyncio.run(exchange())
-    return said
+    return lines
 
 
 def attributes(line: str) -> set[str]:
@@ -208,7 +210,7 @@ def attributes(line: str) -> set[str]:
         (SECURE, {"host": "127.0.0.1:8000"}, "/", True, "/"),
     ],
 )
-def test_the_cookie_is_for_the_path_and_the_scheme_of_the_public_url(
+def test_the_cookie_has_the_path_and_scheme_of_the_public_url(
     public: PublicUrl | None, headers: dict[str, str], path: str, secure: bool, cookie_path: str
 ) -> None:
     granted, *forgotten = cookie_lines(public, headers, path)
@@ -219,23 +221,23 @@ def test_the_cookie_is_for_the_path_and_the_scheme_of_the_public_url(
     assert all("max-age=0" in attributes(line) for line in forgotten)
 
 
-def test_a_websocket_that_lost_its_upgrade_is_told_and_logged(caplog: pytest.LogCaptureFixture) -> None:
-    answer = ask(None, path="/api/live", host="localhost", sec_websocket_key="x", origin="http://localhost")
+def test_a_websocket_without_upgrade_header_is_rejected_and_logged(caplog: pytest.LogCaptureFixture) -> None:
+    answer = send_request(None, path="/api/live", host="localhost", sec_websocket_key="x", origin="http://localhost")
     assert (answer.status_code, code(answer)) == (426, "upgrade_required")
-    told = deployment.upgrade_lost("/api/live", "http://localhost")
-    assert (told.code, told.values["origin"]) == ("upgrade_missing", "http://localhost")
-    assert answer.json()["error"]["message_code"] == told.code
-    assert told in caplog.text
+    expected = deployment.upgrade_lost("/api/live", "http://localhost")
+    assert (expected.code, expected.values["origin"]) == ("upgrade_missing", "http://localhost")
+    assert answer.json()["error"]["message_code"] == expected.code
+    assert expected in caplog.text
 
 
-def test_a_person_at_a_browser_reads_a_refusal_as_a_page() -> None:
-    answer = ask(None, host="evil.example", accept="text/html,application/xhtml+xml")
+def test_browsers_get_a_rejection_as_an_html_page() -> None:
+    answer = send_request(None, host="evil.example", accept="text/html,application/xhtml+xml")
     assert answer.status_code == 400
     assert answer.headers["content-type"].startswith("text/html")
-    told = deployment.unknown_host("evil.example", None)
-    assert told.values["host"] == "evil.example"
-    assert html.escape(told) in answer.text
-    nasty = ask(None, host="a<script>", accept="text/html")
+    expected = deployment.unknown_host("evil.example", None)
+    assert expected.values["host"] == "evil.example"
+    assert html.escape(expected) in answer.text
+    nasty = send_request(None, host="a<script>", accept="text/html")
     assert "<script>" not in nasty.text
 
 
@@ -255,7 +257,7 @@ def test_a_person_at_a_browser_reads_a_refusal_as_a_page() -> None:
         ("nonsense", SECURE, PROXY, {}, []),
     ],
 )
-def test_what_is_wrong_with_the_way_of_a_page_is_found(
+def test_deployment_problems_of_a_page_are_found(
     page: str, public: PublicUrl | None, peer: str, headers: dict[str, str], found: list[str]
 ) -> None:
     problems = deployment.find_deployment_problems(page, public, Headers(headers), peer)
@@ -265,7 +267,7 @@ def test_what_is_wrong_with_the_way_of_a_page_is_found(
 
 
 COOKIES = "; ".join(f"other{number}={'x' * 3000}" for number in range(7))
-"""Cookies of other applications under the same host name."""
+"""Cookies of other applications on the same host."""
 
 
 @pytest.fixture(scope="module")
@@ -304,20 +306,18 @@ def status_of(address: tuple[str, int], words: bytes) -> int:
     ],
     ids=["7 cookies of 3 kB", "31 kB", "33 kB", "90 kB", "90 lines", "101 lines", "200 lines"],
 )
-def test_requests_and_websockets_have_the_same_limits_of_the_head(
+def test_requests_and_websockets_have_the_same_head_limits(
     address: tuple[str, int], lines: list[str], plain: int, upgraded: int
 ) -> None:
     assert status_of(address, head("/api/thing", *lines, upgrade=False)) == plain
     assert status_of(address, head("/api/live", *lines, upgrade=True)) == upgraded
 
 
-def test_a_refused_websocket_is_logged_with_its_origin_and_nothing_else(
-    address: tuple[str, int], caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_rejected_websocket_logs_only_its_origin(address: tuple[str, int], caplog: pytest.LogCaptureFixture) -> None:
     refused = head("/api/live", "Origin: https://rig.lab", upgrade=True)
     with connected(address, refused) as client:
         assert everything_from(client).startswith(b"HTTP/1.1 403 ")
     (record,) = [record for record in caplog.records if record.levelname in ("WARNING", "ERROR")]
-    told = deployment.foreign_origin("https://rig.lab", "localhost", None)
-    assert (told.code, told.values["proxy"]) == ("page_of_unknown_proxy", "https://rig.lab")
-    assert told in record.getMessage()
+    expected = deployment.foreign_origin("https://rig.lab", "localhost", None)
+    assert (expected.code, expected.values["proxy"]) == ("page_of_unknown_proxy", "https://rig.lab")
+    assert expected in record.getMessage()

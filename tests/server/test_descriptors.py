@@ -1,4 +1,4 @@
-"""STOP while others hold all the connections they can: the running service with few descriptors."""
+"""STOP while clients hold as many connections as possible: the service with few file descriptors."""
 
 import resource
 import socket
@@ -16,7 +16,7 @@ from tests.e2e.service import Service, running_service
 
 DESCRIPTORS = 256
 LATE_S = 20.0
-"""Without a descriptor for it, STOP is never answered. The soak test of floods measures the 0.3 s that are promised."""
+"""Timeout for STOP, which gets no response without a descriptor. The soak test of floods measures the 0.3 s limit."""
 
 HEAD = b"GET /api/state HTTP/1.1\r\nHost: localhost\r\n"
 SLOW_BODY = (
@@ -25,14 +25,14 @@ SLOW_BODY = (
 
 
 @pytest.fixture(scope="module")
-def crowded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+def limited_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     with running_service(tmp_path_factory.mktemp("door"), params="ideal", descriptors=DESCRIPTORS) as running:
         yield running
 
 
 @pytest.fixture(scope="module")
-def address(crowded: Service) -> tuple[str, int]:
-    parts = urlsplit(crowded.url)
+def address(limited_service: Service) -> tuple[str, int]:
+    parts = urlsplit(limited_service.url)
     return str(parts.hostname), int(parts.port or 0)
 
 
@@ -40,36 +40,38 @@ def press_stop(client: httpx.Client) -> None:
     client.post("/api/stop", timeout=LATE_S).raise_for_status()
 
 
-@pytest.mark.parametrize("said", [b"", HEAD, SLOW_BODY], ids=["nothing", "half a head", "half a body"])
-def test_stop_comes_through_however_many_hold_connections(
-    crowded: Service, address: tuple[str, int], said: bytes
+@pytest.mark.parametrize("sent_bytes", [b"", HEAD, SLOW_BODY], ids=["nothing", "half a head", "half a body"])
+def test_stop_is_executed_while_clients_hold_all_connections(
+    limited_service: Service, address: tuple[str, int], sent_bytes: bytes
 ) -> None:
-    with client_with(crowded, "token") as kept:
-        kept.post("/api/stop").raise_for_status()
-        before = len(crowded.log.read_bytes())
-        with many(address, 2 * DESCRIPTORS, said):
+    with client_with(limited_service, "token") as operator:
+        operator.post("/api/stop").raise_for_status()
+        before = len(limited_service.log.read_bytes())
+        with many(address, 2 * DESCRIPTORS, sent_bytes):
             for _ in range(5):
-                press_stop(kept)
+                press_stop(operator)
             for _ in range(5):
-                with client_with(crowded, "token") as new:
+                with client_with(limited_service, "token") as new:
                     press_stop(new)
-        assert len(crowded.log.read_bytes()) - before < 20_000
+        assert len(limited_service.log.read_bytes()) - before < 20_000
 
 
-def test_who_is_signed_in_is_not_sent_away(crowded: Service, address: tuple[str, int]) -> None:
-    with client_with(crowded, "viewer-token") as viewer, live(viewer) as watching:
-        with many(address, 2 * DESCRIPTORS) as guests:
-            newest = guests[-1]
+def test_authenticated_connections_stay_open_under_a_flood(limited_service: Service, address: tuple[str, int]) -> None:
+    with client_with(limited_service, "viewer-token") as viewer, live(viewer) as watching:
+        with many(address, 2 * DESCRIPTORS) as connections:
+            newest = connections[-1]
             assert viewer.get("/api/state").status_code == 200
-            for guest in guests[:DESCRIPTORS]:  # in turn: the service takes them from the kernel as it finds time
-                until(lambda guest=guest: is_closed(guest))  # type: ignore[misc] # the default binds the loop's name
+            for connection in connections[
+                :DESCRIPTORS
+            ]:  # in order: the service accepts them from the kernel when it has time
+                until(lambda connection=connection: is_closed(connection))  # type: ignore[misc] # the default binds the loop's name
             assert not is_closed(newest)
         for _ in range(100):
             watching.recv(timeout=PATIENCE_S)
 
 
-def test_viewers_leave_room_for_an_operator(crowded: Service) -> None:
-    with client_with(crowded, "viewer-token") as viewer, client_with(crowded, "token") as operator:
+def test_viewers_leave_connections_for_an_operator(limited_service: Service) -> None:
+    with client_with(limited_service, "viewer-token") as viewer, client_with(limited_service, "token") as operator:
         watching: list[ClientConnection] = []
         with pytest.raises(InvalidStatus, match="503"):
             watching.extend(live(viewer) for _ in range(DESCRIPTORS))
@@ -82,20 +84,22 @@ def test_viewers_leave_room_for_an_operator(crowded: Service) -> None:
             again.recv(timeout=PATIENCE_S)
 
 
-def test_a_low_limit_of_descriptors_is_told(crowded: Service) -> None:
-    assert f"only {DESCRIPTORS} files" in crowded.log.read_text()
+def test_a_low_descriptor_limit_is_logged(limited_service: Service) -> None:
+    assert f"only {DESCRIPTORS} files" in limited_service.log.read_text()
 
 
-def test_the_limit_is_raised_as_far_as_it_may_be(crowded: Service) -> None:
-    assert resource.prlimit(crowded.pid, resource.RLIMIT_NOFILE) == (DESCRIPTORS, DESCRIPTORS)
+def test_the_descriptor_limit_is_raised_to_the_hard_limit(limited_service: Service) -> None:
+    assert resource.prlimit(limited_service.pid, resource.RLIMIT_NOFILE) == (DESCRIPTORS, DESCRIPTORS)
 
 
-def test_a_websocket_of_nobody_is_refused_with_every_header(crowded: Service, address: tuple[str, int]) -> None:
-    with socket.create_connection(address, 30) as nobody:
-        nobody.sendall(
+def test_the_rejection_of_an_anonymous_websocket_has_the_security_headers(
+    limited_service: Service, address: tuple[str, int]
+) -> None:
+    with socket.create_connection(address, 30) as anonymous:
+        anonymous.sendall(
             b"GET /api/live HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: upgrade\r\n"
             b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
         )
-        answer = nobody.recv(4096)
+        answer = anonymous.recv(4096)
     assert answer.startswith(b"HTTP/1.1 401 ")
     assert b"content-security-policy: default-src" in answer.lower()

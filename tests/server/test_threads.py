@@ -1,4 +1,4 @@
-"""Plain routes run in few threads; whatever does not wait for the database waits for none of them."""
+"""Plain routes run in a few threads and do not delay pages and coroutine routes."""
 
 import asyncio
 import threading
@@ -14,10 +14,10 @@ from backend.server.threads import THREADS, ThreadRoute
 from tests.docs.test_security import calls, routes
 
 
-async def _answers(application: FastAPI, asked: int, release: threading.Event) -> tuple[list[int], list[int]]:
+async def _request_both(application: FastAPI, count: int, release: threading.Event) -> tuple[list[int], list[int]]:
     transport = httpx.ASGITransport(application)
     async with httpx.AsyncClient(transport=transport, base_url="http://here", timeout=60.0) as client:
-        slow = [asyncio.create_task(client.get("/slow")) for _ in range(asked)]
+        slow = [asyncio.create_task(client.get("/slow")) for _ in range(count)]
         try:
             async with asyncio.timeout(30.0):
                 quick = [await client.get(path) for path in ("/quick", "/page.html", "/quick")]
@@ -26,20 +26,20 @@ async def _answers(application: FastAPI, asked: int, release: threading.Event) -
         return [one.status_code for one in quick], [one.status_code for one in await asyncio.gather(*slow)]
 
 
-def test_routes_that_wait_for_the_database_leave_room_for_all_others(tmp_path: Path) -> None:
+def test_routes_in_threads_do_not_block_other_requests(tmp_path: Path) -> None:
     (tmp_path / "page.html").write_text("page")
-    release, counting, under_way, most = threading.Event(), threading.Lock(), 0, 0
+    release, counting, active, most = threading.Event(), threading.Lock(), 0, 0
     router = APIRouter(route_class=ThreadRoute)
 
     @router.get("/slow")
     def slow() -> str:
-        nonlocal under_way, most
+        nonlocal active, most
         with counting:
-            under_way += 1
-            most = max(most, under_way)
+            active += 1
+            most = max(most, active)
         assert release.wait(60.0)
         with counting:
-            under_way -= 1
+            active -= 1
         return threading.current_thread().name
 
     @router.get("/quick")
@@ -49,12 +49,12 @@ def test_routes_that_wait_for_the_database_leave_room_for_all_others(tmp_path: P
     application = FastAPI()
     application.include_router(router)
     application.mount("/", StaticFiles(directory=tmp_path))
-    quickly, slowly = asyncio.run(_answers(application, 50, release))
-    assert (quickly, slowly) == ([200] * 3, [200] * 50)
+    quick_statuses, slow_statuses = asyncio.run(_request_both(application, 50, release))
+    assert (quick_statuses, slow_statuses) == ([200] * 3, [200] * 50)
     assert most == THREADS
 
 
-def test_no_route_takes_a_thread_of_the_page_and_no_command_takes_any() -> None:
+def test_plain_routes_use_ThreadRoute_and_commands_are_coroutines() -> None:
     commands = {dependencies._get_control_holder, dependencies._get_stop_requester}
     for route in routes():
         assert iscoroutinefunction(route.endpoint), f"{route.path}: its router is without ThreadRoute"
