@@ -1,4 +1,4 @@
-"""A client of the Foxglove WebSocket protocol, read off its specification: JSON both ways, samples in binary frames."""
+"""A client of the Foxglove WebSocket protocol: JSON both ways, samples in binary frames."""
 
 import json
 import struct
@@ -18,48 +18,52 @@ class Message(NamedTuple):
     content: bytes
 
 
-class Watching:
-    """Is connected, and subscribes to all that is advertised until ``topics`` are."""
+class Subscriber:
+    """Subscribes to every advertised channel once ``topics`` channels are advertised."""
 
     def __init__(self, socket: Connection, topics: int) -> None:
         self.socket = socket
-        self.info = self._said()
+        self.info = self._receive()
         self.channels: dict[str, dict[str, Any]] = {}
         while len(self.channels) < topics:
-            for channel in self._said().get("channels", ()):
+            for channel in self._receive().get("channels", ()):
                 self.channels[channel["topic"]] = channel
         self._topics = dict(enumerate(self.channels))
-        asked = [{"id": number, "channelId": self.channels[topic]["id"]} for number, topic in self._topics.items()]
-        socket.send(json.dumps({"op": "subscribe", "subscriptions": asked}))
+        subscriptions = [
+            {"id": number, "channelId": self.channels[topic]["id"]} for number, topic in self._topics.items()
+        ]
+        socket.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
 
-    def _said(self) -> dict[str, Any]:
+    def _receive(self) -> dict[str, Any]:
         return dict(json.loads(self.socket.recv(PATIENCE_S)))
 
-    def heard(self) -> Iterator[Message | dict[str, Any]]:
-        """Yield what comes, for ever."""
+    def receive_all(self) -> Iterator[Message | dict[str, Any]]:
+        """Yield every message, without end."""
         while True:
-            said = self.socket.recv(PATIENCE_S)
-            if isinstance(said, str):
-                yield json.loads(said)
+            received = self.socket.recv(PATIENCE_S)
+            if isinstance(received, str):
+                yield json.loads(received)
                 continue
-            kind, subscription, time_ns = struct.unpack_from("<BIQ", said)
+            kind, subscription, time_ns = struct.unpack_from("<BIQ", received)
             assert kind == 1
-            yield Message(self._topics[subscription], time_ns, said[13:])
+            yield Message(self._topics[subscription], time_ns, received[13:])
 
     def messages(self, topic: str) -> Iterator[Message]:
-        return (said for said in self.heard() if isinstance(said, Message) and said.topic == topic)
+        return (
+            received for received in self.receive_all() if isinstance(received, Message) and received.topic == topic
+        )
 
 
 @contextmanager
-def watching(address: str, protocol: str = "foxglove.sdk.v1", topics: int = 2) -> Iterator[Watching]:
+def subscribe(address: str, protocol: str = "foxglove.sdk.v1", topics: int = 2) -> Iterator[Subscriber]:
     with connect(
         address,
-        subprotocols=[protocol],  # type: ignore[list-item]  # a plain word
+        subprotocols=[protocol],  # type: ignore[list-item]  # a plain string
         max_size=None,
         compression=None,
         open_timeout=PATIENCE_S,
-        ping_interval=None,  # the command gives way to all else: an answer may take its time
+        ping_interval=None,  # the command has a low priority, so its pong may be late
         close_timeout=0.1,
     ) as socket:
         assert socket.subprotocol == protocol
-        yield Watching(socket, topics)
+        yield Subscriber(socket, topics)

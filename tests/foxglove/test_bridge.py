@@ -1,4 +1,4 @@
-"""Foxglove's bridge by itself: its clients, and what it publishes."""
+"""The gateway to Foxglove without a service: its clients, and the messages that it publishes."""
 
 import asyncio
 import base64
@@ -26,27 +26,27 @@ from backend.foxglove.bridge import (
 from backend.services.live_stream import build_layout
 from tests.refusals import refused
 
-# The door by itself: clients that say nothing hold up nobody, and who comes late is looked at again.
+# The gateway: unresponsive clients, the maximum number of clients, and key changes.
 
 Stream = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 
 
-async def vendor(client: ServerConnection) -> None:
+async def foxglove_server(client: ServerConnection) -> None:
     async for _ in client:
         pass
 
 
 @asynccontextmanager
-async def opened() -> AsyncIterator[tuple[Gateway, int]]:
-    async with serve(vendor, HOST, 0, subprotocols=[VENDORS]) as server:
-        door = Gateway(next(iter(server.sockets)).getsockname()[1], MessageSlots())
-        async with door.open(0) as port:
-            await door.accept_key("old")
-            yield door, port
+async def open_gateway() -> AsyncIterator[tuple[Gateway, int]]:
+    async with serve(foxglove_server, HOST, 0, subprotocols=[VENDORS]) as server:
+        gateway = Gateway(next(iter(server.sockets)).getsockname()[1], MessageSlots())
+        async with gateway.open(0) as port:
+            await gateway.accept_key("old")
+            yield gateway, port
 
 
-async def silent(port: int) -> Stream:
-    """Shake hands, and say and hear nothing from then on."""
+async def connect_silently(port: int) -> Stream:
+    """Complete the handshake, then neither send nor read."""
     reader, writer = await asyncio.open_connection(HOST, port)
     head = ("GET /?token=old HTTP/1.1", f"Host: {HOST}", "Upgrade: websocket", "Connection: Upgrade")
     key = base64.b64encode(os.urandom(16)).decode()
@@ -56,88 +56,88 @@ async def silent(port: int) -> Stream:
     return reader, writer
 
 
-async def until_inside(door: Gateway, count: int) -> None:
-    while len(door._clients) != count:
+async def wait_for_clients(gateway: Gateway, count: int) -> None:
+    while len(gateway._clients) != count:
         await asyncio.sleep(0.01)
 
 
-def test_clients_that_do_not_answer_hold_nobody_up() -> None:
-    async def go() -> float:
-        async with opened() as (door, port):
-            kept = [await silent(port) for _ in range(4)]
-            await until_inside(door, 4)
-            begun = time.monotonic()
-            await door.accept_key("new")
-            lasted = time.monotonic() - begun
-            for reader, writer in kept:
-                await reader.read()  # to the end: they are cut off
+def test_unresponsive_clients_do_not_delay_a_token_change() -> None:
+    async def session() -> float:
+        async with open_gateway() as (gateway, port):
+            connections = [await connect_silently(port) for _ in range(4)]
+            await wait_for_clients(gateway, 4)
+            start = time.monotonic()
+            await gateway.accept_key("new")
+            duration = time.monotonic() - start
+            for reader, writer in connections:
+                await reader.read()  # until the gateway closes the connection
                 writer.close()
-            return lasted
+            return duration
 
-    assert asyncio.run(go()) < 3.0 * FAREWELL_S
+    assert asyncio.run(session()) < 3.0 * FAREWELL_S
 
 
-def test_no_more_than_the_most_are_inside_however_they_come() -> None:
-    async def go() -> int:
-        async with opened() as (door, _):
-            door._check_request = lambda *_: None  # type: ignore[method-assign]  # all are looked at before any is inside
-            async with door.open(0) as port:
-                kept = [await silent(port) for _ in range(MOST_CLIENTS + 2)]
-                await until_inside(door, MOST_CLIENTS)
-                last, _ = kept[-1]
+def test_concurrent_clients_cannot_exceed_the_maximum() -> None:
+    async def session() -> int:
+        async with open_gateway() as (gateway, _):
+            gateway._check_request = lambda *_: None  # type: ignore[method-assign]  # all are checked before any is admitted
+            async with gateway.open(0) as port:
+                connections = [await connect_silently(port) for _ in range(MOST_CLIENTS + 2)]
+                await wait_for_clients(gateway, MOST_CLIENTS)
+                last, _ = connections[-1]
                 assert messages.too_many_clients(maximum=MOST_CLIENTS).encode() in await last.read()
-                for _, writer in kept:
+                for _, writer in connections:
                     writer.close()
-                return len(door._clients)
+                return len(gateway._clients)
 
-    assert asyncio.run(go()) == MOST_CLIENTS
+    assert asyncio.run(session()) == MOST_CLIENTS
 
 
-def test_a_key_that_was_replaced_during_the_handshake_does_not_open() -> None:
-    async def go() -> tuple[int | None, int]:
-        async with opened() as (door, _):
-            asked = door._check_request
+def test_a_key_that_changes_during_the_handshake_is_rejected() -> None:
+    async def session() -> tuple[int | None, int]:
+        async with open_gateway() as (gateway, _):
+            check_request = gateway._check_request
 
             def replaced(connection: ServerConnection, request: object) -> object:
-                answer = asked(connection, request)  # type: ignore[arg-type]  # as it came
-                door._key = "new"
+                answer = check_request(connection, request)  # type: ignore[arg-type]  # passed on unchanged
+                gateway._key = "new"
                 return answer
 
-            door._check_request = replaced  # type: ignore[assignment,method-assign]  # between look and entry
+            gateway._check_request = replaced  # type: ignore[assignment,method-assign]  # between check and admission
             async with (
-                door.open(0) as other,
+                gateway.open(0) as other,
                 connect(f"ws://{HOST}:{other}/?token=old", subprotocols=[VENDORS]) as client,
             ):
                 await client.wait_closed()
-                return client.close_code, len(door._clients)
+                return client.close_code, len(gateway._clients)
 
-    assert asyncio.run(go()) == (1008, 0)
+    assert asyncio.run(session()) == (1008, 0)
 
 
-# What goes to the vendor's server, and what a client is given for it.
+# Messages to the Foxglove server, and their tickets.
 
 
 def frame(content: bytes) -> bytes:
     return struct.pack("<BIQ", 1, 7, 123) + content
 
 
-def test_a_ticket_is_turned_into_its_message_and_nothing_else_is() -> None:
+def test_only_issued_tickets_are_redeemed() -> None:
     tickets = MessageSlots(count=3)
-    given = [tickets.ticket_for(words) for words in (b"one", b"two", b"three", b"four")]
-    assert [tickets.redeem(frame(ticket)) for ticket in given] == [None, *map(frame, (b"two", b"three", b"four"))]
-    assert tickets.redeem(frame(struct.pack("<Q", 9))) is None  # none was ever given
+    issued = [tickets.ticket_for(words) for words in (b"one", b"two", b"three", b"four")]
+    assert [tickets.redeem(frame(ticket)) for ticket in issued] == [None, *map(frame, (b"two", b"three", b"four"))]
+    assert tickets.redeem(frame(struct.pack("<Q", 9))) is None  # never issued
     assert tickets.redeem(frame(b"{}")) is None
-    assert tickets.redeem(b"\x02rest") == b"\x02rest"  # of another kind, as the time
+    assert tickets.redeem(b"\x02rest") == b"\x02rest"  # another type of message, such as the time
 
 
-def test_a_service_of_another_version_is_refused() -> None:
+def test_a_service_of_another_version_is_rejected() -> None:
     publisher = Publisher("test", MessageSlots())
     try:
-        told = build_layout()
-        publisher.publish(told.model_dump_json())
+        layout = build_layout()
+        publisher.publish(layout.model_dump_json())
         with refused(OtherVersionError, "service_of_another_version"):
-            publisher.publish(told.model_copy(update={"fields": told.fields[1:]}).model_dump_json())
+            publisher.publish(layout.model_copy(update={"fields": layout.fields[1:]}).model_dump_json())
         with pytest.raises(OtherVersionError):
-            publisher.publish(told.model_copy(update={"period_s": 0.002}).model_dump_json())
+            publisher.publish(layout.model_copy(update={"period_s": 0.002}).model_dump_json())
     finally:
         publisher.close()

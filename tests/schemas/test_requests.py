@@ -1,4 +1,4 @@
-"""Schemas of requests: bounds, refusals of wrong values, and defaults of forms."""
+"""Schemas of requests: bounds, messages for invalid values, and defaults of forms."""
 
 import asyncio
 import math
@@ -33,7 +33,7 @@ from backend.units import AngleUnit
 from plant import Message
 from tests.api.test_operate import CODE_NAME, SYMBOL
 
-# Nothing is taken in without a bound: every number, text, list and set of names of every request.
+# Every number, text, list and mapping of every request has bounds.
 
 HTTP_METHODS = {"get", "put", "post", "patch", "delete"}
 NEEDED = {
@@ -44,8 +44,8 @@ NEEDED = {
 }
 
 
-def unbounded(schema: dict[str, Any], where: str, components: dict[str, Any], seen: set[str]) -> Iterator[str]:
-    """Yield what in ``schema`` has no bound."""
+def unbounded(schema: dict[str, Any], path: str, components: dict[str, Any], seen: set[str]) -> Iterator[str]:
+    """Yield the parts of ``schema`` that have no bound."""
     if "$ref" in schema:
         name = schema["$ref"].rpartition("/")[2]
         if name not in seen:
@@ -53,46 +53,46 @@ def unbounded(schema: dict[str, Any], where: str, components: dict[str, Any], se
             yield from unbounded(components[name], name, components, seen)
         return
     for choice in (*schema.get("anyOf", ()), *schema.get("oneOf", ()), *schema.get("allOf", ())):
-        yield from unbounded(choice, where, components, seen)
+        yield from unbounded(choice, path, components, seen)
     if "enum" in schema or "const" in schema:
         return
     for alternatives in NEEDED.get(str(schema.get("type")), ()):
         if not alternatives & set(schema):
-            yield f"{where} lacks {' or '.join(sorted(alternatives))}"
+            yield f"{path} lacks {' or '.join(sorted(alternatives))}"
     if "items" in schema:
-        yield from unbounded(schema["items"], f"{where}[]", components, seen)
+        yield from unbounded(schema["items"], f"{path}[]", components, seen)
     for name, part in schema.get("properties", {}).items():
-        yield from unbounded(part, f"{where}.{name}", components, seen)
+        yield from unbounded(part, f"{path}.{name}", components, seen)
     if schema.get("type") == "object":
-        yield from _unbounded_names(schema, where, components, seen)
+        yield from _unbounded_names(schema, path, components, seen)
 
 
-def _unbounded_names(schema: dict[str, Any], where: str, components: dict[str, Any], seen: set[str]) -> Iterator[str]:
-    further = schema.get("additionalProperties", True)
-    if further is False:
+def _unbounded_names(schema: dict[str, Any], path: str, components: dict[str, Any], seen: set[str]) -> Iterator[str]:
+    additional = schema.get("additionalProperties", True)
+    if additional is False:
         return
     if "maxProperties" not in schema:
-        yield f"{where} may have any number of names"
+        yield f"{path} may have any number of names"
     if not {"propertyNames", "patternProperties"} & set(schema):
-        yield f"{where} may have names of any length"
-    for part in (further, *schema.get("patternProperties", {}).values()):
+        yield f"{path} may have names of any length"
+    for part in (additional, *schema.get("patternProperties", {}).values()):
         if isinstance(part, dict):
-            yield from unbounded(part, f"{where}{{}}", components, seen)
+            yield from unbounded(part, f"{path}{{}}", components, seen)
 
 
 def test_every_value_of_every_request_is_bounded() -> None:
     described = build_openapi_schema()
-    components, seen, found, looked_at = described["components"]["schemas"], set[str](), list[str](), 0
+    components, seen, found, checked = described["components"]["schemas"], set[str](), list[str](), 0
     for path, operations in described["paths"].items():
         for method in HTTP_METHODS & set(operations):
             operation = operations[method]
             for parameter in operation.get("parameters", ()):
-                looked_at += 1
+                checked += 1
                 found += unbounded(parameter["schema"], f"{method} {path} {parameter['name']}", components, seen)
             for content in operation.get("requestBody", {}).get("content", {}).values():
-                looked_at += 1
+                checked += 1
                 found += unbounded(content["schema"], f"{method} {path}", components, seen)
-    assert looked_at > 30
+    assert checked > 30
     assert found == []
 
 
@@ -100,7 +100,7 @@ def test_every_value_of_a_ping_is_bounded() -> None:
     assert list(unbounded(Ping.model_json_schema(), "Ping", {}, set())) == []
 
 
-# What is said of a value that does not even have the right form: which one it is, in the operator's words.
+# Messages for values of the wrong type name the value by its label.
 
 ENTRY = {"S_nominal": 10, "K_q": 1, "T_q": 0.1, "K_S": 1, "T_S": 0.1}
 BODIES = {
@@ -242,8 +242,8 @@ REFUSED: list[tuple[str, Any, list[str | int] | None, Message]] = [
 ]
 
 
-def answers(path: str, body: Any) -> dict[str, Any]:
-    """Return what the interface's own handlers answer to a body."""
+def post(path: str, body: Any) -> dict[str, Any]:
+    """Return the error that the handlers of the interface return for a body."""
     app = FastAPI()
 
     async def degrees(_connection: HTTPConnection) -> AngleUnit:
@@ -252,11 +252,11 @@ def answers(path: str, body: Any) -> dict[str, Any]:
     install_handlers(app, degrees)
     for name, schema in BODIES.items():
 
-        async def take(body: Any) -> None:
+        async def accept(body: Any) -> None:
             raise AssertionError(f"{body} was taken")
 
-        take.__annotations__["body"] = schema
-        app.post(f"/{name}")(take)
+        accept.__annotations__["body"] = schema
+        app.post(f"/{name}")(accept)
 
     async def ask() -> httpx.Response:
         async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://sinew") as client:
@@ -267,21 +267,21 @@ def answers(path: str, body: Any) -> dict[str, Any]:
     return dict(answer.json()["error"])
 
 
-@pytest.mark.parametrize(("path", "body", "place", "wanted"), REFUSED)
-def test_it_is_told_in_words_and_at_its_place(
-    path: str, body: Any, place: list[str | int] | None, wanted: Message
+@pytest.mark.parametrize(("path", "body", "path_end", "expected"), REFUSED)
+def test_invalid_values_are_reported_with_label_and_path(
+    path: str, body: Any, path_end: list[str | int] | None, expected: Message
 ) -> None:
-    """No name of the code, no word of a parser, no unit of another quantity of the same name."""
-    refusal = answers(path, body)
+    """The message contains no code name, no text of a parser and no unit of another quantity."""
+    refusal = post(path, body)
     message = refusal["message"]
-    assert (refusal["message_code"], message) == (wanted.code, wanted)
-    assert refusal["words"] == wanted.values["label"]
-    assert refusal.get("path", [])[-len(place or []) :] == (place or []), refusal
+    assert (refusal["message_code"], message) == (expected.code, expected)
+    assert refusal["words"] == expected.values["label"]
+    assert refusal.get("path", [])[-len(path_end or []) :] == (path_end or []), refusal
     assert not CODE_NAME.search(SYMBOL.sub("", message).replace("G_q", "").replace("G_S", "")), message
     assert not re.search(r"input|string|valid|extra|tag\b|<|field", message, re.IGNORECASE), message
 
 
-def test_the_tension_that_is_refused_is_told_among_several() -> None:
+def test_a_rejected_tension_is_identified_among_several() -> None:
     with pytest.raises(OutOfRangeError) as refused:
         build_plans(ActuatorRequest(tensions_N=[10.0, 4000.0]))
     assert refused.value.path == ("tensions_N", 1)
@@ -293,17 +293,16 @@ def test_the_tension_that_is_refused_is_told_among_several() -> None:
     assert refused.value.path == ("amplitude_rad",), "what all of them share is not laid to one tension"
 
 
-# The declarations that forms are made from: what is left at its default, and where a field ends, is the service's too.
+# The declarations of the forms have the defaults and bounds of the service.
 #
-# What the forms of the page show, send and leave behind is looked at in the browser: ``tests/e2e/test_forms.py``.
+# ``tests/e2e/test_forms.py`` tests the forms in the browser.
 
 
 @pytest.mark.parametrize(
     ("name", "request_type"), [("actuator", ActuatorRequest), ("motor", MotorRequest), ("spring", SpringRequest)]
 )
-def test_the_boxes_of_an_identification_are_those_of_its_order(
+def test_form_fields_and_defaults_of_an_identification_match_its_request(
     name: str, request_type: type[ActuatorRequest | MotorRequest | SpringRequest]
 ) -> None:
-    """What the page leaves at its default is the default of the service too, and no box is missing on either side."""
-    boxes = {box.name: box.default for box in describe_settings(IDENTIFICATIONS[name].plan)}
-    assert request_type.model_validate({"kind": name}).model_dump(exclude={"kind", "tensions_N"}) == boxes
+    form_defaults = {setting.name: setting.default for setting in describe_settings(IDENTIFICATIONS[name].plan)}
+    assert request_type.model_validate({"kind": name}).model_dump(exclude={"kind", "tensions_N"}) == form_defaults

@@ -1,4 +1,4 @@
-"""The binary frame, and requests that are stamped."""
+"""The binary frame, and the requests that the page stamps."""
 
 import re
 import struct
@@ -14,15 +14,15 @@ from backend import wire
 from backend.api.export import build_openapi_schema
 from backend.sample import FIELDS, NAMES, STORED_NAMES
 
-# The frame, read here the way the page reads it: from the bytes alone.
+# The frame, decoded as the page does: from the bytes alone.
 
 
 def rows_of(count: int) -> np.ndarray:
-    """Rows whose value tells row and column."""
+    """Return rows whose values encode row and column."""
     return np.arange(count)[:, None] * 100.0 + np.arange(len(FIELDS))[None, :]
 
 
-def test_header_then_column_after_column() -> None:
+def test_a_frame_is_a_header_followed_by_the_columns() -> None:
     frame = wire.pack_frame(70_000_000_000, rows_of(3), missed=7)
     assert struct.unpack_from("<QII", frame) == (70_000_000_000, 3, 7)
     assert len(frame) == 16 + 4 * 3 * len(STORED_NAMES)
@@ -36,14 +36,14 @@ def test_header_then_column_after_column() -> None:
     first_tick=st.integers(0, 2**63),
     missed=st.integers(0, 2**32 - 1),
 )
-def test_what_is_packed_is_unpacked(rows: np.ndarray, first_tick: int, missed: int) -> None:
+def test_unpacking_reverses_packing(rows: np.ndarray, first_tick: int, missed: int) -> None:
     frame = wire.unpack_frame(wire.pack_frame(first_tick, rows, missed))
     assert (frame.first_tick, frame.missed) == (first_tick, missed)
     stored = [NAMES.index(name) for name in STORED_NAMES]
     np.testing.assert_array_equal(frame.columns, rows[:, stored].T.astype(np.float32))
 
 
-def test_only_the_missed_count_changes_for_a_client_that_missed_some() -> None:
+def test_replacing_the_missed_count_changes_nothing_else() -> None:
     frame = wire.pack_frame(5, rows_of(2))
     marked = wire.unpack_frame(wire.replace_missed_count(frame, 123))
     assert marked.missed == 123
@@ -52,13 +52,13 @@ def test_only_the_missed_count_changes_for_a_client_that_missed_some() -> None:
 
 
 @pytest.mark.parametrize("change", [lambda frame: frame[:-4], lambda frame: frame + b"\0\0\0\0"])
-def test_a_frame_of_the_wrong_length_is_refused(change: "object") -> None:
+def test_a_frame_of_the_wrong_length_is_rejected(change: "object") -> None:
     assert callable(change)
     with pytest.raises(ValueError, match="cannot be"):
         wire.unpack_frame(change(wire.pack_frame(0, rows_of(2))))
 
 
-def test_curves_are_a_header_and_the_columns_of_each_signal() -> None:
+def test_curves_are_a_header_followed_by_the_columns_of_each_signal() -> None:
     q = [np.array([1.0, 2.0], np.float32), np.array([5.0, np.nan], np.float32)]
     S = [np.array([-1.0, -2.0], np.float32), np.array([0.0, 0.5], np.float32)]
     message = wire.pack_curves(7_200, 0.5, [q, S])
@@ -67,23 +67,25 @@ def test_curves_are_a_header_and_the_columns_of_each_signal() -> None:
     assert len(message) == 24 + 4 * 8
 
 
-# The page stamps exactly those requests that the service asks control for: its list is made by hand.
+# The page stamps exactly the requests that require the control lease; its list is written by hand.
 
 WIRE = Path(__file__).parents[2] / "frontend" / "src" / "wire"
 CONTROL_ITSELF = "/api/control"
-"""Given up and handed over with a stamp that is put on by hand."""
+"""These routes receive their stamp explicitly in the page's code."""
 
 
-def test_every_request_that_needs_control_is_stamped_and_no_other() -> None:
-    written = re.search(r"const COMMANDS =\s*/(.*)/;", (WIRE / "control.ts").read_text(encoding="utf-8"))
-    assert written is not None
-    commands = re.compile(written[1])
+def test_the_page_stamps_exactly_the_requests_that_need_the_control_lease() -> None:
+    declared = re.search(r"const COMMANDS =\s*/(.*)/;", (WIRE / "control.ts").read_text(encoding="utf-8"))
+    assert declared is not None
+    commands = re.compile(declared[1])
     paths = build_openapi_schema()["paths"]
-    asked = {
-        (method, path.replace("{id}", "7")): any(one["name"] == "Sinew-Control" for one in told.get("parameters", ()))
+    needs_stamp = {
+        (method, path.replace("{id}", "7")): any(
+            one["name"] == "Sinew-Control" for one in operation.get("parameters", ())
+        )
         for path, methods in paths.items()
-        for method, told in methods.items()
+        for method, operation in methods.items()
         if method != "get" and not path.startswith(CONTROL_ITSELF)
     }
-    assert sum(asked.values()) > 10
-    assert [order for order, stamped in asked.items() if stamped != bool(commands.match(order[1]))] == []
+    assert sum(needs_stamp.values()) > 10
+    assert [request for request, stamped in needs_stamp.items() if stamped != bool(commands.match(request[1]))] == []
