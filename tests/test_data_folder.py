@@ -1,4 +1,4 @@
-"""One service per data folder, whatever happens to the folder while it runs."""
+"""One service per data folder, even if the folder is moved, replaced or deleted while it runs."""
 
 import shutil
 import subprocess
@@ -26,83 +26,83 @@ def data(tmp_path: Path) -> Path:
 
 
 def as_message(text: str) -> Message:
-    """Return a text as the message that it is."""
+    """Return ``text``, checked to be a message."""
     assert isinstance(text, Message)
     return text
 
 
-def refused(data: Path) -> bool:
-    """Whether a second process may not work on ``data``."""
+def is_refused(data: Path) -> bool:
+    """Return whether a second process is refused the data folder."""
     program = "import sys, pathlib, backend.data_folder as d\nwith d.lock_for_service(pathlib.Path(sys.argv[1])): pass"
     ended = subprocess.run([sys.executable, "-c", program, str(data)], capture_output=True, text=True, check=False)
     assert ended.returncode == 0 or AlreadyRunningError.__name__ in ended.stderr, ended.stderr
     return ended.returncode != 0
 
 
-def test_a_folder_that_was_replaced_is_told_and_takes_no_second_service(data: Path) -> None:
-    with lock_for_service(data) as held:
-        assert held.problem() == ""
+def test_a_replaced_folder_is_reported_and_accepts_no_second_service(data: Path) -> None:
+    with lock_for_service(data) as locked:
+        assert locked.problem() == ""
         shutil.rmtree(data)
-        problem = as_message(held.problem())
+        problem = as_message(locked.problem())
         assert (problem.code, problem.values["folder"]) == ("data_folder_lost", data)
-        assert refused(data)
+        assert is_refused(data)
         assert not data.exists()
         data.mkdir()
         (data / "service.lock").touch()
-        assert as_message(held.problem()).values == {"folder": data, "reason": "it was replaced"}
-        assert refused(data)
-    assert not refused(data)
+        assert as_message(locked.problem()).values == {"folder": data, "reason": "it was replaced"}
+        assert is_refused(data)
+    assert not is_refused(data)
 
 
-def test_a_folder_that_was_moved_is_told_until_it_is_back(data: Path) -> None:
-    with lock_for_service(data) as held:
-        aside = data.rename(data.with_name("aside"))
-        assert as_message(held.problem()).code == "data_folder_lost"
-        assert refused(aside)
-        assert refused(data)
-        aside.rename(data)
-        assert held.problem() == ""
+def test_a_moved_folder_is_reported_until_it_is_moved_back(data: Path) -> None:
+    with lock_for_service(data) as locked:
+        moved = data.rename(data.with_name("aside"))
+        assert as_message(locked.problem()).code == "data_folder_lost"
+        assert is_refused(moved)
+        assert is_refused(data)
+        moved.rename(data)
+        assert locked.problem() == ""
 
 
-def test_a_lock_that_was_deleted_is_told(data: Path) -> None:
-    with lock_for_service(data) as held:
+def test_a_deleted_lock_file_is_reported(data: Path) -> None:
+    with lock_for_service(data) as locked:
         (data / "service.lock").unlink()
-        problem = as_message(held.problem())
+        problem = as_message(locked.problem())
         assert (problem.code, problem.values["lock"]) == ("data_folder_lock_lost", data / "service.lock")
-        assert refused(data)
+        assert is_refused(data)
 
 
-def test_the_same_folder_by_another_path_takes_no_second_service(data: Path, tmp_path: Path) -> None:
+def test_a_symbolic_link_to_the_folder_accepts_no_second_service(data: Path, tmp_path: Path) -> None:
     with lock_for_service(data):
         (tmp_path / "link").symlink_to(data)
-        assert refused(tmp_path / "link")
+        assert is_refused(tmp_path / "link")
 
 
-def test_the_address_is_that_of_a_service_that_lives(data: Path) -> None:
+def test_the_address_is_read_only_from_a_running_service(data: Path) -> None:
     assert read_service_address(data) is None
-    with lock_for_service(data) as held:
+    with lock_for_service(data) as locked:
         assert read_service_address(data) is None
-        held.write_address("http://127.0.0.1:1234")
+        locked.write_address("http://127.0.0.1:1234")
         assert read_service_address(data) == "http://127.0.0.1:1234"
     assert read_service_address(data) is None
-    (data / "service.lock").write_text("http://127.0.0.1:1234")  # as one that was killed leaves it
+    (data / "service.lock").write_text("http://127.0.0.1:1234")  # as a killed service leaves it
     assert read_service_address(data) is None
 
 
-def test_a_held_folder_ends_with_its_process(data: Path) -> None:
+def test_a_killed_process_releases_its_folder(data: Path) -> None:
     program = (
         "import sys, os, signal, pathlib, backend.data_folder as d\n"
         "with d.lock_for_service(pathlib.Path(sys.argv[1])): os.kill(os.getpid(), signal.SIGKILL)"
     )
     subprocess.run([sys.executable, "-c", program, str(data)], check=False)
-    with lock_for_service(data) as held:
-        assert isinstance(held, LockedFolder)
+    with lock_for_service(data) as locked:
+        assert isinstance(locked, LockedFolder)
 
 
-def test_a_folder_is_held_by_services_and_by_commands_that_play(data: Path) -> None:
+def test_services_and_commands_lock_the_folder(data: Path) -> None:
     def is_free() -> bool:
         with lock_if_unused(data) as free:
-            assert not free or refused(data)
+            assert not free or is_refused(data)
             return free
 
     assert is_free()
@@ -113,12 +113,12 @@ def test_a_folder_is_held_by_services_and_by_commands_that_play(data: Path) -> N
     assert is_free()
 
 
-def test_a_service_that_has_not_begun_to_answer_is_told_from_none(data: Path) -> None:
+def test_a_starting_service_is_distinguished_from_a_missing_one(data: Path) -> None:
     assert as_message(describe_missing_address(data)).code == "no_service"
-    with lock_for_service(data) as held:
+    with lock_for_service(data) as locked:
         assert read_service_addresses(data) == []
         assert as_message(describe_missing_address(data)).code == "service_is_starting"
-        held.write_address("http://127.0.0.1:8000")
+        locked.write_address("http://127.0.0.1:8000")
         assert read_service_addresses(data) == ["http://127.0.0.1:8000"]
     missing = as_message(describe_missing_address(data))
     assert (missing.code, missing.values) == ("no_service", {"folder": data})

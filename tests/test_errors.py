@@ -19,31 +19,35 @@ from plant.errors import ErrorCode
 DEG, RAD = AngleUnit.DEGREES, AngleUnit.RADIANS
 
 
-def said(refused: InvalidValueError, angles: AngleUnit = DEG) -> str:
+def message_of(refused: InvalidValueError, angles: AngleUnit = DEG) -> str:
     return format_text(refused.format_message(angles), angles)
 
 
-def test_a_segment_is_named_as_it_was_numbered() -> None:
-    """Typed 120 degrees in the third segment: its place, the quantity and the bounds as the operator reads them."""
+def test_messages_name_the_segment_by_its_number() -> None:
+    """An entry of 120 degrees in the third segment is reported with segment, quantity and bounds in the set unit."""
     segments = [{"duration_s": 4, "q_ref": math.radians(angle), "S_ref": 10} for angle in (0, 30, 120)]
     with pytest.raises(OutOfRangeError) as refused:
         find_experiment("sequence").make_plan({"segments": json.dumps(segments)})
     assert refused.value.path == ("segments", 2, "q_ref")
-    assert said(refused.value) == (
+    assert message_of(refused.value) == (
         "segment 3, position reference: 120° is outside -80.2 to 80.2°; choose a value in this range"
     )
-    assert said(refused.value, RAD).startswith("segment 3, position reference: 2.0944 rad is outside -1.4 to 1.4 rad; ")
-    assert format_text(str(refused.value), RAD) == said(refused.value, RAD)
+    assert message_of(refused.value, RAD).startswith(
+        "segment 3, position reference: 2.0944 rad is outside -1.4 to 1.4 rad; "
+    )
+    assert format_text(str(refused.value), RAD) == message_of(refused.value, RAD)
 
 
-def test_a_setting_is_named_as_its_form_labels_it() -> None:
+def test_messages_name_a_setting_by_its_label() -> None:
     with pytest.raises(OutOfRangeError) as refused:
         build_ready_plan("tracking", **{"q_amplitude": 2.0})
-    assert said(refused.value).startswith("joint position steps between ±q_max: 114.592° is outside 0.573 to 80.2°")
+    assert message_of(refused.value).startswith(
+        "joint position steps between ±q_max: 114.592° is outside 0.573 to 80.2°"
+    )
     with pytest.raises(SettingError) as odd:
         build_ready_plan("tracking", **{"q_amplitude": "wide"})
-    assert said(odd.value) == "joint position steps between ±q_max: 'wide' is refused: a number is required in °"
-    assert said(odd.value, RAD).endswith("a number is required in rad")
+    assert message_of(odd.value) == "joint position steps between ±q_max: 'wide' is refused: a number is required in °"
+    assert message_of(odd.value, RAD).endswith("a number is required in rad")
 
 
 @pytest.mark.parametrize(
@@ -54,15 +58,15 @@ def test_a_setting_is_named_as_its_form_labels_it() -> None:
         (1.0, 2.0, "tension: 0.5 N is outside 1 to 2 N; choose a value in this range"),
     ],
 )
-def test_one_bound_or_two(minimum: float | None, maximum: float | None, sentence: str) -> None:
+def test_messages_state_the_violated_bounds(minimum: float | None, maximum: float | None, sentence: str) -> None:
     with pytest.raises(OutOfRangeError) as refused:
         check_range("tension_N", 0.5, minimum, maximum, "N")
-    assert said(refused.value) == sentence
+    assert message_of(refused.value) == sentence
 
 
 @given(st.floats(min_value=-4.0, max_value=4.0).filter(lambda bound: abs(bound) > 1e-6))
-def test_a_bound_that_is_read_and_typed_is_accepted(bound: float) -> None:
-    """Bounds are rounded towards the inside: who types what the refusal offers is not refused again."""
+def test_a_displayed_bound_is_accepted_as_input(bound: float) -> None:
+    """Bounds are rounded towards the inside of the range, so that the bound in a message is accepted."""
     for angles, back in ((DEG, math.radians), (RAD, float)):
         least, most = (float(format_bound(bound, "rad", angles, upper=upper)) for upper in (False, True))
         assert back(most) <= bound + 1e-12 * abs(bound)
@@ -87,23 +91,25 @@ def digits(text: str) -> int:
         (9999.6321, 123456.7, "1", ("10000", "123000")),
     ],
 )
-def test_a_bound_has_no_more_digits_than_it_needs(low: float, high: float, unit: str, texts: tuple[str, str]) -> None:
-    """Whole where it is exact; else three digits, towards the inside. quantity.test.ts has the page's."""
+def test_bounds_are_displayed_with_the_fewest_digits(
+    low: float, high: float, unit: str, texts: tuple[str, str]
+) -> None:
+    """Exact values are displayed in full, others with three digits. quantity.test.ts tests this for the page."""
     assert (format_bound(low, unit, DEG, upper=False), format_bound(high, unit, DEG, upper=True)) == texts
 
 
-def test_what_is_no_number_is_called_that_where_there_is_no_bound() -> None:
+def test_values_that_are_not_finite_are_rejected_without_bounds() -> None:
     for figure in (math.nan, math.inf):
         with pytest.raises(OutOfRangeError) as refused:
             check_range("F_push", figure, None, None, "N")
-        assert said(refused.value) == f"push: {figure} N is not a finite number; choose a finite number"
+        assert message_of(refused.value) == f"push: {figure} N is not a finite number; choose a finite number"
 
 
-def test_a_refusal_comes_whole_from_one_process_to_another() -> None:
+def test_errors_are_pickled_without_loss() -> None:
     inner = OutOfRangeError("lam_q", 9.0, 0.01, 3.0, "s")
     for refused in (inner, ExperimentError(inner, ("axes", 0), 5), SettingError("b", "x", "a number is required")):
-        come = pickle.loads(pickle.dumps(refused))
-        assert type(come) is type(refused)
-        assert (str(come), come.path, said(come)) == (str(refused), refused.path, said(refused))
+        restored = pickle.loads(pickle.dumps(refused))
+        assert type(restored) is type(refused)
+        assert (str(restored), restored.path, message_of(restored)) == (str(refused), refused.path, message_of(refused))
     late = pickle.loads(pickle.dumps(RequestRejectedError(ErrorCode.NOT_NOW, "later", retry_after_s=3)))
     assert (str(late), late.category, late.retry_after_s) == ("later", ErrorCode.NOT_NOW, 3)

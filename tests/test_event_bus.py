@@ -12,7 +12,7 @@ class Counted:
     number: int
 
 
-def test_subscribers_get_their_type_of_event_in_order() -> None:
+def test_subscribers_receive_events_of_their_type_in_order() -> None:
     bus, seen = EventBus(), []  # type: EventBus, list[tuple[str, int]]
     bus.subscribe(Counted, lambda counted: seen.append(("first", counted.number)))
     bus.subscribe(Counted, lambda counted: seen.append(("second", counted.number)))
@@ -23,7 +23,7 @@ def test_subscribers_get_their_type_of_event_in_order() -> None:
     assert seen == [("first", 1), ("second", 1), ("state", 0)]
 
 
-def test_a_subscriber_that_fails_keeps_no_other_from_the_event() -> None:
+def test_a_failing_subscriber_does_not_block_others() -> None:
     bus, seen = EventBus(), []  # type: EventBus, list[int]
 
     def fail(counted: Counted) -> None:

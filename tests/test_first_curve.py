@@ -33,29 +33,29 @@ print(*[name for name in sys.argv[2:] if name in sys.modules])
 
 
 @pytest.fixture
-def nothing_known(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[float, ...]]:
+def empty_cache(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[float, ...]]:
     monkeypatch.setattr(robustness, "FIGURES", {})
     monkeypatch.setattr("backend.services.tuning_state.FIGURES", robustness.FIGURES)
     return robustness.FIGURES
 
 
-def loaded(data: Path) -> list[str]:
+def modules_loaded(data: Path) -> list[str]:
     ended = subprocess.run(
         [sys.executable, "-c", STARTED, str(data), *LATER], capture_output=True, text=True, check=True
     )
     return ended.stdout.split()
 
 
-def test_no_start_but_the_first_loads_what_the_first_curve_does_not_need(
-    tmp_path: Path, nothing_known: dict[str, tuple[float, ...]]
+def test_only_the_first_start_loads_modules_that_the_first_curve_does_not_need(
+    tmp_path: Path, empty_cache: dict[str, tuple[float, ...]]
 ) -> None:
-    assert "control" in loaded(tmp_path)  # nothing has been computed yet
+    assert "control" in modules_loaded(tmp_path)  # nothing is cached yet
     TuningPreviewer(load_parameters("lab"))
     RobustnessCache(tmp_path).save()
-    assert loaded(tmp_path) == []
+    assert modules_loaded(tmp_path) == []
 
 
-def test_the_loop_process_loads_none_of_it_at_all() -> None:
+def test_the_control_loop_loads_none_of_these_modules() -> None:
     code = "import sys, backend.realtime.process; print(*[name for name in sys.argv[1:] if name in sys.modules])"
     ended = subprocess.run(
         [sys.executable, "-c", code, *LATER, "sqlalchemy", "fastapi"], capture_output=True, text=True, check=True
@@ -63,13 +63,15 @@ def test_the_loop_process_loads_none_of_it_at_all() -> None:
     assert ended.stdout.split() == []
 
 
-def test_what_is_kept_is_what_would_be_computed(tmp_path: Path, nothing_known: dict[str, tuple[float, ...]]) -> None:
+def test_cached_robustness_equals_computed_robustness(
+    tmp_path: Path, empty_cache: dict[str, tuple[float, ...]]
+) -> None:
     motor = MotorModel(2.86, 0.22, 0.002)
     computed = robustness.motor_range(motor)
     RobustnessCache(tmp_path).save()
-    nothing_known.clear()
+    empty_cache.clear()
     RobustnessCache(tmp_path).load()
-    assert len(nothing_known) == 1
+    assert len(empty_cache) == 1
     assert robustness.motor_range(motor) == computed
 
 
@@ -84,8 +86,8 @@ def test_what_is_kept_is_what_would_be_computed(tmp_path: Path, nothing_known: d
     ],
     ids=["empty", "cut off", "of another form", "altered", "none of ours"],
 )
-def test_a_damaged_file_is_not_believed(
-    tmp_path: Path, nothing_known: dict[str, tuple[float, ...]], damage: Callable[[str], str]
+def test_a_damaged_cache_file_is_ignored(
+    tmp_path: Path, empty_cache: dict[str, tuple[float, ...]], damage: Callable[[str], str]
 ) -> None:
     robustness.motor_range(MotorModel(2.86, 0.22, 0.002))
     cache = RobustnessCache(tmp_path)
@@ -94,29 +96,29 @@ def test_a_damaged_file_is_not_believed(
     whole = cache.file.read_text(encoding="ascii")
     cache.file.write_text(damage(whole), encoding="ascii")
     assert damage(whole) != whole
-    nothing_known.clear()
+    empty_cache.clear()
     RobustnessCache(tmp_path).load()
-    assert nothing_known == {}
+    assert empty_cache == {}
 
 
 @pytest.mark.parametrize("known", [(), (1.0,), (1.0, float("nan")), (1.0, float("inf"))])
-def test_figures_of_another_form_are_computed_anew(
-    nothing_known: dict[str, tuple[float, ...]], known: tuple[float, ...]
+def test_invalid_cached_values_are_recomputed(
+    empty_cache: dict[str, tuple[float, ...]], known: tuple[float, ...]
 ) -> None:
     assert robustness.cached(("question",), 2, lambda: (1.0, 2.0)) == (1.0, 2.0)
-    (key,) = nothing_known
-    nothing_known[key] = known
+    (key,) = empty_cache
+    empty_cache[key] = known
     assert robustness.cached(("question",), 2, lambda: (3.0, 4.0)) == (3.0, 4.0)
 
 
-def test_figures_that_were_asked_for_least_lately_are_forgotten_first(
-    nothing_known: dict[str, tuple[float, ...]],
+def test_the_least_recently_used_values_are_dropped_first(
+    empty_cache: dict[str, tuple[float, ...]],
 ) -> None:
-    """The first ones are those of the tuning in force: they are asked for again and again."""
+    """The values of the active tuning come first and are used repeatedly, so that they stay cached."""
     for number in range(robustness.MOST + 1):
-        for asked in (0, number):
-            robustness.cached((asked,), 1, partial(lambda value: (value,), float(asked)))
-    assert len(nothing_known) == robustness.MOST
-    assert (0.0,) in nothing_known.values()
-    assert (1.0,) not in nothing_known.values()
-    assert (2.0,) in nothing_known.values()
+        for key_number in (0, number):
+            robustness.cached((key_number,), 1, partial(lambda value: (value,), float(key_number)))
+    assert len(empty_cache) == robustness.MOST
+    assert (0.0,) in empty_cache.values()
+    assert (1.0,) not in empty_cache.values()
+    assert (2.0,) in empty_cache.values()

@@ -1,4 +1,4 @@
-"""Which processes the service may start, tested in a process of its own because it is permanent."""
+"""Processes that the service may start; in a separate process, because the restriction is permanent."""
 
 import subprocess
 import sys
@@ -11,7 +11,7 @@ REFUSED = "the service does not fork"
 BEGIN = "import multiprocessing, os, pty, subprocess, sys\nfrom backend.workers import forbid_forks\nforbid_forks()\n"
 
 
-def ran(lines: str) -> subprocess.CompletedProcess[str]:
+def run_program(lines: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-c", BEGIN + lines], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
     )
@@ -21,15 +21,15 @@ def ran(lines: str) -> subprocess.CompletedProcess[str]:
     "fork",
     ["os.fork()", "os.forkpty()", "pty.fork()", "multiprocessing.get_context('fork').Process(target=id).start()"],
 )
-def test_a_fork_is_refused(fork: str) -> None:
-    outcome = ran(f"{fork}\nprint('forked')")
+def test_forks_are_rejected(fork: str) -> None:
+    outcome = run_program(f"{fork}\nprint('forked')")
     assert outcome.returncode == 1
     assert REFUSED in outcome.stderr
     assert "forked" not in outcome.stdout
 
 
-def test_programs_and_spawned_processes_start() -> None:
-    outcome = ran(
+def test_programs_and_spawned_processes_are_permitted() -> None:
+    outcome = run_program(
         "subprocess.run([sys.executable, '-c', 'print(1)'], check=True)\n"
         "assert multiprocessing.get_start_method() == 'spawn'\n"
         "with multiprocessing.Pool(1) as pool:\n"

@@ -1,4 +1,4 @@
-"""No test falls between the lanes, and a test that hangs ends with the place where it hung."""
+"""Every test runs in exactly one lane, and a hanging test fails with its traceback."""
 
 import ast
 import re
@@ -20,32 +20,32 @@ def lane(there: list[str], ran: list[str]) -> Ended:
     return Ended("any", 0, 1.0, there, dict.fromkeys(ran, "passed"))
 
 
-def test_a_test_that_no_lane_runs_is_found_and_so_is_one_that_two_run() -> None:
+def test_tests_that_run_in_no_lane_or_in_two_are_found() -> None:
     everything = ["a", "b", "c"]
     assert not_run_once([lane(everything, ["a", "c"]), lane(everything, ["b"])]) == []
     assert not_run_once([lane(everything, ["a"]), lane(everything, ["b"])]) == ["c"]
     assert not_run_once([lane(everything, ["a", "b"]), lane(everything, ["b", "c"])]) == ["b"]
 
 
-def test_lanes_divide_what_there_is_and_count_it_and_what_ran_beside_is_shown_last() -> None:
+def test_lanes_divide_and_count_all_tests_and_show_the_parallel_lane_last() -> None:
     some = ["tests/wire", "tests/realtime/test_pacer.py", "-q"]
     ended = subprocess.run([sys.executable, "-m", "tests.lanes", *some], cwd=ROOT, capture_output=True, text=True)
     assert ended.returncode == 0, ended.stdout + ended.stderr
-    begun = [ended.stdout.index(f"lane: {name}") for name in ("page", "live", "pure")]
-    assert begun == sorted(begun)
+    starts = [ended.stdout.index(f"lane: {name}") for name in ("page", "live", "pure")]
+    assert starts == sorted(starts)
     counts = {name: int(re.findall(rf"{name} +│ (\d+)", ended.stdout)[0]) for name in LANES}
-    assert f"{counts['live']} passed" in ended.stdout[begun[1] : begun[2]]
-    assert f"{counts['pure']} passed" in ended.stdout[begun[2] :]
+    assert f"{counts['live']} passed" in ended.stdout[starts[1] : starts[2]]
+    assert f"{counts['pure']} passed" in ended.stdout[starts[2] :]
     assert counts.pop("page") == 0
     assert all(count > 0 for count in counts.values()), counts
     assert ended.stdout.splitlines()[-1] == f"{sum(counts.values())} passed, 0 failed"
 
 
-def test_each_lane_has_its_turn_once() -> None:
+def test_each_lane_runs_once() -> None:
     assert sorted([*IN_TURN, BESIDE]) == sorted(LANES)
 
 
-def test_a_lane_that_is_killed_is_no_success(tmp_path: Path) -> None:
+def test_a_killed_lane_is_a_failure(tmp_path: Path) -> None:
     (tmp_path / "conftest.py").write_text("import os, signal\n\nos.kill(os.getpid(), signal.SIGKILL)\n")
     command = [sys.executable, "-m", "tests.lanes", f"--confcutdir={tmp_path}", str(tmp_path)]
     ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
@@ -55,26 +55,26 @@ def test_a_lane_that_is_killed_is_no_success(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("code", [0, 3])
 @pytest.mark.parametrize("place", ["--beside", "--then"])
-def test_a_command_with_the_lanes_counts_too(
+def test_the_exit_code_includes_additional_commands(
     place: str, code: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    asked: list[list[str]] = []
+    requested: list[list[str]] = []
 
-    def ran(name: str, arguments: list[str], said: object = None) -> Ended:
-        asked.append(arguments)
+    def run_lane(name: str, arguments: list[str], said: object = None) -> Ended:
+        requested.append(arguments)
         return lane(["a"], ["a"] if name == BESIDE else [])
 
     command = shlex.join((sys.executable, "-c", f"print('sa' + 'id'); raise SystemExit({code})"))
-    monkeypatch.setattr(lanes, "run", ran)
+    monkeypatch.setattr(lanes, "run", run_lane)
     monkeypatch.setattr(sys, "argv", ["lanes", "tests/wire", place, command, "-q"])
     assert lanes.main() == int(code != 0)
-    assert asked == [["tests/wire", "-q"]] * len(LANES)
-    told = capfd.readouterr().out
-    assert "said" in told
-    assert ("failed, see above" in told) == (code != 0)
+    assert requested == [["tests/wire", "-q"]] * len(LANES)
+    printed = capfd.readouterr().out
+    assert "said" in printed
+    assert ("failed, see above" in printed) == (code != 0)
 
 
-def test_what_hangs_fails_with_its_traceback(tmp_path: Path) -> None:
+def test_a_hanging_test_fails_with_its_traceback(tmp_path: Path) -> None:
     (tmp_path / "test_hangs.py").write_text("import time\n\ndef test_it():\n    time.sleep(60)  # here\n")
     command = [sys.executable, "-m", "pytest", "-c", str(ROOT / "pyproject.toml"), "--timeout=1", str(tmp_path)]
     ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=50)
@@ -83,7 +83,7 @@ def test_what_hangs_fails_with_its_traceback(tmp_path: Path) -> None:
     assert "Timeout" in ended.stdout
 
 
-def test_what_is_left_to_the_thorough_run_exists() -> None:
+def test_tests_of_the_thorough_run_exist() -> None:
     for left in left_out():
         assert len(left.because.split()) > 5, left
         for name in (*left.tests, *left.but):
@@ -93,22 +93,27 @@ def test_what_is_left_to_the_thorough_run_exists() -> None:
             assert not function or function.partition("[")[0] in functions, name
 
 
-def test_a_test_is_left_by_its_file_its_function_or_its_whole_name() -> None:
+def test_tests_are_excluded_by_file_function_or_full_name() -> None:
     left = Left(("tests/a.py", "tests/b.py::test_one", "tests/b.py::test_two[3]"), "", but=("tests/a.py::test_kept",))
     names = ("tests/a.py::test_x[1]", "tests/b.py::test_one", "tests/b.py::test_one[0]", "tests/b.py::test_two[3]")
     assert all(left.names(test) for test in names)
-    kept = ("tests/a.py::test_kept[1]", "tests/ab.py::test_x", "tests/b.py::test_one_more", "tests/b.py::test_two[33]")
-    assert not any(left.names(test) for test in kept)
+    included = (
+        "tests/a.py::test_kept[1]",
+        "tests/ab.py::test_x",
+        "tests/b.py::test_one_more",
+        "tests/b.py::test_two[33]",
+    )
+    assert not any(left.names(test) for test in included)
 
 
-def test_a_case_that_has_another_name_now_is_told() -> None:
+def test_renamed_cases_are_reported() -> None:
     names = {name for left in left_out() for name in (*left.tests, *left.but) if "[" in name}
     assert renamed(names) == []
     one = sorted(names)[0]
     assert renamed({*names, f"{one.partition('[')[0]}[new]"} - {one}) == [one]
 
 
-def test_what_is_left_is_run_when_asked_for(tmp_path: Path) -> None:
+def test_excluded_tests_run_on_request(tmp_path: Path) -> None:
     some = next(name for name in sorted(whole_files()) if name.startswith("tests/plant/"))
     folder = str(Path(some).parent)
     command = [
@@ -122,8 +127,8 @@ def test_what_is_left_is_run_when_asked_for(tmp_path: Path) -> None:
         "-q",
     ]
     counts = []
-    for asked in ((folder,), (folder, "--thorough"), (some,)):
-        subprocess.run([*command, *asked, "tests/test_errors.py"], cwd=ROOT, capture_output=True, check=True)
+    for requested in ((folder,), (folder, "--thorough"), (some,)):
+        subprocess.run([*command, *requested, "tests/test_errors.py"], cwd=ROOT, capture_output=True, check=True)
         there = (tmp_path / "there").read_text(encoding="utf-8").splitlines()
         counts.append(sum(test.startswith(f"{some}::") for test in there))
         assert any(test.startswith("tests/test_errors.py::") for test in there)

@@ -1,4 +1,4 @@
-"""A character that is not accepted is refused alike on every path that a text comes by, and shown as an escape."""
+"""Every path for texts rejects the same characters, and output shows them as escapes."""
 
 import csv
 import json
@@ -37,21 +37,21 @@ from tests.refusals import refused
 
 PARTS = [{"name": "a", "title": "A", "parts": [{"do": "hold", "duration_s": 1}]}]
 REFUSED = ("\0", "\x07", "\x08", "\x0b", "\x0c", "\x1b", "\x7f", "\x85", "\x9b", "\ud800", "\udfff", "\ude00\ud83d")
-TAKEN = ("", "\t", "\n", "\r\n", "\xa0", "λ_q′", "漢", "😀", "\u202f")
+ACCEPTED = ("", "\t", "\n", "\r\n", "\xa0", "λ_q′", "漢", "😀", "\u202f")
 
 
 def experiment(title: str) -> dict[str, Any]:
     return {"format": 1, "name": "a", "title": title, "description": "", "phases": PARTS}
 
 
-def described(description: str) -> dict[str, Any]:
+def experiment_with_description(description: str) -> dict[str, Any]:
     return {**experiment("x"), "description": description}
 
 
 def as_yaml(title: str = "", description: str = "") -> str:
     escaped = ["".join(f"\\U{ord(letter):08x}" for letter in words) for words in (title, description)]
-    said = f'title: "x{escaped[0]}y"\ndescription: "x{escaped[1]}y"'
-    return f"format: 1\nname: a\n{said}\nphases: {json.dumps(PARTS)}\n"
+    keys = f'title: "x{escaped[0]}y"\ndescription: "x{escaped[1]}y"'
+    return f"format: 1\nname: a\n{keys}\nphases: {json.dumps(PARTS)}\n"
 
 
 PATHS: dict[str, tuple[type[Exception], Callable[[str], object]]] = {
@@ -59,7 +59,10 @@ PATHS: dict[str, tuple[type[Exception], Callable[[str], object]]] = {
     "a key": (PlainTextError, lambda words: check_plain_texts([{"a": {words: 1}}])),
     "a request": (RequestRejectedError, lambda words: require_valid_body(json.dumps({"note": words}).encode())),
     "YAML": (ExperimentError, lambda words: parser.parse_experiment(as_yaml(description=words))),
-    "JSON as a text": (ExperimentError, lambda words: parser.parse_experiment(json.dumps(described(f"x{words}y")))),
+    "JSON as a text": (
+        ExperimentError,
+        lambda words: parser.parse_experiment(json.dumps(experiment_with_description(f"x{words}y"))),
+    ),
     "an import": (ValueError, lambda words: read_strict(json.dumps({"run": [{"note": words}]}))),
     "an experiment in an import": (
         ValueError,
@@ -68,7 +71,7 @@ PATHS: dict[str, tuple[type[Exception], Callable[[str], object]]] = {
     "a bank file": (BankError, lambda words: parse_bank_file(json.dumps({"name": words}))),
 }
 LINES_REFUSED = (*REFUSED, "\t", "\n", "\r", "\u2028", "\u202e", "\u2066", "\u200f", "\u200b", "\ufeff", "\u00ad")
-LINES_TAKEN = ("λ_q′", "漢字", "x😀y", "1\u202f000", "می\u200cخواهم", "👩\u200d🔧", "❤\ufe0f")
+LINES_ACCEPTED = ("λ_q′", "漢字", "x😀y", "1\u202f000", "می\u200cخواهم", "👩\u200d🔧", "❤\ufe0f")
 SETTING = {"name": "b", "symbol": "b", "meaning": "b", "default": 1, "minimum": 0, "maximum": 2}
 
 
@@ -130,28 +133,28 @@ LINES: dict[str, tuple[type[Exception], Callable[[str], object]]] = {
 
 @pytest.mark.parametrize("path", LINES)
 @pytest.mark.parametrize("words", LINES_REFUSED, ids=ascii)
-def test_a_text_of_one_line_has_nothing_that_is_not_seen(path: str, words: str) -> None:
-    kind, take = LINES[path]
+def test_single_line_texts_with_invisible_characters_are_rejected(path: str, words: str) -> None:
+    kind, accept = LINES[path]
     with pytest.raises(kind):
-        take(f"x{words}y")
+        accept(f"x{words}y")
 
 
 @pytest.mark.parametrize("path", [path for path in LINES if path != "a title in YAML"])
 @pytest.mark.parametrize("words", [" ", "   ", "\xa0", "\u3000 "], ids=ascii)
-def test_a_text_of_one_line_is_not_blank(path: str, words: str) -> None:
-    kind, take = LINES[path]
+def test_blank_single_line_texts_are_rejected(path: str, words: str) -> None:
+    kind, accept = LINES[path]
     with pytest.raises(kind):
-        take(words)
+        accept(words)
 
 
 @pytest.mark.parametrize("path", LINES)
-@pytest.mark.parametrize("words", LINES_TAKEN, ids=ascii)
-def test_names_of_any_language_are_taken(path: str, words: str) -> None:
+@pytest.mark.parametrize("words", LINES_ACCEPTED, ids=ascii)
+def test_single_line_texts_in_any_language_are_accepted(path: str, words: str) -> None:
     LINES[path][1](words)
 
 
 @pytest.mark.parametrize("words", [*LINES_REFUSED, " "], ids=ascii)
-def test_what_an_earlier_version_stored_is_read_and_shown_escaped(words: str) -> None:
+def test_titles_stored_by_earlier_versions_are_read_with_escapes(words: str) -> None:
     title = f"x{words}y" if words.strip() else words
     read = parser.parse_canonical(json.dumps(experiment(title)))
     assert read.title == escape_line(title)
@@ -163,7 +166,7 @@ def test_what_an_earlier_version_stored_is_read_and_shown_escaped(words: str) ->
     assert parser.parse_canonical(parser.to_canonical_text(read)) == read
 
 
-def test_a_terminal_is_given_escapes() -> None:
+def test_control_characters_are_escaped_for_the_terminal() -> None:
     assert escape_line("a\x1b[2J\u202eb\n\ud800\U000e0041") == "a\\x1b[2J\\u202eb\\x0a\\ud800\\U000e0041"
     assert escape_lines("a\n\tb\r\x9b") == "a\n\tb\\x0d\\x9b"
     document = {"a\x9b": ["\u202e", "\ud800", "λ", 1.5], "\U000e0041": None}
@@ -175,7 +178,7 @@ FORMULAS = ("=1", "+1+1", "-1+1", "@SUM(1)", "=HYPERLINK(1)", "\t=1", " =1", "\r
 
 
 @pytest.mark.parametrize("formula", FORMULAS, ids=ascii)
-def test_no_cell_is_a_formula(formula: str) -> None:
+def test_csv_cells_contain_no_formulas(formula: str) -> None:
     cell = format_csv_cell(formula)
     assert cell == f"'{escape_line(formula)}"
     for cut in (",", ";"):
@@ -200,11 +203,11 @@ def _is_number(words: str) -> bool:
 
 
 @pytest.mark.parametrize("value", ["-5", "+1e-3", "a=b", "λ_q′", "1 - 2", "", None, -5, -0.1, True])
-def test_numbers_and_plain_texts_are_cells_as_they_are(value: Any) -> None:
+def test_numbers_and_plain_texts_are_written_to_cells_unchanged(value: Any) -> None:
     assert format_csv_cell(value) == ("" if value is None else repr(value) if isinstance(value, float) else value)
 
 
-def test_a_file_name_is_no_path_and_nothing_hidden() -> None:
+def test_file_names_contain_no_path_and_no_invisible_characters() -> None:
     assert make_file_name("../../etc/passwd") == "etc-passwd"
     assert make_file_name('.a"\r\nb: c') == "a-x0d-x0ab-c"
     assert make_file_name("sinew-run-12.csv") == "sinew-run-12.csv"
@@ -214,32 +217,32 @@ def test_a_file_name_is_no_path_and_nothing_hidden() -> None:
 
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize("words", REFUSED, ids=ascii)
-def test_what_is_no_plain_text_is_refused(path: str, words: str) -> None:
-    kind, take = PATHS[path]
+def test_texts_with_control_characters_are_rejected(path: str, words: str) -> None:
+    kind, accept = PATHS[path]
     with pytest.raises(kind) as refused:
-        take(words)
-    if "\ud800" not in words or path != "a request":  # its JSON itself is refused
+        accept(words)
+    if "\ud800" not in words or path != "a request":  # the JSON itself is invalid
         assert any(f"U+{ord(letter):04X}" in str(refused.value) for letter in words) or "JSON" in str(refused.value)
 
 
 @pytest.mark.parametrize("path", PATHS)
-@pytest.mark.parametrize("words", TAKEN, ids=ascii)
-def test_lines_and_letters_of_any_language_are_taken(path: str, words: str) -> None:
+@pytest.mark.parametrize("words", ACCEPTED, ids=ascii)
+def test_texts_in_any_language_are_accepted(path: str, words: str) -> None:
     PATHS[path][1](words)
 
 
-def test_json_may_write_a_character_as_a_pair_of_escapes() -> None:
+def test_json_surrogate_pairs_are_accepted() -> None:
     written = json.dumps(experiment("😀"))
     assert "\\ud83d\\ude00" in written
     assert parser.parse_experiment(written)[0].title == "😀"
 
 
-def test_an_escape_beyond_all_characters_is_refused() -> None:
+def test_escapes_outside_unicode_are_rejected() -> None:
     with pytest.raises(ExperimentError):
         parser.parse_experiment('title: "\\Uffffffff"')
 
 
-def test_a_refused_character_is_named_with_its_place() -> None:
+def test_a_rejected_character_is_reported_with_its_position() -> None:
     with refused(PlainTextError, "character_not_allowed", text="ab\x07", position=2, description="a control character"):
         check_plain_text("ab\x07")
     with refused(PlainTextError, "character_not_allowed_in_line", position=1):
@@ -248,7 +251,7 @@ def test_a_refused_character_is_named_with_its_place() -> None:
         check_single_line(" ")
 
 
-def test_a_refusal_says_where_the_character_stands() -> None:
+def test_a_rejected_character_is_reported_with_line_and_field() -> None:
     with pytest.raises(ExperimentError) as refused:
         parser.parse_experiment(as_yaml("\0"))
     assert refused.value.line == 3

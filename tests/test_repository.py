@@ -37,11 +37,11 @@ def names(paths: list[Path]) -> list[str]:
     return [str(path.relative_to(ROOT)) for path in paths]
 
 
-def test_top_level_is_the_one_agreed_on() -> None:
+def test_the_top_level_contains_only_listed_files() -> None:
     assert {path.relative_to(ROOT).parts[0] for path in FILES} <= TOP_LEVEL
 
 
-def test_no_file_has_a_name_that_says_nothing() -> None:
+def test_no_file_has_a_meaningless_name() -> None:
     assert names([path for path in FILES if path.stem.lower() in BANNED_NAMES]) == []
 
 
@@ -62,7 +62,7 @@ def test_no_file_contains(pattern: str) -> None:
     assert names([path for path, text in TEXTS.items() if re.search(pattern, text)]) == []
 
 
-def test_silenced_checks_name_the_rule_and_the_reason() -> None:
+def test_suppressed_checks_state_rule_and_reason() -> None:
     bare = re.compile(r"# (type: ignore|noqa)(?!(\[|: )[\w, -]+\]?.*# \S)|@ts-ignore|biome-ignore(?! .+: \S)")
     found = [
         f"{path.relative_to(ROOT)}: {line.strip()}"
@@ -73,7 +73,7 @@ def test_silenced_checks_name_the_rule_and_the_reason() -> None:
     assert found == []
 
 
-def test_links_between_documents_lead_somewhere() -> None:
+def test_links_between_documents_have_targets() -> None:
     broken = [
         f"{page.relative_to(ROOT)} -> {target}"
         for page in FILES
@@ -84,7 +84,7 @@ def test_links_between_documents_lead_somewhere() -> None:
     assert broken == []
 
 
-def test_every_file_names_the_same_version() -> None:
+def test_all_files_state_the_same_version() -> None:
     assert f'"version": "{__version__}"' in TEXTS[ROOT / "frontend" / "package.json"]
     assert f"\nversion: {__version__}\n" in TEXTS[ROOT / "CITATION.cff"]
     assert f"Version {__version__} is the supported version" in TEXTS[ROOT / "SECURITY.md"]
@@ -94,14 +94,14 @@ def test_every_file_names_the_same_version() -> None:
 
 
 @pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md"])
-def test_make_offers_what_the_documents_name(page: str) -> None:
+def test_make_targets_in_the_documents_exist(page: str) -> None:
     named = set(re.findall(r"(?:^ {4}|`)make ([\w-]+)", TEXTS[ROOT / page], re.MULTILINE))
     offered = set(re.findall(r"^([\w-]+):", TEXTS[ROOT / "Makefile"], re.MULTILINE))
     assert {"run", "test"} <= named <= offered
 
 
 def test_no_public_class_name_has_two_definitions() -> None:
-    """A reader who searches for a class finds one."""
+    """A search for a class finds one definition."""
     places: dict[str, list[str]] = {}
     for path in sorted(path for folder in ("plant", "backend") for path in (ROOT / folder).rglob("*.py")):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:

@@ -20,12 +20,12 @@ TIMEOUT_S = 20.0
 
 
 def run(session: Callable[[Supervision], Awaitable[None]]) -> None:
-    async def whole() -> None:
+    async def session_with_supervision() -> None:
         supervision = Supervision()
         await asyncio.wait_for(session(supervision), TIMEOUT_S)
         await supervision.close()
 
-    asyncio.run(whole())
+    asyncio.run(session_with_supervision())
 
 
 async def until(reached: Callable[[], bool]) -> None:
@@ -45,84 +45,84 @@ async def _be_cancelled() -> None:
 
 
 @pytest.mark.parametrize(("die", "cause"), [(_raise, "ValueError: ink is out"), (_be_cancelled, "it was cancelled")])
-def test_a_task_that_dies_is_told_and_works_again(die: Callable[[], Awaitable[None]], cause: str) -> None:
+def test_a_failed_task_is_reported_and_restarted(die: Callable[[], Awaitable[None]], cause: str) -> None:
     async def session(supervision: Supervision) -> None:
-        told: list[str] = []
-        supervision.add_listener(told.append)
-        lives = 0
+        reports: list[str] = []
+        supervision.add_listener(reports.append)
+        starts = 0
 
         async def work() -> None:
-            nonlocal lives
-            lives += 1
-            if lives == 1:
+            nonlocal starts
+            starts += 1
+            if starts == 1:
                 await die()
             await asyncio.Event().wait()
 
         deaths: list[int] = []
-        kept = supervision.start_task(PART, work, on_death=lambda: deaths.append(lives))
+        supervised = supervision.start_task(PART, work, on_death=lambda: deaths.append(starts))
         assert supervision.problems == []
-        await until(lambda: lives == 2)
+        await until(lambda: starts == 2)
         assert deaths == [1]
-        assert told == [f"The clerk failed ({cause}) and is being restarted."]
+        assert reports == [f"The clerk failed ({cause}) and is being restarted."]
         (shown,) = supervision.problems
         assert shown == f"The clerk failed ({cause}) and was restarted. Letters wait."
-        await kept.end()
-        assert lives == 2
+        await supervised.end()
+        assert starts == 2
         assert not [task for task in asyncio.all_tasks() if task.get_name() == PART.name]
 
     run(session)
 
 
-def test_a_task_that_is_ended_or_returns_is_not_started_anew() -> None:
+def test_a_task_that_ends_or_returns_is_not_restarted() -> None:
     async def session(supervision: Supervision) -> None:
-        lives = 0
+        starts = 0
 
         async def work() -> None:
-            nonlocal lives
-            lives += 1
+            nonlocal starts
+            starts += 1
 
         await supervision.start_task(PART, work).wait()
         waiting = supervision.start_task(PART, asyncio.Event().wait)  # type: ignore[arg-type] # returns True, never seen
         await waiting.end()
-        dead = supervision.start_task(PART, _raise, on_death=lambda: dead.cancel())  # before it can be started anew
+        dead = supervision.start_task(PART, _raise, on_death=lambda: dead.cancel())  # before it can be restarted
         await dead.wait()
         await asyncio.sleep(2 * FIRST_RESTART_DELAY_S)
-        assert lives == 1
+        assert starts == 1
         assert "in a row" not in supervision.problems[0]
 
     run(session)
 
 
-def test_a_thread_that_is_killed_is_told_and_works_again() -> None:
+def test_a_killed_thread_is_reported_and_restarted() -> None:
     async def session(supervision: Supervision) -> None:
-        ending, lives = threading.Event(), []
+        ending, starts = threading.Event(), []
 
         def work() -> None:
-            lives.append(threading.get_ident())
+            starts.append(threading.get_ident())
             while not ending.is_set():
                 time.sleep(0.01)
 
-        kept = supervision.start_thread(PART, work, ending.set)
-        await until(lambda: len(lives) == 1)
+        supervised = supervision.start_thread(PART, work, ending.set)
+        await until(lambda: len(starts) == 1)
         kill = ctypes.pythonapi.PyThreadState_SetAsyncExc
-        kill(ctypes.c_ulong(lives[0]), ctypes.py_object(SystemExit))
-        await until(lambda: len(lives) == 2)
-        # it is told as being started for as long as its death took to be written down, after the pause has begun
+        kill(ctypes.c_ulong(starts[0]), ctypes.py_object(SystemExit))
+        await until(lambda: len(starts) == 2)
+        # The problem says "being restarted" until the death is logged, after the delay has started.
         await until(lambda: supervision.problems == ["The clerk failed (SystemExit) and was restarted. Letters wait."])
-        kept.end()
+        supervised.end()
         assert PART.name not in {thread.name for thread in threading.enumerate()}
         await asyncio.sleep(3 * FIRST_RESTART_DELAY_S)
-        assert len(lives) == 2
+        assert len(starts) == 2
 
     run(session)
 
 
-def test_a_thread_that_dies_in_a_transaction_leaves_the_database_writable(
+def test_a_thread_that_dies_in_a_transaction_releases_the_database(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """The log keeps the error; with the frames that raised it, it would keep the cursor and its lock."""
+    """If the log kept the frames of the error, it would also keep the cursor and its lock."""
     database = open_database(tmp_path)
-    execute, lives = database.engine.dialect.do_execute, []
+    execute, starts = database.engine.dialect.do_execute, []
 
     def die_after(cursor: Any, statement: str, parameters: Any, context: Any = None) -> None:
         execute(cursor, statement, parameters, context)
@@ -133,16 +133,16 @@ def test_a_thread_that_dies_in_a_transaction_leaves_the_database_writable(
         ending = threading.Event()
 
         def work() -> None:
-            lives.append(threading.get_ident())
-            if len(lives) == 1:
+            starts.append(threading.get_ident())
+            if len(starts) == 1:
                 with database.session() as opened:
                     opened.execute(text("CREATE TABLE letters (number INTEGER)"))
                     opened.execute(text("SELECT 1 UNION SELECT 2"))
             ending.wait()
 
-        kept = supervision.start_thread(PART, work, ending.set)
-        await until(lambda: len(lives) == 2)
-        kept.end()
+        supervised = supervision.start_thread(PART, work, ending.set)
+        await until(lambda: len(starts) == 2)
+        supervised.end()
 
     with pytest.MonkeyPatch.context() as patch, closing(database):
         patch.setattr(database.engine.dialect, "do_execute", die_after)
@@ -152,19 +152,19 @@ def test_a_thread_that_dies_in_a_transaction_leaves_the_database_writable(
             opened.execute(text("CREATE TABLE letters (number INTEGER)"))
 
 
-def test_the_pauses_grow_and_a_part_that_lives_long_is_well_again() -> None:
+def test_restart_delays_grow_and_reset_after_stable_operation() -> None:
     now = 0.0
     supervision = Supervision(clock=lambda: now)
-    told: list[str] = []
-    supervision.add_listener(told.append)
-    pauses = [supervision.record_failure(PART, "no paper") for _ in range(12)]
-    assert pauses[:3] == [FIRST_RESTART_DELAY_S, 2 * FIRST_RESTART_DELAY_S, 4 * FIRST_RESTART_DELAY_S]
-    assert pauses[-1] == MAX_RESTART_DELAY_S
+    reports: list[str] = []
+    supervision.add_listener(reports.append)
+    delays = [supervision.record_failure(PART, "no paper") for _ in range(12)]
+    assert delays[:3] == [FIRST_RESTART_DELAY_S, 2 * FIRST_RESTART_DELAY_S, 4 * FIRST_RESTART_DELAY_S]
+    assert delays[-1] == MAX_RESTART_DELAY_S
     assert supervision.problems == [
         "The clerk failed (no paper) and is being restarted, 12 times in a row. Letters wait."
     ]
-    assert len(told) == 1
+    assert len(reports) == 1
     now = MAX_RESTART_DELAY_S + STABLE_AFTER_S
     assert supervision.problems == []
     assert supervision.record_failure(PART, "no paper") == FIRST_RESTART_DELAY_S
-    assert len(told) == 2
+    assert len(reports) == 2

@@ -38,15 +38,15 @@ DEG, RAD = AngleUnit.DEGREES, AngleUnit.RADIANS
         (10**400, "1", "a number of 401 digits", "a number of 401 digits"),
     ],
 )
-def test_what_is_converted_hangs_on_the_unit(value: float, unit: str, degrees: str, radians: str) -> None:
-    """Angles and their rates are converted, gains per radian stay as the paper has them."""
+def test_only_angles_and_their_rates_are_converted(value: float, unit: str, degrees: str, radians: str) -> None:
+    """Gains per radian keep the units of the paper."""
     assert format_quantity(value, unit, DEG) == degrees
     assert format_quantity(value, unit, RAD) == radians
 
 
 @given(st.decimals(min_value=-1000, max_value=1000, places=6))
-def test_what_was_typed_in_degrees_is_read_again(parse_quantity: Fraction) -> None:
-    """Sent as the nearest double of the conversion, any angle comes back as it was typed."""
+def test_an_angle_in_degrees_survives_the_conversion_to_radians_and_back(parse_quantity: Fraction) -> None:
+    """The page sends the nearest double of the conversion."""
     sent = math.radians(float(parse_quantity))
     assert round(convert_to_display(sent, "rad", DEG), 9) == round(float(parse_quantity), 9)
 
@@ -70,16 +70,16 @@ def test_what_was_typed_in_degrees_is_read_again(parse_quantity: Fraction) -> No
         ("a push of 7.019e-05~N, 3.357e-06~V off, 2e-09~N·m/rad", "a push of 70.19 µN, 3.357 µV off, 2e-09 N·m/rad"),
     ],
 )
-def test_marked_quantities_of_a_text_are_converted(text: str, degrees: str) -> None:
-    """Marks, faults and ends of runs are stored in SI."""
+def test_marked_quantities_in_a_text_are_converted(text: str, degrees: str) -> None:
+    """Event log, faults and end states of runs are stored in SI units."""
     marked = text.replace("~", UNIT_MARK)
     assert format_text(marked, DEG) == degrees
     if not re.search(r"deg|e-", text):
         assert format_text(marked, RAD) == text.replace("~", " ")
 
 
-def test_a_text_in_degrees_can_be_read_in_radians() -> None:
-    """Somebody who changes the unit while a refusal is shown reads it in the new one."""
+def test_a_text_in_degrees_is_displayed_in_radians() -> None:
+    """An operator may change the unit while a message is displayed."""
     marked = "120~deg is outside -100 to 100~°".replace("~", UNIT_MARK)
     assert format_text(marked, RAD) == "2.094 rad is outside -1.745 to 1.745 rad"
 
@@ -89,14 +89,14 @@ def test_a_text_in_degrees_can_be_read_in_radians() -> None:
     | st.sampled_from(("keep it below 1 rad", "30 deg", f"1{UNIT_MARK}rad", f"2{UNIT_MARK}{ESCAPE}deg")),
     st.sampled_from(AngleUnit),
 )
-def test_a_persons_text_comes_back_as_it_was_written(text: str, angles: AngleUnit) -> None:
+def test_quoted_texts_are_displayed_unchanged(text: str, angles: AngleUnit) -> None:
     around = f"{Angle(math.pi / 6)} {quote(text)} {Angle(math.pi / 6)}"
     number = "30°" if angles is DEG else "0.523599 rad"
     assert format_text(around, angles) == f"{number} “{text}” {number}"
     assert format_text(escape_quantities(text), angles) == text
 
 
-def test_quantities_are_written_with_their_unit() -> None:
+def test_quantities_are_formatted_with_their_unit() -> None:
     assert f"{Angle(0.5):.3f}" == f"0.500{UNIT_MARK}rad"
     assert f"{Angle(-1.0, 1.0):g}" == f"-1 to 1{UNIT_MARK}rad"
     assert f"{Quantity(2.0, '1')}" == "2"
@@ -113,7 +113,7 @@ def test_quantities_are_written_with_their_unit() -> None:
         ("7e-05 N of 3 radishes", "7e-05~N of 3 radishes"),
     ],
 )
-def test_quantities_of_a_document_are_marked(text: str, marked: str) -> None:
+def test_quantities_in_a_document_are_marked(text: str, marked: str) -> None:
     assert mark_quantities(text) == marked.replace("~", UNIT_MARK)
 
 
@@ -127,19 +127,19 @@ def test_quantities_of_a_document_are_marked(text: str, marked: str) -> None:
         ("1e1", "N", 10.0),
     ],
 )
-def test_a_word_of_the_command_line_may_say_its_unit(word: str, unit: str, value: float) -> None:
-    """A plain number is in SI, as it ever was: 1.0 that came to mean a degree would move the joint by a 57th."""
+def test_command_line_values_may_have_a_unit(word: str, unit: str, value: float) -> None:
+    """A number without a unit is in SI units; read as degrees, 1.0 would move the joint by only a 57th of that."""
     assert parse_quantity(word, unit) == value
 
 
 @pytest.mark.parametrize(("word", "unit"), [("60deg", "N"), ("deg", "rad"), ("60 turns", "rad"), ("6rad", "s")])
-def test_a_unit_that_is_not_the_quantitys_is_no_number(word: str, unit: str) -> None:
+def test_units_of_another_quantity_are_rejected(word: str, unit: str) -> None:
     with pytest.raises(ValueError, match="could not convert"):
         parse_quantity(word, unit)
 
 
 @pytest.mark.parametrize("unit", ["rad", "rad/s", "N", "1"])
-def test_a_whole_number_beyond_any_float_is_told_by_its_length(unit: str) -> None:
+def test_an_integer_larger_than_any_float_is_described_by_its_digits(unit: str) -> None:
     for angles in AngleUnit:
         assert format_quantity(10**399, unit, angles).startswith("a number of 400 digits")
 
@@ -147,11 +147,11 @@ def test_a_whole_number_beyond_any_float_is_told_by_its_length(unit: str) -> Non
 @pytest.mark.parametrize(
     ("value", "text"), [(99.96, "99.96"), (99.9996, "99.9996"), (99.94, "99.9"), (100.0, "100.0"), (-3.2, "-3.2")]
 )
-def test_nothing_less_than_the_whole_reads_100(value: float, text: str) -> None:
+def test_percentages_below_100_are_not_rounded_to_100(value: float, text: str) -> None:
     assert format_percent(value) == text
 
 
-def test_one_is_one_day_and_all_else_are_days() -> None:
+def test_only_the_count_one_has_a_singular_unit() -> None:
     assert [format_count(days, "day") for days in (1, 1.0, 0, 30.0, 0.5)] == [
         "1 day",
         "1 day",
@@ -161,6 +161,6 @@ def test_one_is_one_day_and_all_else_are_days() -> None:
     ]
 
 
-def test_a_count_is_exact_however_large() -> None:
+def test_large_counts_are_exact() -> None:
     assert format_count(1_234_567, "sample") == "1234567 samples"
     assert format_count(10**400, "sample") == f"{10**400} samples"

@@ -1,4 +1,4 @@
-"""Worker processes: pieces, long work, kills and closed terminals."""
+"""Worker processes: streams of chunks, long work, kills, limits and closed terminals."""
 
 import asyncio
 import os
@@ -19,28 +19,28 @@ from backend.workers import WorkerDiedError, WorkerProcess, WorkLimitError, Work
 LARGE = bytes(range(256)) * 20_000
 
 
-def pieces(count: int) -> Iterator[bytes]:
+def chunks(count: int) -> Iterator[bytes]:
     yield b""
     for number in range(count):
         yield bytes([number]) * 3
     yield LARGE
 
 
-def refusing() -> Iterator[bytes]:
+def raise_immediately() -> Iterator[bytes]:
     raise LookupError("there is nothing")
 
 
-def breaking() -> Iterator[bytes]:
+def raise_after_first_chunk() -> Iterator[bytes]:
     yield b"begun"
     raise ValueError("it broke")
 
 
-def dying() -> Iterator[bytes]:
+def die_after_first_chunk() -> Iterator[bytes]:
     yield b"begun"
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def endless() -> Iterator[bytes]:
+def stream_endlessly() -> Iterator[bytes]:
     yield str(os.getpid()).encode()
     while True:
         yield LARGE
@@ -53,21 +53,23 @@ def waiting(gate: Path) -> Iterator[bytes]:
     yield b"end"
 
 
-async def collected(work: object, *arguments: object) -> list[bytes]:
-    return [piece async for piece in stream_from_process(work, *arguments)]  # type: ignore[arg-type]
+async def collect(work: object, *arguments: object) -> list[bytes]:
+    return [chunk async for chunk in stream_from_process(work, *arguments)]  # type: ignore[arg-type]
 
 
-def test_all_pieces_come_in_order() -> None:
-    assert b"".join(asyncio.run(collected(pieces, 3))) == b"\0\0\0\1\1\1\2\2\2" + LARGE
+def test_chunks_arrive_in_order() -> None:
+    assert b"".join(asyncio.run(collect(chunks, 3))) == b"\0\0\0\1\1\1\2\2\2" + LARGE
 
 
-def test_what_the_work_refuses_is_raised_before_the_first_piece() -> None:
+def test_an_error_of_the_generator_is_raised_before_the_first_chunk() -> None:
     with pytest.raises(LookupError, match="there is nothing"):
-        asyncio.run(collected(refusing))
+        asyncio.run(collect(raise_immediately))
 
 
-@pytest.mark.parametrize(("work", "error"), [(breaking, ValueError), (dying, WorkerDiedError)])
-def test_what_breaks_off_is_no_end(work: object, error: type[Exception]) -> None:
+@pytest.mark.parametrize(
+    ("work", "error"), [(raise_after_first_chunk, ValueError), (die_after_first_chunk, WorkerDiedError)]
+)
+def test_a_failing_stream_raises_instead_of_ending(work: object, error: type[Exception]) -> None:
     async def take() -> list[bytes]:
         async with aclosing(stream_from_process(work)) as stream:  # type: ignore[arg-type]
             taken = [await anext(stream)]
@@ -78,7 +80,7 @@ def test_what_breaks_off_is_no_end(work: object, error: type[Exception]) -> None
     assert asyncio.run(take()) == [b"begun"]
 
 
-def test_who_waits_for_a_piece_leaves_the_threads_of_the_loop_to_others(tmp_path: Path) -> None:
+def test_waiting_for_a_chunk_does_not_occupy_a_thread_of_the_event_loop(tmp_path: Path) -> None:
     gate = tmp_path / "gate"
 
     async def take() -> bytes:
@@ -94,9 +96,9 @@ def test_who_waits_for_a_piece_leaves_the_threads_of_the_loop_to_others(tmp_path
     assert asyncio.run(take()) == b"end"
 
 
-def test_the_process_ends_when_nobody_takes_its_pieces_any_more() -> None:
+def test_closing_the_stream_ends_its_process() -> None:
     async def take() -> int:
-        async with aclosing(stream_from_process(endless)) as stream:
+        async with aclosing(stream_from_process(stream_endlessly)) as stream:
             number = int(await anext(stream))
             await anext(stream)
         return number
@@ -105,13 +107,13 @@ def test_the_process_ends_when_nobody_takes_its_pieces_any_more() -> None:
         os.kill(asyncio.run(take()), 0)
 
 
-# The worker process, killed for real: idle, at work, repeatedly, and by a caller that cancels.
+# Worker processes that are killed: idle, at work, repeatedly, and after a cancellation.
 
 TIMEOUT_S = 60.0
 
 
 def run(session: Callable[[WorkerProcess, list[str]], Awaitable[None]]) -> None:
-    async def whole() -> None:
+    async def session_with_worker() -> None:
         deaths: list[str] = []
         worker = WorkerProcess(deaths.append)
         try:
@@ -119,7 +121,7 @@ def run(session: Callable[[WorkerProcess, list[str]], Awaitable[None]]) -> None:
         finally:
             worker.close()
 
-    asyncio.run(whole())
+    asyncio.run(session_with_worker())
 
 
 def die_once(marker: Path) -> str:
@@ -139,7 +141,7 @@ def sleep_long(marker: Path) -> None:
     time.sleep(3600.0)
 
 
-def is_there(pid: int) -> bool:
+def is_running(pid: int) -> bool:
     return Path(f"/proc/{pid}").exists()
 
 
@@ -148,7 +150,7 @@ async def until(reached: Callable[[], bool]) -> None:
         await asyncio.sleep(0.01)
 
 
-def test_a_process_killed_idle_is_told_at_once_and_replaced() -> None:
+def test_a_worker_process_killed_while_idle_is_reported_and_replaced() -> None:
     async def session(worker: WorkerProcess, deaths: list[str]) -> None:
         first = await worker.run(os.getpid)
         os.kill(first, signal.SIGKILL)
@@ -160,18 +162,18 @@ def test_a_process_killed_idle_is_told_at_once_and_replaced() -> None:
     run(session)
 
 
-def test_work_that_its_process_dies_over_is_done_again(tmp_path: Path) -> None:
+def test_work_is_repeated_after_its_process_dies(tmp_path: Path) -> None:
     async def session(worker: WorkerProcess, deaths: list[str]) -> None:
         waiting = [worker.run(die_once, tmp_path / "killed"), worker.run(os.getpid), worker.run(os.getpid)]
-        said, *pids = await asyncio.gather(*waiting)
-        assert said == "done"
+        answer, *pids = await asyncio.gather(*waiting)
+        assert answer == "done"
         assert pids[0] == pids[1]
         assert len(deaths) == 1
 
     run(session)
 
 
-def test_work_that_kills_each_process_is_given_up_and_harms_no_other(tmp_path: Path) -> None:
+def test_work_that_kills_every_process_fails_without_affecting_other_work(tmp_path: Path) -> None:
     async def session(worker: WorkerProcess, deaths: list[str]) -> None:
         tried = tmp_path / "tried"
         tried.touch()
@@ -185,9 +187,9 @@ def test_work_that_kills_each_process_is_given_up_and_harms_no_other(tmp_path: P
     run(session)
 
 
-def test_a_process_killed_while_it_loads_is_replaced() -> None:
+def test_a_worker_process_killed_while_loading_is_replaced() -> None:
     async def session(worker: WorkerProcess, deaths: list[str]) -> None:
-        others = _children()  # of the test before, killed and not yet gone
+        others = _children()  # of the previous test, killed but not yet removed
         worker.preload(WorkerProcess)
         await until(lambda: bool(_children() - others))
         (first,) = _children() - others
@@ -208,9 +210,9 @@ class SlowToLoad:
         """Do nothing."""
 
 
-def test_work_behind_others_is_done_although_the_process_is_killed_before_its_turn() -> None:
+def test_queued_work_is_executed_after_its_process_is_killed() -> None:
     async def session(worker: WorkerProcess, deaths: list[str]) -> None:
-        pid = await worker.run(os.getpid)  # so that it is watched
+        pid = await worker.run(os.getpid)  # the worker supervises a process after its first work
         for killed in range(1, 11):
             for _ in range(4):
                 worker.preload(SlowToLoad())
@@ -225,16 +227,16 @@ def test_work_behind_others_is_done_although_the_process_is_killed_before_its_tu
 
 
 def _children() -> set[int]:
-    """Numbers of the processes for work that this process has."""
+    """Return the process ids of the worker processes of this process."""
     found = set()
     for child in Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split():
-        with suppress(OSError):  # it has ended meanwhile
+        with suppress(OSError):  # it has ended in the meantime
             if b"multiprocessing.spawn" in Path(f"/proc/{child}/cmdline").read_bytes():
                 found.add(int(child))
     return found
 
 
-def test_a_caller_that_leaves_ends_the_work_and_nothing_is_told(tmp_path: Path) -> None:
+def test_cancelling_the_caller_ends_the_work_without_a_report(tmp_path: Path) -> None:
     async def session(worker: WorkerProcess, deaths: list[str]) -> None:
         marker = tmp_path / "started"
         leaving = asyncio.create_task(worker.run(sleep_long, marker))
@@ -243,41 +245,41 @@ def test_a_caller_that_leaves_ends_the_work_and_nothing_is_told(tmp_path: Path) 
         leaving.cancel()
         with pytest.raises(asyncio.CancelledError):
             await leaving
-        await until(lambda: not is_there(pid))
+        await until(lambda: not is_running(pid))
         assert await worker.run(os.getpid) != pid
         assert deaths == []
 
     run(session)
 
 
-def test_closing_ends_whatever_is_under_way(tmp_path: Path) -> None:
+def test_closing_the_worker_ends_its_current_work(tmp_path: Path) -> None:
     async def session(worker: WorkerProcess, deaths: list[str]) -> None:
         marker = tmp_path / "started"
-        under_way = asyncio.create_task(worker.run(sleep_long, marker))
+        current = asyncio.create_task(worker.run(sleep_long, marker))
         await until(lambda: marker.exists() and marker.read_text() != "")
         pid = int(marker.read_text())
         worker.close()
-        await until(lambda: not is_there(pid))
-        under_way.cancel()
+        await until(lambda: not is_running(pid))
+        current.cancel()
         assert deaths == []
 
     run(session)
 
 
-def write_down(said: Path) -> None:
-    said.write_text(f"{said.read_text() if said.exists() else ''}{os.getpid()}\n")
+def append_pid(file: Path) -> None:
+    file.write_text(f"{file.read_text() if file.exists() else ''}{os.getpid()}\n")
 
 
 def fail() -> None:
     raise RuntimeError("nobody is to hear of this")
 
 
-def test_what_a_process_begins_with_is_done_once_before_all_else(tmp_path: Path) -> None:
+def test_warm_up_runs_once_before_other_work(tmp_path: Path) -> None:
     async def session(worker: WorkerProcess, deaths: list[str]) -> None:
         for _ in range(3):
-            worker.warm_up(write_down, tmp_path / "said")
+            worker.warm_up(append_pid, tmp_path / "said")
         process = await worker.run(os.getpid)
-        worker.warm_up(write_down, tmp_path / "said")
+        worker.warm_up(append_pid, tmp_path / "said")
         assert await worker.run(os.getpid) == process
         assert (tmp_path / "said").read_text() == f"{process}\n"
         assert deaths == []
@@ -285,7 +287,7 @@ def test_what_a_process_begins_with_is_done_once_before_all_else(tmp_path: Path)
     run(session)
 
 
-def test_what_a_process_begins_with_may_fail() -> None:
+def test_a_failing_warm_up_does_not_affect_other_work() -> None:
     async def session(worker: WorkerProcess, deaths: list[str]) -> None:
         worker.warm_up(fail)
         assert await worker.run(os.getpid) > 0
@@ -294,8 +296,8 @@ def test_what_a_process_begins_with_may_fail() -> None:
     run(session)
 
 
-def hold_the_interpreter() -> int:
-    """Compute for minutes in C, where no signal handler of Python runs."""
+def block_interpreter() -> int:
+    """Compute for minutes in C, where Python runs no signal handler."""
     return len(str(10**100_000_000))
 
 
@@ -304,46 +306,46 @@ def take(megabytes: int) -> int:
 
 
 def abort() -> None:
-    """End as a library does that is refused memory."""
+    """Abort as a library does when an allocation fails."""
     os.abort()
 
 
-def limited(session: Callable[[WorkerProcess], Awaitable[None]], limits: WorkLimits) -> list[str]:
+def run_limited(session: Callable[[WorkerProcess], Awaitable[None]], limits: WorkLimits) -> list[str]:
     deaths: list[str] = []
 
-    async def whole() -> None:
+    async def session_with_worker() -> None:
         worker = WorkerProcess(deaths.append, limits=limits)
         try:
             await asyncio.wait_for(session(worker), TIMEOUT_S)
         finally:
             worker.close()
 
-    asyncio.run(whole())
+    asyncio.run(session_with_worker())
     return deaths
 
 
-def test_work_beyond_its_time_is_ended_with_its_process_and_not_done_again() -> None:
+def test_work_beyond_the_time_limit_is_ended_and_not_repeated() -> None:
     async def session(worker: WorkerProcess) -> None:
         first = await worker.run(os.getpid)
         with pytest.raises(WorkLimitError) as refused:
-            await worker.run(hold_the_interpreter)
+            await worker.run(block_interpreter)
         assert (refused.value.quantity, refused.value.bound, refused.value.unit) == ("computing time", 0.5, "s")
         assert "write less" in str(refused.value)
-        await until(lambda: not is_there(first))
+        await until(lambda: not is_running(first))
         assert await worker.run(os.getpid) != first
 
-    assert limited(session, WorkLimits(limit_s=0.5, remedy="write less")) == []
+    assert run_limited(session, WorkLimits(limit_s=0.5, remedy="write less")) == []
 
 
-def test_loading_and_waiting_for_a_turn_do_not_count_as_time_of_the_work() -> None:
+def test_loading_and_queueing_do_not_count_towards_the_time_limit() -> None:
     async def session(worker: WorkerProcess) -> None:
         worker.preload(SlowToLoad(), "time")  # 0.2 s before the first work
         assert await asyncio.gather(*(worker.run(time.sleep, 0.2) for _ in range(8))) == [None] * 8
 
-    assert limited(session, WorkLimits(limit_s=1.0)) == []
+    assert run_limited(session, WorkLimits(limit_s=1.0)) == []
 
 
-def test_memory_beyond_the_limit_is_refused_and_the_process_replaced() -> None:
+def test_work_beyond_the_memory_limit_fails_and_its_process_is_replaced() -> None:
     async def session(worker: WorkerProcess) -> None:
         assert await worker.run(take, 50) == 50_000_000
         first = await worker.run(os.getpid)
@@ -352,26 +354,26 @@ def test_memory_beyond_the_limit_is_refused_and_the_process_replaced() -> None:
         assert (refused.value.quantity, refused.value.bound, refused.value.unit) == ("memory", 200.0, "MB")
         assert await worker.run(os.getpid) != first
 
-    assert limited(session, WorkLimits(memory_bytes=200_000_000)) == []
+    assert run_limited(session, WorkLimits(memory_bytes=200_000_000)) == []
 
 
-def test_a_library_that_aborts_for_lack_of_memory_is_told_as_the_limit() -> None:
+def test_an_abort_for_lack_of_memory_is_reported_as_the_memory_limit() -> None:
     async def session(worker: WorkerProcess) -> None:
         with pytest.raises(WorkLimitError):
             await worker.run(abort)
         assert await worker.run(os.getpid) > 0
 
-    assert len(limited(session, WorkLimits(memory_bytes=200_000_000))) == 1
+    assert len(run_limited(session, WorkLimits(memory_bytes=200_000_000))) == 1
 
 
-def test_a_refusal_by_a_limit_comes_from_one_process_to_another_as_it_is() -> None:
+def test_a_limit_error_is_pickled_without_loss() -> None:
     error = WorkLimitError("memory", 200.0, "MB", "send less")
     again = pickle.loads(pickle.dumps(error))
     assert (str(again), vars(again)) == (str(error), vars(error))
 
 
 class NamedError(ValueError):
-    """An error whose class takes more than its message, as many of the product do."""
+    """An error whose constructor takes more than a message."""
 
     def __init__(self, quantity: str, value: float) -> None:
         super().__init__(f"{quantity} is {value:g}")
@@ -383,7 +385,7 @@ def refuse() -> None:
     raise NamedError("period", 0.5)
 
 
-def test_an_error_of_the_work_arrives_with_its_fields() -> None:
+def test_an_error_of_the_work_keeps_its_fields() -> None:
     async def session(worker: WorkerProcess, deaths: list[str]) -> None:
         with pytest.raises(NamedError) as raised:
             await worker.run(refuse)
@@ -394,11 +396,11 @@ def test_an_error_of_the_work_arrives_with_its_fields() -> None:
     run(session)
 
 
-# A terminal that is closed, or Ctrl+C in it, reaches every process of the service: only the service heeds it.
+# A closed terminal or Ctrl+C sends a signal to every process of the service; only the service reacts.
 
 
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGINT])
-def test_a_computing_process_leaves_the_terminal_to_the_service(number: signal.Signals) -> None:
+def test_worker_processes_ignore_signals_of_the_terminal(number: signal.Signals) -> None:
     deaths: list[str] = []
 
     async def compute() -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""No process of ours imports a module from the working directory, whatever is called there as a module is."""
+"""No process of Sinew imports modules from the working directory, even if files there have their names."""
 
 import subprocess
 import sys
@@ -16,7 +16,7 @@ NAMES = ("signal.py", "random.py", "numpy.py", "plant.py", "backend/__init__.py"
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A working directory with files that are called as modules are, and say so when they are imported."""
+    """Return a working directory with files that have names of modules and record when they are imported."""
     place = tmp_path / "trap"
     for name in NAMES:
         (place / name).parent.mkdir(parents=True, exist_ok=True)
@@ -29,14 +29,14 @@ def imported(folder: Path) -> list[str]:
 
 
 @pytest.mark.live
-def test_the_service_and_its_processes_do_not(folder: Path, tmp_path: Path) -> None:
+def test_the_service_imports_nothing_from_the_working_directory(folder: Path, tmp_path: Path) -> None:
     with running_service(tmp_path / "data", program=(SINEW,), folder=folder) as service:
         health = httpx.get(f"{service.url}/api/health").raise_for_status().json()
         assert health["alive"]
     assert imported(folder) == []
 
 
-def test_an_experiment_does_not(folder: Path, tmp_path: Path) -> None:
+def test_an_experiment_imports_nothing_from_the_working_directory(folder: Path, tmp_path: Path) -> None:
     words = ["experiment", "sequence", "--set", 'segments=[{"duration_s": 0.5, "q_ref": 0.0, "S_ref": 10}]']
     ended = subprocess.run(
         [SINEW, *words, "--data", str(tmp_path / "data")], cwd=folder, capture_output=True, text=True
@@ -45,7 +45,7 @@ def test_an_experiment_does_not(folder: Path, tmp_path: Path) -> None:
     assert imported(folder) == []
 
 
-def test_spawned_processes_and_theirs_do_not(folder: Path) -> None:
+def test_spawned_processes_import_nothing_from_the_working_directory(folder: Path) -> None:
     program = (
         "from concurrent.futures import ProcessPoolExecutor\n"
         "import os, subprocess, sys\n"

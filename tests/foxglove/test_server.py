@@ -149,8 +149,8 @@ def test_the_internal_port_sends_only_slot_numbers(service: Service) -> None:
         next(client.messages("/sample"))
         port = int(address.split(":")[2].split("/")[0])
         (other,) = listening_ports(process.pid) - {port}
-        with subscribe(f"ws://127.0.0.1:{other}/") as client:
-            for number, message in zip(range(300), client.messages("/sample"), strict=False):
+        with subscribe(f"ws://127.0.0.1:{other}/") as internal_client:
+            for number, message in zip(range(300), internal_client.messages("/sample"), strict=False):
                 assert len(message.content) == 8, number  # a sample has some hundred characters
 
 

@@ -1,4 +1,4 @@
-"""Dockerfile and compose files: parsed by docker-compose where that is installed, read by machine everywhere."""
+"""Dockerfile and compose files; docker-compose parses them where it is installed."""
 
 import json
 import os
@@ -25,7 +25,7 @@ def services(name: str) -> dict[str, Any]:
     return dict(document["services"])
 
 
-def after(word: str) -> list[str]:
+def arguments_of(word: str) -> list[str]:
     return [line.removeprefix(word).strip() for line in STEPS if line.startswith(f"{word} ")]
 
 
@@ -39,14 +39,14 @@ def test_docker_compose_accepts_the_files(files: list[str], profile: list[str]) 
         assert result.returncode == 0, result.stderr
 
 
-def test_only_the_loopback_of_the_host_is_bound() -> None:
+def test_ports_are_bound_only_to_the_loopback_address() -> None:
     assert services(PLAIN)["sinew"]["ports"] == ["127.0.0.1:8000:8000"]
     assert not any("ports" in service for service in services(POSTGRES).values())
 
 
 @pytest.mark.parametrize("name", [PLAIN, POSTGRES])
-def test_every_service_has_no_more_rights_than_it_needs(name: str) -> None:
-    # Where a service stands in both files, the second only adds to the first.
+def test_every_service_drops_unneeded_rights(name: str) -> None:
+    # The second file only adds to services of the first.
     for service in [found for found in services(name).values() if "build" in found or "image" in found]:
         assert service["cap_drop"] == ["ALL"]
         assert service["security_opt"] == ["no-new-privileges:true"]
@@ -55,7 +55,7 @@ def test_every_service_has_no_more_rights_than_it_needs(name: str) -> None:
     assert "cap_add" not in services(PLAIN)["sinew"]
 
 
-def test_a_cluster_is_there_when_it_is_asked_for_and_reached_from_this_machine_alone() -> None:
+def test_the_cluster_starts_only_on_request_and_listens_only_on_loopback() -> None:
     found = services(PLAIN)
     assert {name for name, service in found.items() if service.get("profiles") == ["cluster"]} == {
         "scheduler",
@@ -64,20 +64,20 @@ def test_a_cluster_is_there_when_it_is_asked_for_and_reached_from_this_machine_a
     assert found["scheduler"]["ports"] == ["127.0.0.1:8786:8786"]
     assert "ports" not in found["worker"]
     assert found["worker"]["command"][2] == f"tcp://scheduler:{found['scheduler']['command'][3]}"
-    assert any("cluster.lock" in step for step in after("RUN"))
+    assert any("cluster.lock" in step for step in arguments_of("RUN"))
 
 
-def test_the_loop_may_ask_for_real_time() -> None:
+def test_the_service_has_the_limits_for_real_time_scheduling() -> None:
     assert services(PLAIN)["sinew"]["ulimits"] == {"rtprio": 95, "nice": 30, "memlock": {"soft": -1, "hard": -1}}
 
 
-def test_data_lives_on_a_volume_that_the_service_is_told_to_use() -> None:
+def test_the_data_folder_is_on_a_volume() -> None:
     assert services(PLAIN)["sinew"]["volumes"] == ["data:/data"]
-    assert "SINEW_DATA=/data" in " ".join(after("ENV"))
-    assert after("VOLUME") == ["/data"]
+    assert "SINEW_DATA=/data" in " ".join(arguments_of("ENV"))
+    assert arguments_of("VOLUME") == ["/data"]
 
 
-def test_no_environment_holds_a_password() -> None:
+def test_environment_variables_contain_no_passwords() -> None:
     for name in (PLAIN, POSTGRES):
         for service in services(name).values():
             for variable, value in service.get("environment", {}).items():
@@ -91,22 +91,22 @@ def test_no_environment_holds_a_password() -> None:
     )
 
 
-def test_the_second_stage_takes_the_installed_program_and_nothing_of_the_build() -> None:
-    first, second = after("FROM")
+def test_the_final_image_contains_only_the_installed_program() -> None:
+    first, second = arguments_of("FROM")
     assert first == f"{second} AS build"
-    assert after("COPY") == [". .", "--from=build /opt/sinew /opt/sinew"]
-    assert after("USER") == ["sinew"]
-    assert json.loads(after("CMD")[-1]) == ["sinew", "serve"]
+    assert arguments_of("COPY") == [". .", "--from=build /opt/sinew /opt/sinew"]
+    assert arguments_of("USER") == ["sinew"]
+    assert json.loads(arguments_of("CMD")[-1]) == ["sinew", "serve"]
 
 
-def test_the_link_stays_out_of_the_log() -> None:
+def test_the_sign_in_link_is_not_logged_by_default() -> None:
     passed_on = ["SINEW_SHOW_LINK", "SINEW_PUBLIC_URL", "SINEW_TRUSTED_PROXIES"]
     assert services(PLAIN)["sinew"]["environment"] == dict.fromkeys(passed_on)
-    assert "SHOW_LINK" not in " ".join(after("ENV"))
+    assert "SHOW_LINK" not in " ".join(arguments_of("ENV"))
 
 
 @pytest.mark.parametrize(("alive", "status"), [(True, 0), (False, 1)])
-def test_the_health_check_asks_the_service(alive: bool, status: int) -> None:
+def test_the_health_check_queries_the_service(alive: bool, status: int) -> None:
     class Answer(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             assert self.path == "/api/health"
@@ -114,7 +114,7 @@ def test_the_health_check_asks_the_service(alive: bool, status: int) -> None:
             self.end_headers()
             self.wfile.write(json.dumps({"alive": alive}).encode())
 
-    check = json.loads(after("HEALTHCHECK")[0].partition("CMD ")[2])
+    check = json.loads(arguments_of("HEALTHCHECK")[0].partition("CMD ")[2])
     assert check[:2] == ["python", "-c"]
     with HTTPServer(("127.0.0.1", 0), Answer) as server:
         threading.Thread(target=server.handle_request, daemon=True).start()

@@ -1,4 +1,4 @@
-"""What ``pip install .`` brings along: code, front end, parameters, migrations, report templates."""
+"""Contents of the wheel: code, front end, parameters, migrations, report templates."""
 
 import os
 import re
@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A wheel built from this tree, with the build hook that builds the front end."""
+    """Return a wheel built from this tree, including the front end."""
     target = tmp_path_factory.mktemp("wheel")
     command = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(target)]
     built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
@@ -29,35 +29,35 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def shipped(wheel: Path) -> set[str]:
-    """Names in the wheel."""
+def wheel_files(wheel: Path) -> set[str]:
+    """Return the names of the files in the wheel."""
     return set(zipfile.ZipFile(wheel).namelist())
 
 
-def test_the_built_front_end_is_in_the_wheel(shipped: set[str]) -> None:
-    assert "backend/static/index.html" in shipped
+def test_the_built_front_end_is_in_the_wheel(wheel_files: set[str]) -> None:
+    assert "backend/static/index.html" in wheel_files
     page = (ROOT / "backend/static/index.html").read_text(encoding="utf-8")
-    scripts = {name for name in shipped if name.startswith("backend/static/assets/") and name.endswith(".js")}
+    scripts = {name for name in wheel_files if name.startswith("backend/static/assets/") and name.endswith(".js")}
     assert any(Path(name).name in page for name in scripts)
 
 
-def test_every_tracked_file_of_the_packages_is_in_the_wheel(shipped: set[str]) -> None:
+def test_every_tracked_file_of_the_packages_is_in_the_wheel(wheel_files: set[str]) -> None:
     listed = subprocess.run(
         ["git", "ls-files", "plant", "backend", "migrations"], cwd=ROOT, capture_output=True, text=True, check=True
     )
     tracked = {name for name in listed.stdout.splitlines() if (ROOT / name).is_file()}
     assert {"plant/parameters/lab.toml", "backend/reports/report.typ", "backend/__main__.py"} <= tracked
-    assert tracked <= shipped
+    assert tracked <= wheel_files
 
 
-def test_nothing_else_is_in_the_wheel(shipped: set[str]) -> None:
-    assert {name.split("/")[0].split("-")[0] for name in shipped} == {"plant", "backend", "migrations", "sinew"}
-    assert not [name for name in shipped if "__pycache__" in name or name.endswith(".db")]
+def test_nothing_else_is_in_the_wheel(wheel_files: set[str]) -> None:
+    assert {name.split("/")[0].split("-")[0] for name in wheel_files} == {"plant", "backend", "migrations", "sinew"}
+    assert not [name for name in wheel_files if "__pycache__" in name or name.endswith(".db")]
 
 
 @pytest.mark.live
-def test_the_wheel_starts_in_an_environment_of_its_own(wheel: Path, tmp_path: Path) -> None:
-    """The libraries are those of this environment, found by their folder alone: nothing of this tree is."""
+def test_the_wheel_starts_in_a_separate_environment(wheel: Path, tmp_path: Path) -> None:
+    """The environment uses the libraries of this one, but nothing of this source tree."""
     venv.create(tmp_path / "own", symlinks=True)
     python = tmp_path / "own/bin/python"
     command = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", str(python), "install"]
@@ -67,7 +67,7 @@ def test_the_wheel_starts_in_an_environment_of_its_own(wheel: Path, tmp_path: Pa
     code = "import backend, plant, migrations; print(backend.__file__, plant.__file__, migrations.__file__)"
     own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     found = subprocess.run([python, "-c", code], cwd=tmp_path, env=own, check=True, capture_output=True, text=True)
-    assert all(str(packages) in place for place in found.stdout.split())
+    assert all(str(packages) in path for path in found.stdout.split())
     serving = subprocess.Popen(
         [tmp_path / "own/bin/sinew", "serve", "--port", "0", "--data", str(tmp_path / "data"), "--show-link"],
         cwd=tmp_path,
@@ -95,13 +95,13 @@ def test_the_wheel_starts_in_an_environment_of_its_own(wheel: Path, tmp_path: Pa
 
 
 def locked(name: str) -> dict[str, list[str]]:
-    """Hashes by package and version of one of the locks."""
+    """Return the hashes in a lock file, by package and version."""
     text = (ROOT / f".ci/locks/{name}.lock").read_text(encoding="utf-8")
     entries = re.findall(r"^([a-z0-9-]+==[^\s;]+)[^\n]*((?:\n    --hash=\S+(?: \\)?)*)", text, re.MULTILINE)
     return {package: re.findall(r"--hash=sha256:([0-9a-f]{64})", hashes) for package, hashes in entries}
 
 
-def test_the_locks_are_those_of_the_project_and_name_hashes_but_no_host() -> None:
+def test_lock_files_match_the_project_and_contain_hashes_but_no_hosts() -> None:
     checked = subprocess.run([sys.executable, ".ci/lock.py", "--check"], cwd=ROOT, capture_output=True, text=True)
     assert checked.returncode == 0, checked.stderr
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -113,8 +113,8 @@ def test_the_locks_are_those_of_the_project_and_name_hashes_but_no_host() -> Non
         assert all(locked(name).values())
 
 
-def test_each_requirement_is_in_its_lock() -> None:
+def test_each_requirement_is_in_its_lock_file() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     for name, needed in {"run": project["dependencies"], **project["optional-dependencies"]}.items():
-        there = {package.partition("==")[0] for package in (*locked(name), *locked("run"))}
-        assert {re.split(r"[\s\[~=]", requirement)[0] for requirement in needed} <= there
+        locked_names = {package.partition("==")[0] for package in (*locked(name), *locked("run"))}
+        assert {re.split(r"[\s\[~=]", requirement)[0] for requirement in needed} <= locked_names
