@@ -1,4 +1,4 @@
-"""The closed loops of the baselines offline: plant, sensors, limits and safety module as for the cascade."""
+"""The offline closed loops of the baselines: plant, sensors, limits and safety module as for the cascade."""
 
 from backend.control import baselines, decoupler
 from backend.control.decoupler import Decoupler
@@ -44,7 +44,7 @@ def _single_loop(
     return -1
 
 
-# numba compiles per function, not per law handed in: a law as an argument would be compiled anew in every process.
+# numba caches per function: a law passed as an argument would be compiled again in every process.
 @compiled_run
 def _feedback_linearization(
     rig: SimulatedRig,
@@ -75,7 +75,7 @@ def run_single_loop(
     F_push: Array | None = None,
     seed: int = 0,
 ) -> Trajectory:
-    """As ``closed_loop.run``, under the single loop."""
+    """Simulate as ``simulate_cascade`` does, with the single loop."""
     rig, x, u_A, u_B, m = _at_rest(parameters, tuning.decoupler, float(q_ref[0]), float(S_ref[0]))
     controller = baselines.initialize_single_loop(tuning, u_A, u_B, m)
     line, out = empty_arrays(q_ref.size)
@@ -91,7 +91,7 @@ def run_feedback_linearization(
     F_push: Array | None = None,
     seed: int = 0,
 ) -> Trajectory:
-    """As ``closed_loop.run``, under feedback linearization."""
+    """Simulate as ``simulate_cascade`` does, with feedback linearization."""
     rig, x, u_A, u_B, m = _at_rest(parameters, tuning.decoupler, float(q_ref[0]), float(S_ref[0]))
     controller = baselines.initialize_feedback_linearization(tuning, u_A, u_B, m)
     line, out = empty_arrays(q_ref.size)

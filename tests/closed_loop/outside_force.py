@@ -1,4 +1,4 @@
-"""The outside force that the observer of the tick sees in a simulated run, and the bias it would learn at rest."""
+"""External force that the observer estimates in a simulated run, and its bias at rest."""
 
 import numpy as np
 
@@ -11,9 +11,9 @@ from plant.parameters import PlantParameters
 
 NO_BIAS = np.zeros((0, 2))
 STIFFNESSES = (8.0, 10.0, 12.0, 14.0, 15.0)
-"""Where a bias is learned [N·m/rad]: from the lowest reference to the highest."""
+"""Stiffnesses at which the bias is measured [N·m/rad], from the lowest reference to the highest."""
 WARM = 500
-"""Ticks after which the observer has forgotten how it began."""
+"""Ticks after which the initial state of the observer has no effect."""
 
 
 @compiled_run
@@ -34,21 +34,23 @@ def _each(
         out[k] = disturbance_observer.estimate_force(observer, state, bias, S[k])
 
 
-def felt(parameters: PlantParameters, y: Trajectory, bias: Array = NO_BIAS) -> Array:
-    """Outside force [N] by tick, as the tick computes it."""
+def estimate_external_force(parameters: PlantParameters, y: Trajectory, bias: Array = NO_BIAS) -> Array:
+    """Return the estimated external force [N] of each tick, as the control step computes it."""
     out = np.empty(y.q.size)
     q, theta_A, theta_B, S = (np.ascontiguousarray(column) for column in (y.q, y.theta_A, y.theta_B, y.S))
     _each(disturbance_observer.build_observer(parameters), q, theta_A, theta_B, S, bias, out)
     return out
 
 
-def held(parameters: PlantParameters, S: float, F_push: Array, q: Array | float = 0.0) -> Trajectory:
+def hold_joint(parameters: PlantParameters, S: float, F_push: Array, q: Array | float = 0.0) -> Trajectory:
     ticks = F_push.size
     tuning = make_cascade_tuning(parameters, TuningParameters(0.355, 0.345), u_plan=8.5)
     return simulate_cascade(parameters, tuning, np.broadcast_to(q, ticks).copy(), np.full(ticks, S), F_push)
 
 
-def learned(parameters: PlantParameters) -> Array:
-    """Bias (n, 2) over S, from a second at rest at each of STIFFNESSES."""
-    at_rest = [felt(parameters, held(parameters, S, np.zeros(1500)))[WARM:] for S in STIFFNESSES]
+def measure_bias(parameters: PlantParameters) -> Array:
+    """Return the bias (n, 2) over S, from one second at rest at each of STIFFNESSES."""
+    at_rest = [
+        estimate_external_force(parameters, hold_joint(parameters, S, np.zeros(1500)))[WARM:] for S in STIFFNESSES
+    ]
     return np.array([(S, force.mean()) for S, force in zip(STIFFNESSES, at_rest, strict=True)])

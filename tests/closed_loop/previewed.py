@@ -1,7 +1,7 @@
-"""A tuning as previewed, and as the whole loop runs it on the simulator: figures of both, and how far they differ.
+"""Deviations between a preview and the whole loop on the simulator.
 
-What is measured comes from the samples of ``SimulatedLoop``: pretension, modes, encoders, references and pushes as an
-operator commands them. Nothing of the preview's own simulation is in it.
+The measured values come from the samples of ``SimulatedLoop``: pretension, modes, encoders, references and pushes as
+an operator commands them. They do not use the simulation of the preview.
 """
 
 import math
@@ -28,26 +28,26 @@ NOMINAL = (8.24, 10.55, 12.43, 14.06)
 """Stiffness at 10, 20, 30, 40 N (method section 1)."""
 
 JOINT_COUNT, MOTOR_COUNT = 2.0 * math.pi / 4000.0, 2.0 * math.pi / 8000.0
-"""Of the paper's encoders [rad]; ``ideal`` has none, and is held to these all the same."""
+"""Counts of the paper's encoders [rad]; they are also the tolerance for ``ideal``, which has exact sensors."""
 
 S_COUNT = 0.721 * MOTOR_COUNT
-"""What one motor count is worth in S [N·m/rad] (method section 4: 0.721 N·m/rad per rad)."""
+"""Change of S by one motor count [N·m/rad] (method section 4: 0.721 N·m/rad per rad)."""
 
 LEFT_ALONE_S = 0.01
-"""Error of S that the loop of ``lab`` leaves alone at rest [N·m/rad], on either side: what a count is to the joint."""
+"""Error of S that the loop of ``lab`` does not correct at rest [N·m/rad], in either direction."""
 
 RELATIVE, COUNTS = {"ideal": 0.03, "lab": 0.06}, {"ideal": 1, "lab": 2}
-"""What a preview may be off: a share of what is measured, or so many counts."""
+"""Permitted deviation of a preview: a share of the measured value, or a number of counts."""
 
 _PUSHED_S = 5.0
-"""A push is ordered again so often [s]: one lasts for 10 s at most."""
+"""Interval after which a push is repeated [s]; one push lasts at most 10 s."""
 
 _T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
 class Case:
-    """A tuning and what is commanded under it; ``points`` empty for gains from geometry."""
+    """A tuning, a step of each reference and a push; ``points`` is empty for geometric gains."""
 
     name: str
     u_plan: float
@@ -60,7 +60,7 @@ class Case:
 
 
 def cases(seed: int, count: int) -> Iterator[Case]:
-    """Yield cases over what an operator is offered: both sets and motions in turn, all else at random."""
+    """Yield cases with both parameter sets and motions in turn and all other values at random."""
     random = np.random.default_rng(seed)
     ranges: dict[tuple[str, bool, float], tuple[float, float]] = {}
     for number in range(count):
@@ -92,7 +92,7 @@ def cases(seed: int, count: int) -> Iterator[Case]:
 
 
 def bank(parameters: PlantParameters) -> tuple[PointModel, ...]:
-    """Models at four tensions, as identifications with friction find them: slower where it is tighter."""
+    """Return models at four tensions; as in identifications with friction, higher tension makes them slower."""
     at = designed_point(parameters)
     return tuple(
         PointModel(S, at.K_q, at.T_q * (1.0 + 0.03 * place), at.K_S, at.T_S * (1.0 + 0.02 * place))
@@ -101,14 +101,14 @@ def bank(parameters: PlantParameters) -> tuple[PointModel, ...]:
 
 
 class Bench:
-    """The loop on the simulator, its samples kept."""
+    """The control loop on the simulator, with its samples stored."""
 
     def __init__(self, case: Case) -> None:
         self._rows: list[Array] = []
         self._read = 0
         parameters = load_parameters(case.name)
         tuning = make_tuning_command(parameters, case.lambdas, case.points, None, case.interpolate, case.u_plan)
-        self._loop = SimulatedLoop(Simulator(parameters, seed=1), parameters, tuning, self._keep)
+        self._loop = SimulatedLoop(Simulator(parameters, seed=1), parameters, tuning, self._store)
         self.send(SetMode(Mode.PRETENSION))
         for _ in range(300):
             self.advance(0.1)
@@ -116,25 +116,25 @@ class Bench:
                 break
         self.send(SetMode(Mode.RUN, 1))
 
-    def _keep(self, ring: Ring) -> None:
+    def _store(self, ring: Ring) -> None:
         first, rows, missed = ring.read(self._read, 1 << 30)
         assert missed == 0
         self._read = first + len(rows)
         self._rows.append(rows)
 
     def send(self, command: Command) -> None:
-        answer = _finished(self._loop.send(command))
+        answer = _run_to_end(self._loop.send(command))
         assert isinstance(answer, Accepted), answer
 
     def advance(self, seconds: float) -> dict[str, Array]:
-        """Step for so many seconds [s] and return the samples by name."""
+        """Advance by ``seconds`` [s] and return the samples by name."""
         self._rows = []
-        _finished(self._loop.advance(seconds))
+        _run_to_end(self._loop.advance(seconds))
         rows = np.concatenate(self._rows)
         return {name: rows[:, INDEX[name]] for name in ("q", "S", "u_A", "u_B", "F_A", "F_B")}
 
-    def pushed(self, F_push: float, seconds: float) -> Array:
-        """Hold a push [N] and return the joint [rad]."""
+    def apply_push(self, F_push: float, seconds: float) -> Array:
+        """Apply a push [N] for ``seconds`` and return the joint position [rad]."""
         q = []
         while seconds > 0.0:
             self.send(ApplyPush(F_push, min(2.0 * _PUSHED_S, seconds)))
@@ -146,8 +146,8 @@ class Bench:
         self._loop.close()
 
 
-def _finished(work: Coroutine[Any, Any, _T]) -> _T:
-    """Run what only waits for others of its event loop, without one."""
+def _run_to_end(work: Coroutine[Any, Any, _T]) -> _T:
+    """Run a coroutine without an event loop."""
     while True:
         try:
             work.send(None)
@@ -156,7 +156,7 @@ def _finished(work: Coroutine[Any, Any, _T]) -> _T:
 
 
 def differences(case: Case) -> dict[str, float]:
-    """How far each previewed figure is off, 1 being what is allowed, by name."""
+    """Return the deviation of each predicted metric by name; 1 is the permitted deviation."""
     parameters, lambdas = load_parameters(case.name), case.lambdas
     previewer = TuningPreviewer(parameters, case.points, b=lambdas.b)
     previewer.require_safe(lambdas, case.u_plan)
@@ -173,82 +173,82 @@ def differences(case: Case) -> dict[str, float]:
     loop = make_motor_loops(parameters, lambdas.lam_motor).A
     volts = counts * (loop.k_p + loop.k_d / loop.t_f) * MOTOR_COUNT
     newtons = counts * _steepest(parameters) * parameters.geometry.r_j * JOINT_COUNT
-    held_V = _held_by_friction(parameters, max(case.S))
+    friction_V = _friction_voltage(parameters, max(case.S))
     bench = Bench(case)
     rest = 4.0 + 16.0 * max(lambdas.lam_q, lambdas.lam_S)  # the slowest pole of a loop is −1/(2 λ)
     bench.send(SetReferences(q0, S0))
     bench.advance(rest)
     found: dict[str, float] = {}
-    for signal, told, count, size in (
+    for signal, predicted, count, size in (
         ("q", preview.step_q, JOINT_COUNT, case.q[1] - q0),
         ("S", preview.step_S, S_COUNT if case.name == "ideal" else LEFT_ALONE_S, case.S[1] - S0),
     ):
         bench.send(SetReferences(*((case.q[1], S0) if signal == "q" else (q0, case.S[1]))))
         lam = lambdas.lam_q if signal == "q" else lambdas.lam_S
         run = bench.advance(2.0 + (3.0 if case.u_plan else 9.0) * lam)
-        y = (run[signal] - told.start) / size
+        y = (run[signal] - predicted.start) / size
         step_counts = counts * count / abs(size)
         overshoot = 100.0 * max(y.max() - 1.0, 0.0)
         voltage = max(float(np.abs(run[u]).max()) for u in ("u_A", "u_B"))
         tension = min(float(run[F].min()) for F in ("F_A", "F_B"))
         t90_s = float(np.argmax(y >= 0.9)) * T_s if (y >= 0.9).any() else math.nan
         found |= {
-            f"t90 {signal}": _off(told.t90_s, t90_s, relative * t90_s),
-            f"settling {signal}": _time_off(told.settling_s, np.abs(y - 1.0), BAND, step_counts, relative),
-            f"overshoot {signal}": _off(
-                told.overshoot_percent, overshoot, max(relative * overshoot, 100.0 * step_counts)
+            f"t90 {signal}": _deviation(predicted.t90_s, t90_s, relative * t90_s),
+            f"settling {signal}": _time_deviation(predicted.settling_s, np.abs(y - 1.0), BAND, step_counts, relative),
+            f"overshoot {signal}": _deviation(
+                predicted.overshoot_percent, overshoot, max(relative * overshoot, 100.0 * step_counts)
             ),
-            f"voltage {signal}": _off(
-                told.peak_voltage, voltage, max(relative * voltage, volts) + (held_V if signal == "S" else 0.0)
+            f"voltage {signal}": _deviation(
+                predicted.peak_voltage, voltage, max(relative * voltage, volts) + (friction_V if signal == "S" else 0.0)
             ),
-            f"tension {signal}": _off(told.least_tension, tension, max(relative * tension, newtons)),
+            f"tension {signal}": _deviation(predicted.least_tension, tension, max(relative * tension, newtons)),
         }
         bench.send(SetReferences(q0, S0))
         bench.advance(rest)
     bench.send(SetReferences(0.0, S0))
     bench.advance(rest)
-    off = np.abs(bench.pushed(case.F_push, 2.0 + 9.0 * lambdas.lam_q))
+    off = np.abs(bench.apply_push(case.F_push, 2.0 + 9.0 * lambdas.lam_q))
     bench.close()
-    told_push, give = preview.pushes[0], float(off.max())
-    found["give"] = _off(told_push.deflection, give, max(relative * give, counts * JOINT_COUNT))
-    found["back"] = _time_off(told_push.recovery_s, off, NEAR_RAD, counts * JOINT_COUNT, relative)
+    predicted_push, deflection = preview.pushes[0], float(off.max())
+    found["give"] = _deviation(predicted_push.deflection, deflection, max(relative * deflection, counts * JOINT_COUNT))
+    found["back"] = _time_deviation(predicted_push.recovery_s, off, NEAR_RAD, counts * JOINT_COUNT, relative)
     return found
 
 
-def _off(told: float, measured: float, allowed: float) -> float:
-    if math.isnan(told) or math.isnan(measured):
-        return 0.0 if math.isnan(told) and math.isnan(measured) else math.inf
-    return abs(told - measured) / allowed
+def _deviation(predicted: float, measured: float, allowed: float) -> float:
+    if math.isnan(predicted) or math.isnan(measured):
+        return 0.0 if math.isnan(predicted) and math.isnan(measured) else math.inf
+    return abs(predicted - measured) / allowed
 
 
-def _time_off(told: float, away: Array, band: float, count: float, relative: float) -> float:
-    """How far the time until ``away`` (ticks,) stays within ``band`` is off, with a count more or less of band."""
-    soonest, latest = _since(away, band + count), _since(away, band - count)
-    if math.isnan(told):
+def _time_deviation(predicted: float, away: Array, band: float, count: float, relative: float) -> float:
+    """Return the deviation of the time from which ``away`` (ticks,) stays within ``band`` plus or minus a count."""
+    soonest, latest = _time_within(away, band + count), _time_within(away, band - count)
+    if math.isnan(predicted):
         return 0.0 if math.isnan(latest) else math.inf
     if math.isnan(soonest):
         return math.inf
-    middle = min(max(told, soonest), told if math.isnan(latest) else latest)
-    return abs(told - middle) / (relative * middle) if middle > 0.0 else told / T_s
+    middle = min(max(predicted, soonest), predicted if math.isnan(latest) else latest)
+    return abs(predicted - middle) / (relative * middle) if middle > 0.0 else predicted / T_s
 
 
-def _since(away: Array, band: float) -> float:
-    """From when on ``away`` stays within ``band`` [s]; nan where it does not."""
+def _time_within(away: Array, band: float) -> float:
+    """Return the time [s] from which ``away`` stays within ``band``; nan if it does not."""
     outside = np.flatnonzero(~(away <= band + 1e-9))
     last = int(outside[-1]) + 1 if outside.size else 0
     return last * T_s if last < away.size else math.nan
 
 
 def _steepest(parameters: PlantParameters) -> float:
-    """Slope of the spring at 10 N [N/m], where the least tensions are."""
+    """Return the slope of the spring at 10 N [N/m], which is near the least tensions."""
     _, k1, k2 = parameters.identified.k[:3]
     return math.sqrt(k1**2 + 4.0 * k2 * (10.0 - parameters.identified.k[0]))
 
 
-def _held_by_friction(parameters: PlantParameters, S: float) -> float:
-    """Voltage [V] by which a motor at rest may be off at S [N·m/rad], either way: that of its Coulomb friction.
+def _friction_voltage(parameters: PlantParameters, S: float) -> float:
+    """Return the voltage [V] of the Coulomb friction of a motor at rest at S [N·m/rad].
 
-    A slow step of S asks for little more than the voltage at rest, and that depends on how the motors came there.
+    A slow step of S needs little more than the voltage at rest, which depends on the previous motion of the motors.
     """
     geometry, motor, (k0, k1, k2) = parameters.geometry, parameters.motor, parameters.identified.k[:3]
     x = (S / (2.0 * geometry.r_j**2) - k1) / (2.0 * k2)

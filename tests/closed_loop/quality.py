@@ -1,4 +1,4 @@
-"""What a simulated run is judged by, written independently of backend.experiments."""
+"""Metrics of a simulated run, computed independently of backend.experiments."""
 
 from dataclasses import dataclass
 
@@ -39,18 +39,18 @@ class Quality:
 
 
 def assess(trajectory: Trajectory, q_ref: Array, S_ref: Array) -> Quality:
-    """Worst case over all steps; a signal deviates while only the other one steps."""
+    """Return the worst case over all steps; deviations count while only the other signal steps."""
     edges = np.flatnonzero(np.diff(q_ref).astype(bool) | np.diff(S_ref).astype(bool)) + 1
     overshoot, S_deviation, q_deviation = 0.0, 0.0, 0.0
     for start, end in zip(edges, [*edges[1:], q_ref.size], strict=True):
-        held = slice(start, end)
+        step_ticks = slice(start, end)
         for y, ref in ((trajectory.q, q_ref), (trajectory.S, S_ref)):
             step = ref[start] - ref[start - 1]
             if step != 0.0:
-                overshoot = max(overshoot, 100.0 * float(np.max((y[held] - ref[start]) / step)))
+                overshoot = max(overshoot, 100.0 * float(np.max((y[step_ticks] - ref[start]) / step)))
         if S_ref[start] == S_ref[start - 1]:
-            S_deviation = max(S_deviation, float(np.max(np.abs(trajectory.S[held] - S_ref[start]))))
+            S_deviation = max(S_deviation, float(np.max(np.abs(trajectory.S[step_ticks] - S_ref[start]))))
         if q_ref[start] == q_ref[start - 1]:
-            q_deviation = max(q_deviation, float(np.max(np.abs(trajectory.q[held] - q_ref[start]))))
+            q_deviation = max(q_deviation, float(np.max(np.abs(trajectory.q[step_ticks] - q_ref[start]))))
     tension = np.array([trajectory.F_A, trajectory.F_B])
     return Quality(overshoot, S_deviation, q_deviation, float(tension.min()), float(tension.max()))

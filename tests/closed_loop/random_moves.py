@@ -1,4 +1,4 @@
-"""Moves drawn by chance with nothing outside: targets of position and stiffness changed in mid-move and after it."""
+"""Random moves without external force: references change during and after each move."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from plant.parameters import PlantParameters
 
 
 def random_moves(parameters: PlantParameters, seed: int, moves: int) -> Trajectory:
-    """Play so many moves from rest by one tuning; the same seed gives the same ones."""
+    """Simulate ``moves`` random moves from rest under one tuning; a seed always gives the same moves."""
     random = np.random.default_rng(seed)
     bounds = compute_bounds(parameters)
     lambdas = TuningParameters(lam_q=random.uniform(0.36, 1.0), lam_S=random.uniform(0.35, 0.8))

@@ -1,4 +1,4 @@
-"""Programs drawn by chance: targets changed in mid-move, λ, bank and law on the way, pushes as tendons have room."""
+"""Random programs: changes of references, λ, bank and law during moves, and pushes within the tension limits."""
 
 import math
 from dataclasses import replace
@@ -23,7 +23,7 @@ class Played(NamedTuple):
 
 
 def random_program(plant: PlantParameters, seed: int) -> Played:
-    """Play ten legs from rest; the same seed gives the same program."""
+    """Simulate ten legs from rest; a seed always gives the same program."""
     random = np.random.default_rng(seed)
     rig, bounds = simulation.make_simulated_rig(plant), compute_bounds(plant)
     points = [replace(designed_point(plant), S_nominal=S) for S in (8.24, 10.55, 12.43, 14.06)]
@@ -42,9 +42,9 @@ def random_program(plant: PlantParameters, seed: int) -> Played:
         q_ref = random.uniform(bounds.q_min, bounds.q_max) if random.random() < 0.7 else q_ref
         S_ref = random.uniform(bounds.S_min, bounds.S_max) if random.random() < 0.5 else S_ref
         chosen = tuning() if random.random() < 0.5 else chosen
-        here = decoupler.tension_under(chosen.decoupler, decoupler.stiffness(chosen.decoupler, x.theta_A, x.theta_B))
-        room = min(here - 4.0, 46.0 - here, 46.0 - decoupler.tension_under(chosen.decoupler, S_ref))
-        F_push = random.uniform(-1.0, 1.0) * min(10.0, max(room, 0.0)) if random.random() < 0.5 else 0.0
+        tension = decoupler.tension_under(chosen.decoupler, decoupler.stiffness(chosen.decoupler, x.theta_A, x.theta_B))
+        margin = min(tension - 4.0, 46.0 - tension, 46.0 - decoupler.tension_under(chosen.decoupler, S_ref))
+        F_push = random.uniform(-1.0, 1.0) * min(10.0, max(margin, 0.0)) if random.random() < 0.5 else 0.0
         line, out = simulation.empty_arrays(ticks)
         inputs = simulation.make_closed_loop_inputs(
             plant, np.full(ticks, q_ref), np.full(ticks, S_ref), np.full(ticks, F_push), 100 * seed + leg

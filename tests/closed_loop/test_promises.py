@@ -1,4 +1,4 @@
-"""What control and previews promise, by simulation of the whole loop."""
+"""Guarantees of the controller and of the previews, by simulation of the whole loop."""
 
 import itertools
 import math
@@ -20,7 +20,7 @@ from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop.previewed import Bench, Case, cases, differences
 from tests.closed_loop.quality import HIGH, STEPS, assess, references
 
-# What the control promises over its whole range, by simulation on `ideal` and `lab`, some on `lab-stick` too.
+# Guarantees of the controller over its whole range, simulated on `ideal` and `lab`, some also on `lab-stick`.
 
 SETS = ("ideal", "lab")
 NOMINAL = (8.24, 10.55, 12.43, 14.06)
@@ -32,17 +32,17 @@ def point_at(parameters: PlantParameters, S_nominal: float) -> PointModel:
     return replace(designed_point(parameters), S_nominal=S_nominal)
 
 
-def offered(lam_min: float) -> list[float]:
+def offered_lambdas(lam_min: float) -> list[float]:
     return [float(lam) for lam in np.geomspace(lam_min, LAM_MAX, GRID)]
 
 
 @pytest.mark.parametrize("S_nominal", NOMINAL)
 @pytest.mark.parametrize("name", SETS)
-def test_any_lambda_that_is_offered_keeps_the_promise(name: str, S_nominal: float) -> None:
+def test_every_offered_lambda_meets_overshoot_and_tension_limits(name: str, S_nominal: float) -> None:
     parameters = load_parameters(name)
     point = point_at(parameters, S_nominal)
     lam_q_min, lam_S_min = TuningPreviewer(parameters, [point]).safe_range()
-    for lam_q, lam_S in itertools.product(offered(lam_q_min), offered(lam_S_min)):
+    for lam_q, lam_S in itertools.product(offered_lambdas(lam_q_min), offered_lambdas(lam_S_min)):
         hold = max(8.0, 12.0 * lam_q, 12.0 * lam_S)
         corners = ((-HIGH, 8.0), (HIGH, 8.0), (HIGH, 14.0), (-HIGH, 14.0), (-HIGH, 8.0), (HIGH, 14.0), (-HIGH, 8.0))
         q_ref, S_ref = references(tuple((q, S, hold) for q, S in corners))
@@ -54,12 +54,12 @@ def test_any_lambda_that_is_offered_keeps_the_promise(name: str, S_nominal: floa
         assert quality.overshoot_percent <= 2.0, (lam_q, lam_S)
         assert quality.least_tension > 2.0, (lam_q, lam_S)
         assert quality.greatest_tension < 50.0, (lam_q, lam_S)
-        # Beyond λ = 2 T, without k_p, the slowest pole comes to −1/(2 λ): exp(−6) is left after the hold.
+        # Above λ = 2 T, without k_p, the slowest pole approaches −1/(2 λ), so that exp(−6) remains after the hold.
         assert abs(trajectory.q[-1] + HIGH) < 0.01 * 2.0 * HIGH, (lam_q, lam_S)
 
 
 @pytest.mark.parametrize(("name", "stiffness"), [("ideal", 0.1), ("lab", 0.2), ("lab-stick", 0.2)])
-def test_defaults(name: str, stiffness: float) -> None:
+def test_default_tuning_meets_its_limits(name: str, stiffness: float) -> None:
     parameters = load_parameters(name)
     q_ref, S_ref = references(STEPS)
     trajectory = simulate_cascade(parameters, make_cascade_tuning(parameters, TuningParameters()), q_ref, S_ref)
@@ -69,12 +69,12 @@ def test_defaults(name: str, stiffness: float) -> None:
     assert quality.joint_deviation <= 0.005
     ends = np.flatnonzero(np.diff(q_ref) != 0.0)
     for end in (*ends, q_ref.size - 1):
-        standing = slice(end - 500, end)
-        assert np.max(np.abs(trajectory.q[standing] - q_ref[end])) <= 2.0 * COUNT + 1e-12
+        last_samples = slice(end - 500, end)
+        assert np.max(np.abs(trajectory.q[last_samples] - q_ref[end])) <= 2.0 * COUNT + 1e-12
 
 
 @pytest.mark.parametrize("name", [*SETS, "lab-stick"])
-def test_fastest_admissible_setting(name: str) -> None:
+def test_fastest_admissible_tuning_meets_its_limits(name: str) -> None:
     parameters = load_parameters(name)
     lam_q_min, lam_S_min = TuningPreviewer(parameters).safe_range()
     lambdas = TuningParameters(lam_q=0.355, lam_S=0.345, b=1.0)
@@ -92,8 +92,8 @@ def test_fastest_admissible_setting(name: str) -> None:
     assert 1.0 < reached_s / bound_s < 1.6
 
 
-def mismatched(parameters: PlantParameters) -> Iterator[PlantParameters]:
-    """Springs and motor constants a fifth off, alone and together, both sides alike and against each other."""
+def mismatched_plants(parameters: PlantParameters) -> Iterator[PlantParameters]:
+    """Yield plants whose springs and motor constants deviate by a fifth, in all combinations."""
     sides, motor = parameters.asymmetry, parameters.motor
     off = (0.8, 1.0, 1.2)
     for spring_A, spring_B, K_m, T_m in itertools.product(off, off, off, off):
@@ -102,13 +102,13 @@ def mismatched(parameters: PlantParameters) -> Iterator[PlantParameters]:
 
 
 @pytest.mark.parametrize("name", SETS)
-def test_constants_a_fifth_off(name: str) -> None:
+def test_the_loop_tolerates_errors_of_a_fifth_in_the_constants(name: str) -> None:
     parameters = load_parameters(name)
     tuning = make_cascade_tuning(parameters, TuningParameters())
-    # A spring that is a fifth stiffer carries a fifth more at the same angles: 14 N·m/rad would be 47.5 N.
+    # A spring that is a fifth stiffer has a fifth more tension at the same angles: 47.5 N at 14 N·m/rad.
     steps = ((0.0, 10.0, 1.0), (HIGH, 10.0, 6.0), (-HIGH, 10.0, 6.0), (-HIGH, 14.0, 5.0), (HIGH, 8.0, 6.0))
     q_ref, S_ref = references(steps)
-    for plant in mismatched(parameters):
+    for plant in mismatched_plants(parameters):
         trajectory = simulate_cascade(plant, tuning, q_ref, S_ref)
         quality = assess(trajectory, q_ref, S_ref)
         assert trajectory.tripped_at == -1, plant.asymmetry
@@ -144,7 +144,7 @@ CHANGES: dict[str, Change] = {
 
 
 def voltages_around(tunings: tuple[cascade.CascadeTuning, cascade.CascadeTuning], at: int) -> tuple[Array, Array]:
-    """Voltages (2,) in the tick ``at``, without and with the change of tuning in that tick."""
+    """Return the voltages (2,) in the tick ``at``, without and with a change of tuning in that tick."""
     parameters = load_parameters("ideal")
     before, after = tunings
     q_ref, S_ref = np.full(at + 1, HIGH), np.full(at + 1, 13.0)
@@ -166,30 +166,30 @@ def voltages_around(tunings: tuple[cascade.CascadeTuning, cascade.CascadeTuning]
 
 @pytest.mark.parametrize("at", [150, 230, 700, 1500, 6000])
 @pytest.mark.parametrize("change", list(CHANGES))
-def test_no_change_of_gains_shows_in_the_voltages_of_its_tick(change: str, at: int) -> None:
-    """At rest before the step, just after it, at full speed, on arrival and at rest again."""
+def test_changes_of_gains_are_bumpless(change: str, at: int) -> None:
+    """The ticks are before the step, just after it, at full speed, at the end of the motion and at rest again."""
     without, with_change = voltages_around(CHANGES[change](load_parameters("ideal")), at)
     assert np.max(np.abs(with_change - without)) < 1e-3
 
 
-def test_the_bank_switches_by_itself_without_a_bump() -> None:
-    """Entries whose gains differ by a tenth: the tick of a switch is no rougher than its neighbours."""
+def test_scheduling_between_bank_entries_is_bumpless() -> None:
+    """The gains of the entries differ by a tenth; the voltage bends no more at a switch than around it."""
     parameters = load_parameters("ideal")
     points = [replace(point, K_S=point.K_S * (1.0 + 0.1 * k)) for k, point in enumerate(four_points(parameters))]
     tuning = make_cascade_tuning(parameters, TuningParameters(), points)
     q_ref, S_ref = references(((0.0, 8.0, 0.5), (0.5, 14.0, 6.0)))
-    rough = simulate_cascade(parameters, tuning, q_ref, S_ref)
+    trajectory = simulate_cascade(parameters, tuning, q_ref, S_ref)
     schedule = tuning.schedule.entries[:, 0]
     borders = 0.5 * (schedule[1:] + schedule[:-1]) + 0.2
-    switches = [int(np.argmax(rough.S_ref_gov > border)) for border in borders]
-    bends = np.abs(np.diff(rough.u_A, n=2))
+    switches = [int(np.argmax(trajectory.S_ref_gov > border)) for border in borders]
+    bends = np.abs(np.diff(trajectory.u_A, n=2))
     for tick in switches:
         assert 500 < tick < 3000
         assert bends[tick - 2] < 1e-3 + 2.0 * np.max(bends[[tick - 6, tick - 5, tick + 5, tick + 6]])
 
 
-def test_a_trajectory_begins_at_rest_under_its_first_references() -> None:
-    """Those of later ticks have not been heard of yet."""
+def test_a_simulation_starts_at_rest_at_the_first_references() -> None:
+    """The references of later ticks have no effect on the start."""
     parameters = load_parameters("ideal")
     q_ref, S_ref = np.full(20, 0.5), np.full(20, 12.0)
     q_ref[0], S_ref[0] = 0.1, 9.0
@@ -198,24 +198,24 @@ def test_a_trajectory_begins_at_rest_under_its_first_references() -> None:
     assert trajectory.S[0] == pytest.approx(9.0, abs=0.02)
 
 
-# A preview shows what happens: what it says of steps and pushes, against the whole loop on the simulator.
+# Previews of steps and pushes, against the whole loop on the simulator.
 #
-# Each case is drawn at random from what an operator is offered: motion and voltage limit, λ_q, λ_S, b, gains from
-# geometry or a bank of four points, switched or interpolated, stiffness, a step of q and one of S, a push of either
-# sign.
-# Every figure shown has to be right to 3 % or a count (`ideal`), to 6 % or two counts (`lab`). For a time until
-# something
-# stays within a band the count is one of the band: the time shown has to lie between those for a count more and less.
+# Each case is drawn at random from the range that an operator may set: motion and voltage limit, λ_q, λ_S, b,
+# geometric gains or a bank of four points, switched or interpolated, stiffness, a step of q, a step of S, and a push
+# of either sign. Every displayed metric must be correct to 3 % or one count (`ideal`), or to 6 % or two counts
+# (`lab`). The tolerance of a settling or recovery time is the difference that one count more or less of the band
+# makes.
 #
-# On `lab` two figures of a step of S are held to what its friction leaves open, not to counts: S itself to the 0.01
-# N·m/rad that the loop leaves alone at rest, its peak voltage to that of Coulomb friction at rest on top of the 6 %.
+# On `lab`, friction and not the resolution limits two metrics of a step of S: S itself has the tolerance of
+# 0.01 N·m/rad that the loop does not correct at rest, and the peak voltage has the tolerance of 6 % plus the voltage
+# of Coulomb friction at rest.
 
 CASES = 8
-"""Per draw: two of each set in each motion."""
+"""Cases per seed: two of each parameter set in each motion."""
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_what_is_previewed_is_what_happens(seed: int) -> None:
+def test_previews_match_the_simulated_control_loop(seed: int) -> None:
     wrong = {}
     for number, case in enumerate(cases(seed, CASES)):
         off = {name: round(value, 2) for name, value in differences(case).items() if not value <= 1.0}
@@ -225,8 +225,8 @@ def test_what_is_previewed_is_what_happens(seed: int) -> None:
 
 
 @pytest.mark.parametrize("name", ["ideal", "lab"])
-def test_a_step_takes_as_long_as_lambda_says(name: str) -> None:
-    """In `lambda` motion, of small and of large steps: the time to 90 % goes with λ_q (README, five minutes)."""
+def test_the_rise_time_is_proportional_to_lambda(name: str) -> None:
+    """In `lambda` motion, small and large steps reach 90 % in a time proportional to λ_q (README)."""
     for size in (0.2, 1.0):
         reached = []
         for lam in (0.5, 0.7, 1.0):
@@ -242,7 +242,7 @@ def test_a_step_takes_as_long_as_lambda_says(name: str) -> None:
         assert reached[-1][1] / reached[0][1] == pytest.approx(2.0, rel=0.1)
 
 
-# Sides that differ, springs of other kinds: identified as they are, they are controlled as well as the paper's.
+# A plant with unequal sides and other springs, all identified, is controlled as well as the plant of the paper.
 
 HOLD = 6000
 CUBIC: dict[str, Any] = {"k": (-2.0, 300.0, 7000.0, 40_000.0), "points": ()}
@@ -253,12 +253,12 @@ SLOW = {"K_m": 2.5, "T_m": 0.26}
 
 
 def unlike_sides() -> PlantParameters:
-    """The `lab` set with a cubic spring A, a tabulated spring B and a slower motor B, all of it identified."""
+    """Return `lab` with a cubic spring A, a tabulated spring B and a slower motor B, all identified."""
     sided = {"spring_A": CUBIC, "identified_A": CUBIC, "spring_B": TABLE, "identified_B": TABLE | SLOW, "motor_B": SLOW}
     return replace(load_parameters("lab"), sided=sided)
 
 
-def test_steps_of_position_and_stiffness() -> None:
+def test_unequal_sides_follow_steps_of_position_and_stiffness() -> None:
     parameters = unlike_sides()
     tuning = make_cascade_tuning(parameters, TuningParameters())
     q_ref = np.repeat([0.0, np.pi / 3, -np.pi / 3, -np.pi / 3, -np.pi / 3], HOLD)
@@ -274,5 +274,5 @@ def test_steps_of_position_and_stiffness() -> None:
             assert settled == pytest.approx(r[k * HOLD], abs=2.0 * resolution)
             if height:
                 assert ((y[part] - r[part]) / height).max() < 0.01
-    # What the motor angles say of the stiffness is what the springs have.
+    # The stiffness computed from the motor angles equals the true stiffness.
     assert trajectory.S[HOLD - 1] == pytest.approx(trajectory.S_true[HOLD - 1], abs=0.1)

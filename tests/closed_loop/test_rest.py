@@ -1,4 +1,4 @@
-"""Quiet at rest: what joint, stiffness, motors and voltages do in a hold of 20 s, by the simulator's true states."""
+"""Holds of 20 s: motion of joint, stiffness, motors and voltages in the true states of the simulator."""
 
 import math
 from dataclasses import replace
@@ -21,7 +21,7 @@ from tests.closed_loop.true_states import TrueStates
 LAMBDAS = TuningParameters(lam_q=0.355, lam_S=0.345)
 COUNT, MOTOR_COUNT = 2.0 * math.pi / 4000.0, 2.0 * math.pi / 8000.0
 HOLD_S = 20
-WAYS = (
+MOVES = (
     ((-0.7, 12.0), (0.3, 10.0)),
     ((0.0, 10.0), (0.5, 10.0)),
     ((0.3, 8.0), (0.3, 14.0)),
@@ -30,12 +30,15 @@ WAYS = (
     ((-1.2, 9.0), (0.7, 13.0)),
     ((-0.6, 9.0), (-380.55 * COUNT, 14.8)),
 )
-"""From, to: position [rad] and stiffness [N·m/rad]; the last of them half-way between two counts."""
+"""Start and end: position [rad] and stiffness [N·m/rad]; the last end is half-way between two counts."""
 
 
 class Hold(NamedTuple):
-    """Peak to peak of the joint and its largest error [joint counts], of voltages [V], stiffness [N·m/rad] and motors
-    [motor counts]; share of its ticks in which a motor turns by more than a hundredth of a count."""
+    """Peak-to-peak values of a hold and the largest joint error.
+
+    Joint in joint counts, voltages in V, stiffness in N·m/rad, motors in motor counts; ``moving`` is the share of
+    ticks in which a motor turns by more than a hundredth of a count.
+    """
 
     q: float
     off: float
@@ -45,7 +48,7 @@ class Hold(NamedTuple):
     moving: float
 
 
-def held(states: TrueStates, since: int, q_ref: float) -> Hold:
+def measure_hold(states: TrueStates, since: int, q_ref: float) -> Hold:
     part = TrueStates(*(column[since : since + 1000 * HOLD_S] for column in states))
     turned = np.abs(np.diff([part.theta_A, part.theta_B])).max(axis=0)
     return Hold(
@@ -60,13 +63,13 @@ def held(states: TrueStates, since: int, q_ref: float) -> Hold:
 
 def after_move(
     plant: PlantParameters,
-    way: tuple[tuple[float, float], tuple[float, float]],
+    move: tuple[tuple[float, float], tuple[float, float]],
     budget: float,
     settled_s: int,
     *,
     rests: bool = True,
 ) -> Hold:
-    (q_0, S_0), (q, S) = way
+    (q_0, S_0), (q, S) = move
     ticks = 1000, 1000 * (settled_s + HOLD_S)
     tuning = make_cascade_tuning(plant, LAMBDAS, u_plan=budget)
     if not rests:
@@ -74,7 +77,7 @@ def after_move(
             reference_tracking=tuning.reference_tracking._replace(dead_zone_q=0.0, dead_zone_S=0.0)
         )
     states = true_states.run(plant, tuning, np.repeat([q_0, q], ticks), np.repeat([S_0, S], ticks))
-    return held(states, 1000 * (1 + settled_s), q)
+    return measure_hold(states, 1000 * (1 + settled_s), q)
 
 
 def worst(holds: list[Hold]) -> Hold:
@@ -83,14 +86,14 @@ def worst(holds: list[Hold]) -> Hold:
 
 @pytest.mark.parametrize("name", ["lab", "lab-stick"])
 @pytest.mark.parametrize("motion", ["time-optimal", "lambda"])
-def test_a_hold_is_quiet(name: str, motion: str) -> None:
-    """On friction that sticks, and on smoothed friction, along which motors creep to where they stand.
+def test_the_joint_is_at_rest_in_a_hold_after_a_move(name: str, motion: str) -> None:
+    """With static friction, and with smoothed friction, under which motors creep to their rest positions.
 
-    In `lambda` the joint is on its way for about 10 λ_q longer.
+    In `lambda` motion the joint needs about 10 λ_q longer.
     """
     plant = load_parameters(name)
     budget, settled_s = (usual_budget(plant), 5) if motion == "time-optimal" else (0.0, 8)
-    hold = worst([after_move(plant, way, budget, settled_s) for way in WAYS])
+    hold = worst([after_move(plant, move, budget, settled_s) for move in MOVES])
     assert hold.q <= 0.3
     assert hold.off <= 1.0
     assert hold.u <= 0.15
@@ -100,12 +103,12 @@ def test_a_hold_is_quiet(name: str, motion: str) -> None:
 
 @pytest.mark.parametrize("name", ["lab", "lab-stick"])
 @pytest.mark.parametrize("u_plan", [0.0, 8.5])
-def test_a_hold_from_rest_is_quiet(name: str, u_plan: float) -> None:
+def test_the_joint_stays_at_rest_in_a_hold_from_rest(name: str, u_plan: float) -> None:
     plant = load_parameters(name)
     tuning = make_cascade_tuning(plant, LAMBDAS, u_plan=u_plan)
     for q, S in ((0.3, 10.0), (-0.7001, 14.0), (1.1, 8.5)):
         states = true_states.run(plant, tuning, np.full(30_000, q), np.full(30_000, S))
-        hold = held(states, 10_000, q)
+        hold = measure_hold(states, 10_000, q)
         assert hold.q <= 0.3
         assert hold.off <= 1.0
         assert hold.u <= 0.15
@@ -114,28 +117,28 @@ def test_a_hold_from_rest_is_quiet(name: str, u_plan: float) -> None:
 
 
 @pytest.mark.parametrize("budget", [0.0, 8.5])
-def test_integrators_that_do_not_rest_hunt(budget: float) -> None:
-    """What rest is compared with: without dead zones the motors never stand on smoothed friction."""
-    hold = after_move(load_parameters("lab"), WAYS[0], budget, 10, rests=False)
+def test_loops_without_dead_zones_oscillate_in_a_hold(budget: float) -> None:
+    """Comparison for the tests above: without dead zones, motors on smoothed friction never come to rest."""
+    hold = after_move(load_parameters("lab"), MOVES[0], budget, 10, rests=False)
     assert hold.q > 1.0
     assert hold.u > 0.4
     assert hold.moving > 0.1
 
 
-def test_rest_does_not_change_the_approach_in_lambda() -> None:
-    """The step response is that of the linear loop, small steps too: y/r = 1/(λ s + 1)², 3.890 λ to 90 %."""
+def test_dead_zones_do_not_change_the_step_response_in_lambda_motion() -> None:
+    """Small and large steps follow the linear loop y/r = 1/(λ s + 1)², which reaches 90 % after 3.890 λ."""
     lam = 0.5
     plant = load_parameters("lab")
     without_friction = replace(plant, motor=replace(plant.motor, c0=0.0, c1=0.0))
     for degrees in (1.0, 5.0, 20.0):
         for known in (plant, without_friction):
             tuning = make_cascade_tuning(known, TuningParameters(lam_q=lam))
-            restless = tuning._replace(
+            without_dead_zones = tuning._replace(
                 reference_tracking=tuning.reference_tracking._replace(dead_zone_q=0.0, dead_zone_S=0.0)
             )
             q_ref = np.repeat([0.0, math.radians(degrees)], (1000, 6000))
             t_90 = []
-            for law in (tuning, restless):
+            for law in (tuning, without_dead_zones):
                 q = true_states.run(known, law, q_ref, np.full(q_ref.size, 10.0)).q[1000:]
                 t_90.append(np.argmax(q - q[0] >= 0.9 * (q_ref[-1] - q[0])) / 1000)
             assert t_90[0] == pytest.approx(t_90[1], rel=0.03)
@@ -145,8 +148,8 @@ def test_rest_does_not_change_the_approach_in_lambda() -> None:
 
 @pytest.mark.parametrize("name", ["lab", "lab-stick"])
 @pytest.mark.parametrize("u_plan", [0.0, 8.5])
-def test_a_push_at_rest_is_pushed_back(name: str, u_plan: float) -> None:
-    """Integrators that rest begin again: joint and stiffness come back to where they rested, within a dead zone."""
+def test_position_and_stiffness_recover_from_a_push_at_rest(name: str, u_plan: float) -> None:
+    """Integrators at rest restart; joint and stiffness return to their previous values within a dead zone."""
     plant = load_parameters(name)
     tuning = make_cascade_tuning(plant, LAMBDAS, u_plan=u_plan)
     F_push = np.zeros(30_000)
@@ -171,16 +174,16 @@ def test_a_push_at_rest_is_pushed_back(name: str, u_plan: float) -> None:
         (False, 0.0, 0.0, 3, False),
     ],
 )
-def test_motors_rest_where_position_and_stiffness_are_as_wanted(
+def test_motor_integrators_stop_only_when_position_and_stiffness_are_reached(
     position_loop: bool, rate: float, off: float, turned: int, rests: bool, u_plan: float
 ) -> None:
-    """Not where a reference moves, however slowly; with the position loop open where the equilibrium is as wanted."""
+    """They do not stop while a reference moves. With the position loop open, the equilibrium counts instead."""
     lab = load_parameters("lab")
     tuning = make_cascade_tuning(lab, LAMBDAS, u_plan=u_plan)
     theta_A, theta_B = decoupler.motor_positions(tuning.decoupler, 0.3, 10.0)
     _, law = at_rest(make_simulated_rig(lab), tuning, 0.3, 10.0)
-    beside = turned * MOTOR_COUNT
-    m = Measurement(0.3 + off, theta_A + beside, theta_B - beside, 17.0, 17.0, 10.0, 0.0, 0.0)
+    offset = turned * MOTOR_COUNT
+    m = Measurement(0.3 + off, theta_A + offset, theta_B - offset, 17.0, 17.0, 10.0, 0.0, 0.0)
     integrals = []
     for k in range(1600):
         _, law = cascade.step(tuning, law, LoopReferences(0.3 + rate * 1e-3 * k, 10.0), position_loop, m)
@@ -188,8 +191,8 @@ def test_motors_rest_where_position_and_stiffness_are_as_wanted(
     assert (np.ptp(integrals[1500:]) < 1e-9) == rests
 
 
-@pytest.mark.parametrize(("e", "seen"), [(0.0, 0.0), (0.3, 0.0), (-0.5, 0.0), (0.7, 0.2), (-2.0, -1.5)])
-def test_what_an_integrator_sees_begins_at_the_edge_of_its_dead_zone(e: float, seen: float) -> None:
-    assert apply_dead_zone(e, 0.5) == pytest.approx(seen, abs=1e-15)
+@pytest.mark.parametrize(("e", "expected"), [(0.0, 0.0), (0.3, 0.0), (-0.5, 0.0), (0.7, 0.2), (-2.0, -1.5)])
+def test_the_dead_zone_subtracts_its_width_from_the_error(e: float, expected: float) -> None:
+    assert apply_dead_zone(e, 0.5) == pytest.approx(expected, abs=1e-15)
     assert apply_dead_zone(e, 0.0) == e
     assert apply_dead_zone(e, math.inf) == 0.0

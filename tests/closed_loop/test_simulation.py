@@ -21,16 +21,17 @@ from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
 from tests.bench.c_twin import CTwin
 
-# The offline closed loop against the same equations written anew, integrated by SciPy at tight tolerances.
+# The offline closed loop against a second implementation, which SciPy integrates with tight tolerances.
 #
-# Plain Python on purpose, in the letters of the paper: plant (equations 1-16), governor, I-P, decoupler, I-PD.
+# The implementation is plain Python in the notation of the paper: plant (equations 1-16), governor, I-P, decoupler,
+# I-PD.
 
 Array = NDArray[np.float64]
 T = 1e-3
 
 
 def exact_sensors(name: str) -> PlantParameters:
-    """A parameter set whose sensors hide nothing: rounding of a count must not decide a comparison."""
+    """Return a parameter set with exact sensors, so that the rounding of counts does not decide a comparison."""
     return replace(load_parameters(name), sensors=load_parameters("ideal").sensors)
 
 
@@ -53,7 +54,7 @@ def rate(rig: SimulatedRig, x: Array, u: tuple[float, float]) -> list[float]:
     return rates
 
 
-def cascade_anew(parameters: PlantParameters, q_ref: Array, S_ref: Array) -> tuple[Array, Array, Array]:
+def reference_simulation(parameters: PlantParameters, q_ref: Array, S_ref: Array) -> tuple[Array, Array, Array]:
     """Return q, S and voltages (ticks, 2)."""
     tuning, rig = make_cascade_tuning(parameters, TuningParameters()), make_simulated_rig(parameters)
     d = tuning.decoupler
@@ -86,36 +87,38 @@ def cascade_anew(parameters: PlantParameters, q_ref: Array, S_ref: Array) -> tup
         qs.append(q)
         Ss.append(S)
         us.append(u)
-        held = (u[0], u[1])
-        end = solve_ivp(lambda _, at, u: rate(rig, at, u), (0.0, T), x, "DOP853", args=(held,), rtol=1e-11, atol=1e-13)
+        voltages = (u[0], u[1])
+        end = solve_ivp(
+            lambda _, at, u: rate(rig, at, u), (0.0, T), x, "DOP853", args=(voltages,), rtol=1e-11, atol=1e-13
+        )
         x = end.y[:, -1]
     return np.array(qs), np.array(Ss), np.array(us)
 
 
 @pytest.mark.parametrize("name", ["ideal", "lab"])
-def test_both_references_step(name: str) -> None:
+def test_simulated_steps_match_an_independent_integration(name: str) -> None:
     parameters = exact_sensors(name)
     ticks = 500
     q_ref, S_ref = np.full(ticks, 0.3), np.full(ticks, 11.0)
     q_ref[:20], S_ref[:20] = 0.0, 10.0
     trajectory = simulate_cascade(parameters, make_cascade_tuning(parameters, TuningParameters()), q_ref, S_ref)
-    q, S, u = cascade_anew(parameters, q_ref, S_ref)
+    q, S, u = reference_simulation(parameters, q_ref, S_ref)
     assert np.ptp(trajectory.q) > 0.02, "the joint has to move for this to mean anything"
     assert trajectory.q == pytest.approx(q, abs=1e-8)
     assert pytest.approx(S, abs=1e-8) == trajectory.S
     assert np.column_stack((trajectory.u_A, trajectory.u_B)) == pytest.approx(u, abs=1e-6)
 
 
-# The C twin that the bench measures against still computes what the offline closed loop computes.
+# The C implementation that the benchmark compares with computes the same as the offline closed loop.
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="the twin is compiled by gcc")
 @pytest.mark.parametrize("name", ["ideal", "lab"])
 @pytest.mark.parametrize("pushed_N", [5.0, 30.0])
-def test_same_trajectory(name: str, pushed_N: float, tmp_path: Path) -> None:
+def test_the_c_twin_computes_the_same_trajectory(name: str, pushed_N: float, tmp_path: Path) -> None:
     parameters = load_parameters(name)
     tuning = make_cascade_tuning(parameters, TuningParameters())._replace(u_max=4.0)
-    # The twin has the paper's law alone: no dead zones at rest (decision 0053).
+    # The twin implements only the paper's law, without dead zones at rest (decision 0053).
     tuning = tuning._replace(reference_tracking=tuning.reference_tracking._replace(dead_zone_q=0.0, dead_zone_S=0.0))
     q_ref, S_ref = np.repeat([-1.0, 1.0, 1.0], 800), np.repeat([10.0, 10.0, 14.0], 800)
     rig = simulation.make_simulated_rig(parameters)
@@ -135,10 +138,10 @@ def test_same_trajectory(name: str, pushed_N: float, tmp_path: Path) -> None:
     assert other == pytest.approx(mine, abs=1e-9)
 
 
-# M_s and margins of the motor loop as they are shown, against what the product's own I-PD does on the simulator.
+# Displayed M_s and margins of the motor loop, against the behaviour of Sinew's I-PD controller on the simulator.
 
 SINES = np.geomspace(12.0, 160.0, 18).reshape(-1, 2)
-"""Frequencies [rad/s] at which motor A and motor B are tried; slack tendons keep them strangers."""
+"""Test frequencies of motor A and motor B [rad/s]; slack tendons decouple the motors."""
 
 AMPLITUDE = 0.02 / len(SINES)
 
@@ -148,10 +151,10 @@ def ideal() -> PlantParameters:
     return load_parameters("ideal")
 
 
-def readings(
+def read_encoders(
     parameters: PlantParameters, gains: pid.MotorPairGains, errors: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """What the encoders say (ticks, 2) [rad] while ``errors`` (ticks, 2) are added; slack tendons, reference 0."""
+    """Return the encoder angles (ticks, 2) [rad] with ``errors`` (ticks, 2) added; slack tendons, reference 0."""
     simulator, state = Simulator(parameters), pid.at_rest_motor_pair(gains, 0.0, 0.0, 0.0, 0.0)
     read = np.empty_like(errors)
     for k, (error_A, error_B) in enumerate(errors):
@@ -164,11 +167,11 @@ def readings(
 
 
 @pytest.mark.parametrize("lam", [0.05, 0.065, 0.0854, 0.11, 0.15])
-def test_M_s_is_how_much_of_a_sine_on_the_encoder_stays(ideal: PlantParameters, lam: float) -> None:
+def test_displayed_M_s_matches_the_measured_sensitivity_peak(ideal: PlantParameters, lam: float) -> None:
     gains, settled = make_motor_loops(ideal, lam), round(12.0 * lam / T_s)
     t = np.arange(settled + 1600) * T_s
     sines = np.sin(SINES[:, :, np.newaxis] * t)
-    read = readings(ideal, gains, AMPLITUDE * sines.sum(axis=0).T)[settled:]
+    read = read_encoders(ideal, gains, AMPLITUDE * sines.sum(axis=0).T)[settled:]
     measured = 0.0
     for motor in (0, 1):
         angle = np.outer(t[settled:], SINES[:, motor])
@@ -178,28 +181,28 @@ def test_M_s_is_how_much_of_a_sine_on_the_encoder_stays(ideal: PlantParameters, 
 
 
 @pytest.mark.parametrize("lam", [0.05, 0.0854, 0.15])
-def test_the_loop_bears_as_much_gain_as_is_shown_and_no_more(ideal: PlantParameters, lam: float) -> None:
+def test_displayed_gain_margin_matches_the_stability_limit_of_the_loop(ideal: PlantParameters, lam: float) -> None:
     law = make_motor_loops(ideal, lam).A
     margin = motor_robustness(motor_model(ideal, "A"), law).gain_margin
-    assert grows(ideal, times(law, 1.05 * margin), 0.9)
-    assert not grows(ideal, times(law, 0.95 * margin), 0.9)
+    assert is_unstable(ideal, scale_gains(law, 1.05 * margin), 0.9)
+    assert not is_unstable(ideal, scale_gains(law, 0.95 * margin), 0.9)
 
 
-def test_a_conditionally_stable_loop_bears_as_little_gain_as_is_shown_and_no_less(ideal: PlantParameters) -> None:
+def test_displayed_gain_reduction_matches_the_limit_of_a_conditionally_stable_loop(ideal: PlantParameters) -> None:
     law = make_motor_loops(ideal, 0.05).A
     least = motor_robustness(motor_model(ideal, "A"), law).gain_reduction
-    assert grows(ideal, times(law, 0.7 * least), 7.5)
-    assert not grows(ideal, times(law, 1.4 * least), 7.5)
+    assert is_unstable(ideal, scale_gains(law, 0.7 * least), 7.5)
+    assert not is_unstable(ideal, scale_gains(law, 1.4 * least), 7.5)
     assert motor_robustness(motor_model(ideal, "A"), make_motor_loops(ideal, 0.0854).A).gain_reduction == 0.0
 
 
-def times(law: pid.IPDGains, factor: float) -> pid.IPDGains:
+def scale_gains(law: pid.IPDGains, factor: float) -> pid.IPDGains:
     return pid.IPDGains(factor * law.k_p, factor * law.k_i, factor * law.k_d, law.t_f)
 
 
-def grows(parameters: PlantParameters, law: pid.IPDGains, duration_s: float) -> bool:
-    """Whether what an error of 1e-9 rad in the first reading sets off has grown by the last third."""
+def is_unstable(parameters: PlantParameters, law: pid.IPDGains, duration_s: float) -> bool:
+    """Return whether an error of 1e-9 rad in the first sample grows from the second to the last third."""
     errors = np.zeros((3 * round(duration_s / 3.0 / T_s), 2))
     errors[0] = 1e-9
-    _, middle, last = np.split(np.abs(readings(parameters, pid.MotorPairGains(law, law), errors)), 3)
+    _, middle, last = np.split(np.abs(read_encoders(parameters, pid.MotorPairGains(law, law), errors)), 3)
     return float(last.max()) > float(middle.max())

@@ -1,4 +1,4 @@
-"""Tracking by the whole closed loop, simulated: the paper's law, plans, and limits."""
+"""Tracking of the simulated closed loop: the paper's law, time-optimal motion, and limits."""
 
 import itertools
 import math
@@ -22,7 +22,7 @@ from plant.parameters import Asymmetry, PlantParameters, load_parameters
 from tests.closed_loop.quality import HIGH, STEPS, assess, references
 from tests.closed_loop.random_programs import random_program
 
-# The whole closed loop, simulated: what the tracking experiment must show, bumpless changes, mirror symmetry.
+# Requirements of the tracking experiment, and mirror symmetry.
 
 
 @pytest.mark.parametrize(
@@ -30,7 +30,9 @@ from tests.closed_loop.random_programs import random_program
     [("ideal", 1.0, 0.1, 5.0), ("lab", 2.0, 0.3, 4.0), ("lab-stick", 2.0, 0.3, 4.0)],
 )
 @pytest.mark.parametrize("lambdas", [TuningParameters(lam_q=0.5, lam_S=0.5), TuningParameters()])
-def test_tracking(name: str, lambdas: TuningParameters, overshoot: float, stiffness: float, tension: float) -> None:
+def test_tracking_meets_its_limits(
+    name: str, lambdas: TuningParameters, overshoot: float, stiffness: float, tension: float
+) -> None:
     parameters = load_parameters(name)
     q_ref, S_ref = references(STEPS)
     trajectory = simulate_cascade(parameters, make_cascade_tuning(parameters, lambdas), q_ref, S_ref)
@@ -41,8 +43,8 @@ def test_tracking(name: str, lambdas: TuningParameters, overshoot: float, stiffn
     assert quality.least_tension > tension
 
 
-def test_naive_cascade_reproduces_the_figures_of_the_method_page() -> None:
-    """Without governor, λ = 0.5 touches 10 V harmlessly: 1.9 s to 90 % of a 2π/3 step, no overshoot."""
+def test_a_cascade_without_governor_reproduces_the_values_of_the_method_page() -> None:
+    """At λ = 0.5 the voltage reaches 10 V without harm: 1.9 s to 90 % of a 2π/3 step, no overshoot."""
     parameters = load_parameters("ideal")
     q_ref, S_ref = references(((-HIGH, 10.0, 1.0), (HIGH, 10.0, 8.0)))
     tuning = make_cascade_tuning(parameters, TuningParameters(lam_q=0.5, lam_S=0.5))._replace(omega_max=1e9)
@@ -68,7 +70,7 @@ def test_swapping_sides_and_negating_q_mirrors_the_run(targets: list[tuple[float
     assert pytest.approx(run_B.S, abs=1e-7) == run_A.S
 
 
-# References followed by a plan: as fast as asked, as robust as asked, without a bump to and from the paper's law.
+# Time-optimal motion: speed, robustness, and bumpless transfer to and from the paper's law.
 
 SETS = ("ideal", "lab", "lab-stick")
 LAMBDAS = TuningParameters(lam_q=0.355, lam_S=0.345)
@@ -82,7 +84,7 @@ class Reached(NamedTuple):
     overshoot_percent: float
 
 
-def stepped(
+def simulate_step(
     plant: PlantParameters, q: tuple[float, float], S: tuple[float, float], budget: float, known: PlantParameters
 ) -> Trajectory:
     tuning = make_cascade_tuning(known, LAMBDAS, u_plan=budget)
@@ -91,9 +93,11 @@ def stepped(
 
 
 def reached(y: Array, start: float, end: float) -> Reached:
-    way = (y[AT:] - start) / (end - start)
-    outside = np.flatnonzero(np.abs(way - 1.0) > 0.02)
-    return Reached(int(np.argmax(way >= 0.9)) / 1000, (int(outside[-1]) + 1) / 1000, 100.0 * (float(way.max()) - 1.0))
+    progress = (y[AT:] - start) / (end - start)
+    outside = np.flatnonzero(np.abs(progress - 1.0) > 0.02)
+    return Reached(
+        int(np.argmax(progress >= 0.9)) / 1000, (int(outside[-1]) + 1) / 1000, 100.0 * (float(progress.max()) - 1.0)
+    )
 
 
 def clipped(trajectory: Trajectory, u_max: float) -> int:
@@ -101,9 +105,9 @@ def clipped(trajectory: Trajectory, u_max: float) -> int:
 
 
 @pytest.mark.parametrize("name", SETS)
-def test_the_largest_step_of_the_paper_is_as_fast_as_the_motors_nearly_allow(name: str) -> None:
+def test_the_largest_step_of_the_paper_is_nearly_as_fast_as_the_motors_permit(name: str) -> None:
     plant = load_parameters(name)
-    trajectory = stepped(plant, (-HIGH, HIGH), (10.0, 10.0), usual_budget(plant), plant)
+    trajectory = simulate_step(plant, (-HIGH, HIGH), (10.0, 10.0), usual_budget(plant), plant)
     q = reached(trajectory.q, -HIGH, HIGH)
     assert q.to_90_percent_s <= 1.05
     assert q.settling_s <= 1.15
@@ -111,16 +115,16 @@ def test_the_largest_step_of_the_paper_is_as_fast_as_the_motors_nearly_allow(nam
     assert np.max(np.abs(trajectory.S[AT:] - 10.0)) <= 0.05
     assert min(trajectory.F_A.min(), trajectory.F_B.min()) > 15.0
     assert clipped(trajectory, plant.motor.u_max) == 0
-    paper = reached(stepped(plant, (-HIGH, HIGH), (10.0, 10.0), 0.0, plant).q, -HIGH, HIGH)
+    paper = reached(simulate_step(plant, (-HIGH, HIGH), (10.0, 10.0), 0.0, plant).q, -HIGH, HIGH)
     assert q.to_90_percent_s < 0.6 * paper.to_90_percent_s
 
 
 @pytest.mark.parametrize("name", SETS)
-def test_stiffness_alone_and_both_at_once(name: str) -> None:
+def test_time_optimal_steps_of_stiffness_and_of_both_references_are_fast(name: str) -> None:
     plant = load_parameters(name)
-    S = stepped(plant, (0.0, 0.0), (8.0, 14.0), usual_budget(plant), plant).S
+    S = simulate_step(plant, (0.0, 0.0), (8.0, 14.0), usual_budget(plant), plant).S
     assert reached(S, 8.0, 14.0).to_90_percent_s <= 0.40
-    both = stepped(plant, (-HIGH, HIGH), (8.0, 14.0), usual_budget(plant), plant)
+    both = simulate_step(plant, (-HIGH, HIGH), (8.0, 14.0), usual_budget(plant), plant)
     assert reached(both.q, -HIGH, HIGH).to_90_percent_s <= 1.30
     assert min(both.F_A.min(), both.F_B.min()) > 8.0
 
@@ -128,8 +132,10 @@ def test_stiffness_alone_and_both_at_once(name: str) -> None:
 @pytest.mark.parametrize("tau_e", [0.001, 0.002, 0.003])
 @pytest.mark.parametrize("lambdas", [LAMBDAS, TuningParameters()], ids=["fast", "default"])
 @pytest.mark.parametrize("S", [(8.0, 10.0), (8.0, 14.0), (14.0, 8.0)])
-def test_the_electrical_lag_makes_no_overshoot(tau_e: float, lambdas: TuningParameters, S: tuple[float, float]) -> None:
-    """The plan's model has it; without it S overshoots by 0.6 to 2.1 % of the step from 8 to 10 N·m/rad."""
+def test_the_electrical_lag_causes_no_overshoot(
+    tau_e: float, lambdas: TuningParameters, S: tuple[float, float]
+) -> None:
+    """The model includes the lag; otherwise S overshoots by 0.6 to 2.1 % of the step from 8 to 10 N·m/rad."""
     ideal = load_parameters("ideal")
     plant = replace(ideal, motor=replace(ideal.motor, tau_e=tau_e))
     tuning = make_cascade_tuning(plant, lambdas, u_plan=usual_budget(plant))
@@ -158,27 +164,27 @@ ALONE = [
 
 
 @pytest.mark.parametrize("wrong", ALONE, ids=str)
-def test_a_model_that_is_wrong_in_one_number(wrong: dict[str, float]) -> None:
+def test_time_optimal_motion_tolerates_one_wrong_parameter(wrong: dict[str, float]) -> None:
     lab = load_parameters("lab")
-    trajectory = stepped(off_by(**wrong), (-HIGH, HIGH), (10.0, 10.0), usual_budget(lab), lab)
+    trajectory = simulate_step(off_by(**wrong), (-HIGH, HIGH), (10.0, 10.0), usual_budget(lab), lab)
     assert trajectory.tripped_at == -1
     assert reached(trajectory.q, -HIGH, HIGH).overshoot_percent <= 1.0
 
 
-def test_a_model_that_is_wrong_in_all_of_them() -> None:
+def test_time_optimal_motion_tolerates_all_parameters_being_wrong() -> None:
     lab = load_parameters("lab")
     for K_m, T_m, spring, K_t, friction in itertools.product(
         (0.9, 1.1), (0.8, 1.2), (0.9, 1.1), (0.9, 1.1), (0.8, 1.2)
     ):
         plant = off_by(K_m, T_m, spring, K_t, friction)
-        trajectory = stepped(plant, (-HIGH, HIGH), (10.0, 10.0), usual_budget(lab), lab)
+        trajectory = simulate_step(plant, (-HIGH, HIGH), (10.0, 10.0), usual_budget(lab), lab)
         assert trajectory.tripped_at == -1
         assert min(trajectory.F_A.min(), trajectory.F_B.min()) > 8.0
         assert reached(trajectory.q, -HIGH, HIGH).overshoot_percent <= 3.0, (K_m, T_m, spring, K_t, friction)
 
 
 @pytest.mark.parametrize("name", SETS)
-def test_a_sine_is_followed(name: str) -> None:
+def test_time_optimal_motion_follows_a_sine(name: str) -> None:
     plant = load_parameters(name)
     t = np.arange(12_000) / 1000
     q_ref = 0.5 * np.sin(2.0 * np.pi * 0.3 * np.maximum(t - 1.0, 0.0))
@@ -195,7 +201,7 @@ def test_a_sine_is_followed(name: str) -> None:
 def without_and_with(
     before: cascade.CascadeTuning, after: cascade.CascadeTuning, at: int
 ) -> tuple[Array, Array, cascade.CascadeState, cascade.CascadeState, cascade.CascadeState]:
-    """Voltages (2,) in the tick ``at`` without and with the change; the law before it, and after it either way."""
+    """Return the voltages (2,) in the tick ``at`` without and with the change, the state before, and both after."""
     ideal = load_parameters("ideal")
     rig = simulation.make_simulated_rig(ideal)
     q_ref, S_ref = np.full(at + 1, HIGH), np.full(at + 1, 13.0)
@@ -214,18 +220,18 @@ def without_and_with(
     return voltages[0], voltages[1], law, laws[0], laws[1]
 
 
-def mean_voltages(way: TrajectoryState) -> Array:
-    """Voltages of motors A and B that the model is driven by."""
-    d, c = np.mean(way.window_d), np.mean(way.window_c)
+def mean_voltages(state: TrajectoryState) -> Array:
+    """Return the mean voltages of motors A and B that drive the model."""
+    d, c = np.mean(state.window_d), np.mean(state.window_c)
     return np.array([c + d, c - d])
 
 
 TICKS = [150, 230, 700, 1500, 6000]
-"""At rest before the step, just after it, at full speed, on arrival and at rest again."""
+"""Before the step, just after it, at full speed, at the end of the motion and at rest again."""
 
 
 @pytest.mark.parametrize("at", TICKS)
-def test_the_paper_s_law_goes_over_to_a_plan_without_a_bump(at: int) -> None:
+def test_the_transfer_from_lambda_to_time_optimal_motion_is_bumpless(at: int) -> None:
     ideal = load_parameters("ideal")
     without, with_plan, _, _, after = without_and_with(
         make_cascade_tuning(ideal, LAMBDAS), make_cascade_tuning(ideal, LAMBDAS, u_plan=8.5), at
@@ -237,7 +243,7 @@ def test_the_paper_s_law_goes_over_to_a_plan_without_a_bump(at: int) -> None:
 
 
 @pytest.mark.parametrize("at", TICKS)
-def test_a_plan_goes_over_to_the_paper_s_law_without_a_bump(at: int) -> None:
+def test_the_transfer_from_time_optimal_to_lambda_motion_is_bumpless(at: int) -> None:
     ideal = load_parameters("ideal")
     without, by_governor, _, planned, after = without_and_with(
         make_cascade_tuning(ideal, LAMBDAS, u_plan=8.5), make_cascade_tuning(ideal, LAMBDAS), at
@@ -249,24 +255,26 @@ def test_a_plan_goes_over_to_the_paper_s_law_without_a_bump(at: int) -> None:
 
 
 @pytest.mark.parametrize("name", SETS)
-@pytest.mark.parametrize("way", [(8.0, 15.0), (15.0, 8.0)])
-def test_what_a_plan_has_set_in_motion_it_brings_to_a_stand(name: str, way: tuple[float, float]) -> None:
-    """Changed over at any moment of a move between the ends of S: neither goes beyond them, nor takes long to stop."""
+@pytest.mark.parametrize("S_limits", [(8.0, 15.0), (15.0, 8.0)])
+def test_a_move_ends_within_its_limits_after_a_transfer_to_lambda_motion(
+    name: str, S_limits: tuple[float, float]
+) -> None:
+    """The transfer happens at 28 times of a move between the limits of S, which S does not exceed."""
     plant = load_parameters(name)
     rig, planned = simulation.make_simulated_rig(plant), make_cascade_tuning(plant, LAMBDAS, u_plan=usual_budget(plant))
     governed = make_cascade_tuning(plant, LAMBDAS)
-    x, law = simulation.at_rest(rig, planned, 0.3, way[0])
+    x, law = simulation.at_rest(rig, planned, 0.3, S_limits[0])
 
     def play(tuning: cascade.CascadeTuning, x: PlantState, law: cascade.CascadeState, ticks: int) -> tuple[Any, ...]:
         line, out = simulation.empty_arrays(ticks)
-        inputs = simulation.make_closed_loop_inputs(plant, np.full(ticks, 0.3), np.full(ticks, way[1]))
+        inputs = simulation.make_closed_loop_inputs(plant, np.full(ticks, 0.3), np.full(ticks, S_limits[1]))
         return *simulation.simulate(rig, tuning, x, law, inputs, line, out), out
 
     for _ in range(28):
         x, law, _, _ = play(planned, x, law, 15)
-        _, stood, tripped, _ = play(governed, x, law, 220)
+        _, law_after, tripped, _ = play(governed, x, law, 220)
         assert tripped == -1
-        assert not stood.follows_trajectory
+        assert not law_after.follows_trajectory
         _, _, tripped, out = play(governed, x, law, 2000)
         assert tripped == -1
         S = out[:, simulation.COLUMNS.index("S")]
@@ -278,7 +286,7 @@ def test_what_a_plan_has_set_in_motion_it_brings_to_a_stand(name: str, way: tupl
 @pytest.mark.parametrize(
     "changed", [{"lam_q": 1.2}, {"lam_S": 0.9}, {"lam_motor": 0.1}, {"b": 1.0}], ids=lambda changed: next(iter(changed))
 )
-def test_no_change_of_gains_shows_under_a_plan(changed: dict[str, float], at: int) -> None:
+def test_changes_of_gains_are_bumpless_in_time_optimal_motion(changed: dict[str, float], at: int) -> None:
     ideal = load_parameters("ideal")
     without, with_change, *_ = without_and_with(
         make_cascade_tuning(ideal, TuningParameters(), u_plan=8.5),
@@ -289,7 +297,7 @@ def test_no_change_of_gains_shows_under_a_plan(changed: dict[str, float], at: in
 
 
 @pytest.mark.parametrize("name", SETS)
-def test_random_programs_stay_taut_and_do_not_trip(name: str) -> None:
+def test_random_programs_keep_tendons_taut_and_do_not_trip(name: str) -> None:
     plant = load_parameters(name)
     for seed in range(60):
         played = random_program(plant, seed)
@@ -298,14 +306,14 @@ def test_random_programs_stay_taut_and_do_not_trip(name: str) -> None:
         assert played.most < 50.0, seed
 
 
-def test_a_plan_left_in_flight_with_a_push_keeps_its_tensions() -> None:
-    """From plan to governor at 14.6 N·m/rad on the way to the highest stiffness: the one of a thousand that tripped."""
+def test_a_transfer_during_a_move_with_a_push_keeps_the_tension_limits() -> None:
+    """The transfer is at 14.6 N·m/rad on the way to the highest stiffness; this program of a thousand once tripped."""
     played = random_program(load_parameters("lab-stick"), 2203)
     assert not played.tripped
     assert played.most < 48.0
 
 
-# The limits of the cascade on the simulated plant: what they prevent, and that the loop comes back from them.
+# Limits of the cascade on the simulated plant: their effect, and the recovery from them.
 
 WITHOUT = Envelope(F_floor=-1e3, F_ceiling=1e3, q_max=1e3)
 TICKS_LIMITS = 14_000
@@ -313,7 +321,7 @@ TICKS_LIMITS = 14_000
 
 @dataclass(frozen=True)
 class Push:
-    """A push at (q, S): it grows over ``ramp_s``, is held until 8 s and goes as it came."""
+    """A push at (q, S): it grows over ``ramp_s``, stays constant until 8 s, and falls over ``ramp_s``."""
 
     q: float
     S: float
@@ -336,41 +344,41 @@ def least_tension(trajectory: Trajectory) -> float:
 
 @pytest.mark.parametrize("force_N", [24.0, -24.0])
 @pytest.mark.parametrize("name", ["ideal", "lab"])
-def test_a_push_that_would_slacken_a_tendon_winds_both_up(name: str, force_N: float) -> None:
+def test_the_envelope_raises_both_tensions_under_a_push_that_would_slacken_a_tendon(name: str, force_N: float) -> None:
     parameters = load_parameters(name)
     push = Push(q=0.0, S=8.0, force_N=force_N, ramp_s=2.0)
     assert least_tension(push.play(parameters, WITHOUT)) <= 0.0, "the push has to matter"
-    held = push.play(parameters)
-    assert least_tension(held) > 2.0
-    assert float(max(held.F_A.max(), held.F_B.max())) < 50.0
-    # At the end of the push both references hold again: nothing has wound up.
-    assert held.q[-1] == pytest.approx(0.0, abs=2.0 * 2.0 * np.pi / 4000)
-    assert held.S[-1] == pytest.approx(8.0, abs=0.01)
+    trajectory = push.play(parameters)
+    assert least_tension(trajectory) > 2.0
+    assert float(max(trajectory.F_A.max(), trajectory.F_B.max())) < 50.0
+    # After the push both references are reached again: there was no windup.
+    assert trajectory.q[-1] == pytest.approx(0.0, abs=2.0 * 2.0 * np.pi / 4000)
+    assert trajectory.S[-1] == pytest.approx(8.0, abs=0.01)
 
 
 @pytest.mark.parametrize("name", ["ideal", "lab"])
-def test_a_push_that_would_make_a_spring_solid_unwinds_both(name: str) -> None:
+def test_the_envelope_lowers_both_tensions_under_a_push_that_would_exceed_the_limit(name: str) -> None:
     parameters = load_parameters(name)
     push = Push(q=0.0, S=15.0, force_N=12.0, ramp_s=5.0)
     assert push.play(parameters, WITHOUT).tripped_at >= 0, "the push has to matter"
-    held = push.play(parameters)
-    assert held.tripped_at == -1
-    assert held.S[7900] < 14.9
-    assert held.S[-1] == pytest.approx(15.0, abs=0.02)
+    trajectory = push.play(parameters)
+    assert trajectory.tripped_at == -1
+    assert trajectory.S[7900] < 14.9
+    assert trajectory.S[-1] == pytest.approx(15.0, abs=0.02)
 
 
-def test_the_equilibrium_stays_inside_the_joints_range() -> None:
-    """Held against a push at the end of its range, the joint must not be aimed at what lies beyond its stop."""
+def test_the_equilibrium_stays_within_the_range_of_the_joint() -> None:
+    """Against a push at the end of the range, the equilibrium must not move beyond the end stop."""
     parameters = load_parameters("ideal")
     q_max = parameters.geometry.q_max
     push = Push(q=1.4, S=10.0, force_N=-30.0, ramp_s=3.0)
 
-    def furthest_aim(trajectory: Trajectory) -> float:
+    def largest_equilibrium(trajectory: Trajectory) -> float:
         r_m, r_j = parameters.geometry.r_m, parameters.geometry.r_j
         return float(np.max(r_m * (trajectory.theta_A_ref - trajectory.theta_B_ref) / (2.0 * r_j)))
 
-    assert furthest_aim(push.play(parameters, WITHOUT)) > q_max, "the push has to matter"
-    held = push.play(parameters)
-    assert furthest_aim(held) < q_max
-    assert held.tripped_at == -1
-    assert held.q[-1] == pytest.approx(1.4, abs=1e-3)
+    assert largest_equilibrium(push.play(parameters, WITHOUT)) > q_max, "the push has to matter"
+    trajectory = push.play(parameters)
+    assert largest_equilibrium(trajectory) < q_max
+    assert trajectory.tripped_at == -1
+    assert trajectory.q[-1] == pytest.approx(1.4, abs=1e-3)

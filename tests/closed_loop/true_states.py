@@ -1,4 +1,4 @@
-"""The closed loop offline with the true states of the simulator, where sensors would hide what moves at rest."""
+"""The offline closed loop with the true states of the simulator, as sensors do not resolve motion at rest."""
 
 import math
 from typing import NamedTuple
@@ -59,7 +59,7 @@ def _simulate(
 def run(
     parameters: PlantParameters, tuning: cascade.CascadeTuning, q_ref: Array, S_ref: Array, F_push: Array | None = None
 ) -> TrueStates:
-    """As ``closed_loop.run``, without the safety module."""
+    """Simulate as ``simulate_cascade`` does, without the safety module, and return the true states."""
     rig = make_simulated_rig(parameters)
     x, law = at_rest(rig, tuning, float(q_ref[0]), float(S_ref[0]))
     line, _ = empty_arrays(0)

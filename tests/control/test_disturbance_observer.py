@@ -14,7 +14,7 @@ from backend.tuning.gains import MOST_F, UNSEEN_F, TuningParameters, make_cascad
 from backend.tuning.simulation import Array
 from plant.interface import NOT_MEASURED, Measurement
 from plant.parameters import PlantParameters, load_parameters
-from tests.closed_loop.outside_force import NO_BIAS, WARM, felt, held, learned
+from tests.closed_loop.outside_force import NO_BIAS, WARM, estimate_external_force, hold_joint, measure_bias
 from tests.closed_loop.random_moves import random_moves
 
 # The outside force without a sensor: what the observer says against the force that acts, and how late.
@@ -34,7 +34,7 @@ def lab() -> PlantParameters:
 
 @pytest.fixture(scope="module")
 def bias(lab: PlantParameters) -> Array:
-    return learned(lab)
+    return measure_bias(lab)
 
 
 @pytest.mark.parametrize("pole", [60.0, 300.0])
@@ -63,7 +63,7 @@ def test_motors_that_wind_and_tendons_that_pull_are_no_outside_force() -> None:
     ideal = load_parameters("ideal")
     ticks = 3000
     q = np.where(np.arange(ticks) < 500, -math.pi / 3, math.pi / 3)
-    force = felt(ideal, held(ideal, 12.0, np.zeros(ticks), q))
+    force = estimate_external_force(ideal, hold_joint(ideal, 12.0, np.zeros(ticks), q))
     assert np.max(np.abs(force)) < 0.3
 
 
@@ -72,7 +72,7 @@ def test_motors_that_wind_and_tendons_that_pull_are_no_outside_force() -> None:
 def test_a_push_is_seen_in_time_and_for_what_it_is(lab: PlantParameters, bias: Array, S: float, F_push: float) -> None:
     push = np.zeros(3000)
     push[1000:2500] = F_push
-    force = felt(lab, held(lab, S, push), bias)
+    force = estimate_external_force(lab, hold_joint(lab, S, push), bias)
     threshold = 1.5 if abs(F_push) == 5.0 else 1.0
     assert np.argmax(np.abs(force[1000:]) > threshold) <= 15
     known = np.r_[WARM:1000, 1030:2500, 2530:3000]  # in the 30 ms after an edge nobody could know
@@ -85,16 +85,17 @@ def test_moves_and_pushes_together_are_told_within_the_bound(lab: PlantParameter
     at = np.arange(ticks)
     push = 4.0 * np.sin(2.0 * np.pi * at * T_S)
     q = np.where(at % 2000 < 1000, -0.8, 0.8)
-    force = felt(lab, held(lab, 10.0, push, q), bias)
+    force = estimate_external_force(lab, hold_joint(lab, 10.0, push, q), bias)
     assert np.sqrt(np.mean((force - push)[WARM:] ** 2)) <= 0.3
 
 
 @pytest.mark.parametrize("name", ["ideal", "lab", "lab-stick"])
 def test_no_random_move_is_taken_for_a_contact(name: str) -> None:
     parameters = load_parameters(name)
-    bias = learned(parameters)
+    bias = measure_bias(parameters)
     felt_most = [
-        np.max(np.abs(felt(parameters, random_moves(parameters, seed, 100), bias)[WARM:])) for seed in range(5)
+        np.max(np.abs(estimate_external_force(parameters, random_moves(parameters, seed, 100), bias)[WARM:]))
+        for seed in range(5)
     ]
     assert max(felt_most) < 0.5
 

@@ -1,4 +1,4 @@
-"""A database that the version before documents had versions wrote: rows put in as the JSON they were, migrated."""
+"""A migrated database with rows as the last version without document versions wrote them."""
 
 import json
 from pathlib import Path
@@ -61,7 +61,7 @@ CRITERIA: list[dict[str, Any]] = [
 
 
 def earlier_database(folder: Path) -> Database:
-    """Return the migrated database of an earlier version, with the run 1: a tracking experiment with a result."""
+    """Return a migrated database of an earlier version, in which run 1 is a tracking experiment with a result."""
     database = open_database(folder)
     put_run(database, 1, "tracking", {})
     put_result(database, 1, METRICS, CRITERIA)
@@ -69,7 +69,7 @@ def earlier_database(folder: Path) -> Database:
 
 
 def put_run(database: Database, number: int, kind: str, settings: Any) -> None:
-    """Put a completed run in as its row was written."""
+    """Insert the row of a completed run."""
     put(
         database,
         "run",
@@ -92,7 +92,7 @@ def put_run(database: Database, number: int, kind: str, settings: Any) -> None:
 
 
 def put_result(database: Database, run: int, metrics: Any, criteria: Any) -> None:
-    """Put a result in as its row was written."""
+    """Insert the row of a result."""
     put(
         database,
         "result",

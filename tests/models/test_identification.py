@@ -1,4 +1,4 @@
-"""Stored identifications are read, written as they were, and listed where one of them cannot be read."""
+"""Stored identifications are read, written unchanged, and listed even if one of them is unreadable."""
 
 import json
 from collections.abc import Iterator
@@ -38,12 +38,12 @@ def database(tmp_path: Path) -> Iterator[Database]:
         yield opened
 
 
-def stored(database: Database) -> StoredIdentifications:
+def open_identifications(database: Database) -> StoredIdentifications:
     return StoredIdentifications(database, lambda _run: 1.0, WorkerProcess(print), lambda: TUNING)
 
 
 @pytest.mark.parametrize(
-    ("edge", "document"),
+    ("codec", "document"),
     [
         (identification.ACTUATOR_MODEL, earlier.ACTUATOR["model"]),
         (identification.ACTUATOR_QUALITY, earlier.ACTUATOR["quality"]),
@@ -55,28 +55,28 @@ def stored(database: Database) -> StoredIdentifications:
         (identification.SPRING_QUALITIES, earlier.TABLE["quality"]),
     ],
 )
-def test_what_is_read_is_written_as_it_was_with_a_version(edge: DocumentCodec[Any], document: Any) -> None:
-    written = edge.write(edge.read(document, "run 7"))
+def test_reading_and_writing_a_document_only_adds_the_version(codec: DocumentCodec[Any], document: Any) -> None:
+    written = codec.write(codec.read(document, "run 7"))
     assert written == {**document, "version": 1}
     assert list(written)[:-1] == list(document)
-    assert edge.write(edge.read(written, "run 7")) == written
+    assert codec.write(codec.read(written, "run 7")) == written
 
 
-def test_the_page_shows_them(database: Database) -> None:
-    views = stored(database).list_identifications()
+def test_the_page_lists_stored_identifications(database: Database) -> None:
+    views = open_identifications(database).list_identifications()
     assert [view.kind for view in views] == ["actuator", "spring", "motor"]
     assert views[0].G_q is not None
     assert (views[0].S_nominal, views[0].G_q.K) == (10.5, 0.05)
     assert [one.name for one in views[1].springs] == ["A", "B"]
     assert [one.fitted.K_m for one in views[2].motors] == [2.88, 2.88]
-    [table] = stored(database).list_spring_tables()
+    [table] = open_identifications(database).list_spring_tables()
     assert (table.file, table.spring.fits[0].order) == ("spring.csv", 2)
     with database.reading() as session:
         for estimate in identifications.find(session):
             assert any(build_curves(estimate).values())
 
 
-def test_what_an_early_version_did_not_keep_is_not_there(database: Database) -> None:
+def test_parts_that_early_versions_did_not_store_are_missing(database: Database) -> None:
     early = json.loads(json.dumps(earlier.ACTUATOR))
     del early["options"]["estimator"]
     for name in ("G_q", "G_S"):
@@ -88,17 +88,17 @@ def test_what_an_early_version_did_not_keep_is_not_there(database: Database) -> 
     early["quality"] = upgrade_quality("actuator", early["model"], early["quality"])
     put_identification(database, 4, "actuator", early)
     with database.reading() as session:
-        found, now = identifications.of_run(session, 4), identifications.of_run(session, 3)
+        found, current = identifications.of_run(session, 4), identifications.of_run(session, 3)
     quality = found.actuator.channel("G_q").quality
     assert (quality.arx, quality.candidates, quality.frequency) == (None, (), None)
     assert found.actuator_options.estimator is None
     assert read_method_name(found) == "output error"
     early_bound, bound = (
-        read_whiteness_test(one.residuals.whiteness).bound for one in (quality, now.actuator.quality.G_q)
+        read_whiteness_test(one.residuals.whiteness).bound for one in (quality, current.actuator.quality.G_q)
     )
-    assert early_bound[0] > bound[0]  # what was kept is the band of one lag alone
-    assert isinstance(now.actuator.channel("G_q").quality.candidates[1], FailedCandidate)
-    assert not isinstance(now.actuator.channel("G_q").quality.arx, ArxEstimate)
+    assert early_bound[0] > bound[0]  # early versions stored the band of one lag only
+    assert isinstance(current.actuator.channel("G_q").quality.candidates[1], FailedCandidate)
+    assert not isinstance(current.actuator.channel("G_q").quality.arx, ArxEstimate)
 
 
 @pytest.mark.parametrize(
@@ -131,27 +131,27 @@ def test_what_an_early_version_did_not_keep_is_not_there(database: Database) -> 
         ),
     ],
 )
-def test_what_cannot_be_read_is_refused_by_run_and_field(
+def test_unreadable_documents_are_reported_with_run_and_field(
     tmp_path: Path, changed: Any, code: str, values: dict[str, object]
 ) -> None:
     with closing(open_database(tmp_path)) as database:
         put_identification(database, 2, "spring", earlier.SPRINGS)
         put_identification(database, 3, "actuator", earlier.ACTUATOR | changed)
         with pytest.raises(UnreadableDocumentError) as caught:
-            stored(database).load_identification(3)
-        said = caught.value.message
-        assert (said.code, said.values) == (code, {**said.values, **values, "owner": "run 3"})
-        views = stored(database).list_identifications()
+            open_identifications(database).load_identification(3)
+        message = caught.value.message
+        assert (message.code, message.values) == (code, {**message.values, **values, "owner": "run 3"})
+        views = open_identifications(database).list_identifications()
         assert [(view.id, view.G_q) for view in views] == [(3, None), (2, None)]
-        assert said in views[0].message
+        assert message in views[0].message
         assert [one.name for one in views[1].springs] == ["A", "B"]
 
 
 @pytest.mark.parametrize("part", ["model", "quality"])
-def test_half_a_spring_is_refused(tmp_path: Path, part: str) -> None:
-    document = {name: kept for name, kept in earlier.SPRINGS[part].items() if name != "B"}
+def test_an_incomplete_spring_is_rejected(tmp_path: Path, part: str) -> None:
+    document = {name: value for name, value in earlier.SPRINGS[part].items() if name != "B"}
     with closing(open_database(tmp_path)) as database:
         put_identification(database, 2, "spring", earlier.SPRINGS | {part: document})
         values = {"owner": "run 2", "label": "its model", "field": "B", "reason": "it is missing"}
         with refused(UnreadableDocumentError, "document_unreadable", **values):
-            stored(database).load_identification(2)
+            open_identifications(database).load_identification(2)

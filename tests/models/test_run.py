@@ -42,7 +42,7 @@ from tests.models import earlier
 from tests.models.earlier import BEFORE, earlier_database, put_result, put_run
 from tests.refusals import refused
 
-# Which figure a list of runs shows: the criterion that failed, else the first that was measured.
+# Headline of a run: the failed criterion, otherwise the first measured metric.
 
 PASSED = RunCriterion("settling_q_s", "Settling of q", "<", 2.0, 1.5, "s", True)
 FAILED = RunCriterion("overshoot_q_percent", "Overshoot of q", "<", 2.0, 3.5, "%", False)
@@ -61,7 +61,7 @@ PEAK = MeasuredFigure("peak_voltage_V", "V", "Peak voltage", "largest |u|", 6.5)
         (None, (), None),
     ],
 )
-def test_the_criterion_that_failed_comes_before_what_was_measured(
+def test_the_headline_is_the_failed_criterion_or_the_first_measured_metric(
     figures: tuple[MeasuredFigure, ...] | None,
     criteria: tuple[RunCriterion, ...],
     shown: tuple[str, float, str, float | None] | None,
@@ -71,7 +71,7 @@ def test_the_criterion_that_failed_comes_before_what_was_measured(
     assert (None if found is None else (found.name, found.value, found.relation, found.bound)) == shown
 
 
-def test_the_lower_fit_of_an_identification_comes_before_its_motion() -> None:
+def test_the_headline_of_an_identification_is_its_lowest_fit() -> None:
     metrics = Metrics(complete=True, played_s=1.0, planned_s=1.0, figures=(PEAK,))
     found = find_headline(metrics, (), {"G_q": 97.2, "G_S": 91.4})
     assert found is not None
@@ -81,44 +81,44 @@ def test_the_lower_fit_of_an_identification_comes_before_its_motion() -> None:
     assert judged.name == "settling_q_s"
 
 
-# A plant's numbers, read back from what a run keeps of them.
+# Plant parameters that a run stores.
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_they_are_those_of_the_plant(name: str) -> None:
+def test_stored_plant_parameters_are_read_back_unchanged(name: str) -> None:
     parameters = load_parameters(name)
-    kept = PLANT_NUMBERS.read(json.loads(json.dumps(parameters.to_document())), "run 1")
-    assert kept["motor"]["u_max"] == StoredPlantNumber(
+    recorded = PLANT_NUMBERS.read(json.loads(json.dumps(parameters.to_document())), "run 1")
+    assert recorded["motor"]["u_max"] == StoredPlantNumber(
         parameters.motor.u_max, "V", parameters.sources.get("motor.u_max", "")
     )
-    assert kept["geometry"]["r_j"].value == parameters.geometry.r_j
-    assert PLANT_NUMBERS.write(kept) == parameters.to_document()
+    assert recorded["geometry"]["r_j"].value == parameters.geometry.r_j
+    assert PLANT_NUMBERS.write(recorded) == parameters.to_document()
 
 
-def test_a_number_without_unit_and_source_is_one() -> None:
+def test_a_plant_parameter_may_lack_unit_and_source() -> None:
     assert PLANT_NUMBERS.read({"motor": {"u_max": {"value": 10.0}}}, "run 1")["motor"]["u_max"].value == 10.0
 
 
-def test_what_are_no_numbers_is_refused_by_its_place() -> None:
+def test_an_invalid_plant_parameter_is_rejected_with_its_field() -> None:
     values = {"owner": "run 3", "label": "the parameters of its plant", "field": "motor.u_max"}
     with refused(UnreadableDocumentError, "document_unreadable", **values):
         PLANT_NUMBERS.read({"motor": {"u_max": 10.0}}, "run 3")
 
 
 @pytest.mark.parametrize("then", [11.0, None])
-def test_one_other_number_makes_another_plant(then: float | None) -> None:
+def test_one_different_parameter_identifies_another_plant(then: float | None) -> None:
     parameters = load_parameters("lab")
-    kept = parameters.to_document()
+    recorded = parameters.to_document()
     if then is None:
-        del kept["motor"]["u_max"]
+        del recorded["motor"]["u_max"]
     else:
-        kept = replace(parameters, motor=replace(parameters.motor, u_max=then)).to_document()
+        recorded = replace(parameters, motor=replace(parameters.motor, u_max=then)).to_document()
     values = {"parameter": "motor.u_max", "recorded": then, "current": parameters.motor.u_max}
     with refused(BankError, "other_parameters", **values):
-        require_same_parameters(parameters, "identification 3", kept)
+        require_same_parameters(parameters, "identification 3", recorded)
 
 
-# Settings of runs are read and written as they were; one that cannot be read is listed all the same.
+# Settings of runs are read and written unchanged; runs with unreadable settings are listed.
 
 LOOP = {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "b": 0.0, "bank": 0, "interpolate": False, "seed": 7}
 PROGRAM: dict[str, Any] = {
@@ -141,27 +141,27 @@ def database(tmp_path: Path) -> Iterator[Database]:
         yield found
 
 
-def test_a_kept_loop_has_every_part_of_a_tuning_and_the_seed() -> None:
+def test_stored_loop_settings_contain_the_whole_tuning_and_the_seed() -> None:
     assert [part.name for part in fields(StoredLoopSettings)] == [part.name for part in fields(LoopSettings)]
-    kept = StoredLoopSettings(**asdict(LoopSettings(lam_q=0.6, bank=3, seed=4)))
-    assert TuningSettings.from_values(kept.get_known_values()) == TuningSettings(lam_q=0.6, bank=3)
-    assert kept.get_known_values()["seed"] == 4
+    recorded = StoredLoopSettings(**asdict(LoopSettings(lam_q=0.6, bank=3, seed=4)))
+    assert TuningSettings.from_values(recorded.get_known_values()) == TuningSettings(lam_q=0.6, bank=3)
+    assert recorded.get_known_values()["seed"] == 4
 
 
 @pytest.mark.parametrize("document", [PROGRAM, SESSION])
-def test_what_is_read_is_written_as_it_was_with_a_version(document: dict[str, Any]) -> None:
+def test_reading_and_writing_settings_only_adds_the_version(document: dict[str, Any]) -> None:
     written = SETTINGS.write(SETTINGS.read(document, "run 7"))
     assert written == {**document, "version": 1}
     assert list(written)[:-1] == list(document)
     assert type(written.get("plan", {}).get("bits", 7)) is int
 
 
-def test_an_early_session_had_its_tuning_beside_the_mode(database: Database) -> None:
+def test_settings_of_early_sessions_are_upgraded(database: Database) -> None:
     with database.reading() as session:
-        told = runs.get(session, 2).set_to
-    assert (told.mode, told.plan, told.declared) == ("run", None, None)
-    assert told.loop == StoredLoopSettings(lam_q=0.5, lam_S=0.42, interpolate=False)
-    assert told.get_values() == {"lam_q": 0.5, "lam_S": 0.42, "interpolate": False}
+        settings_read = runs.get(session, 2).set_to
+    assert (settings_read.mode, settings_read.plan, settings_read.declared) == ("run", None, None)
+    assert settings_read.loop == StoredLoopSettings(lam_q=0.5, lam_S=0.42, interpolate=False)
+    assert settings_read.get_values() == {"lam_q": 0.5, "lam_S": 0.42, "interpolate": False}
 
 
 @pytest.mark.parametrize(
@@ -172,14 +172,17 @@ def test_an_early_session_had_its_tuning_beside_the_mode(database: Database) -> 
         ([], "document_unreadable", {}),
     ],
 )
-def test_what_cannot_be_read_is_told_by_run_and_field_and_the_lists_open(
+def test_unreadable_settings_are_reported_in_the_lists_with_run_and_field(
     database: Database, settings: Any, code: str, values: dict[str, object]
 ) -> None:
     put_run(database, 3, "actuator_identification", settings)
     with database.reading() as session, pytest.raises(UnreadableDocumentError) as caught:
         assert runs.get(session, 3).set_to
-    said = caught.value.message
-    assert (said.code, said.values) == (code, {**said.values, **values, "owner": "run 3", "label": "its settings"})
+    message = caught.value.message
+    assert (message.code, message.values) == (
+        code,
+        {**message.values, **values, "owner": "run 3", "label": "its settings"},
+    )
     stored = StoredRuns(database, lambda: None, lambda _run: False)
     listed = stored.find_runs(RunQuery(limit=10)).runs
     assert [(run.id, len(run.settings)) for run in listed] == [
@@ -187,15 +190,15 @@ def test_what_cannot_be_read_is_told_by_run_and_field_and_the_lists_open(
         (2, 3),
         (1, 0),
     ]  # an identification uses λ_motor alone
-    assert said in listed[0].evaluation_problem
+    assert message in listed[0].evaluation_problem
     found = StoredIdentifications(
         database, lambda _run: 1.0, WorkerProcess(print), lambda: TUNING
     ).list_identifications()
     assert [(one.id, one.tension_N) for one in found] == [(3, None), (1, 20.0)]
-    assert said in found[0].message
+    assert message in found[0].message
 
 
-def test_a_number_of_the_plant_that_is_not_there_is_named(database: Database) -> None:
+def test_a_missing_plant_parameter_is_reported_by_name(database: Database) -> None:
     with database.reading() as session:
         run = runs.get(session, 1)
     assert run.number("geometry", "r_j") == 0.075
@@ -203,7 +206,7 @@ def test_a_number_of_the_plant_that_is_not_there_is_named(database: Database) ->
         run.number("safety", "F_least")
 
 
-# Results of earlier versions are shown, what cannot be read is refused by name, and the list of runs still opens.
+# Results of earlier versions are shown; unreadable results are reported, and the list of runs still opens.
 
 
 @pytest.fixture
@@ -213,7 +216,7 @@ def database_result(tmp_path: Path) -> Iterator[Database]:
     opened.close()
 
 
-def test_a_result_without_reasons_says_what_it_lacks(database_result: Database) -> None:
+def test_a_result_without_reasons_is_read_with_a_default_reason(database_result: Database) -> None:
     source = load_source(database_result, 1)
     assert source.result is not None
     metrics, criteria = source.result.metrics, source.result.criteria
@@ -227,7 +230,7 @@ def test_a_result_without_reasons_says_what_it_lacks(database_result: Database) 
     assert build_report(source).outcome == "incomplete"
 
 
-def test_what_is_written_is_what_was_written_and_a_version(database_result: Database) -> None:
+def test_rewriting_a_result_only_adds_version_and_reasons(database_result: Database) -> None:
     with database_result.session() as session:
         read = results.newest(session, 1)
         assert read is not None
@@ -273,7 +276,7 @@ def test_what_is_written_is_what_was_written_and_a_version(database_result: Data
         ),
     ],
 )
-def test_what_cannot_be_read_is_refused_by_run_and_field(
+def test_unreadable_results_are_reported_with_run_and_field(
     database_result: Database, metrics: Any, criteria: Any, code: str, values: dict[str, object]
 ) -> None:
     put_result(database_result, 1, metrics, criteria)
@@ -285,12 +288,12 @@ def test_what_cannot_be_read_is_refused_by_run_and_field(
 
 
 @pytest.mark.parametrize("version", ["1", 1.5, True, -1])
-def test_a_version_that_is_none_is_no_way_around(version: Any) -> None:
+def test_invalid_version_numbers_are_rejected(version: Any) -> None:
     values = {"owner": "run 7", "label": "its result", "field": "version"}
     with refused(UnreadableDocumentError, "document_unreadable", **values):
         METRICS.read({**earlier.METRICS, "version": version}, "run 7")
 
 
-def test_criteria_come_back_as_they_were() -> None:
+def test_criteria_are_written_as_they_were_read() -> None:
     read = CRITERIA.read([{**earlier.CRITERIA[0], "reason": "no number"}], "run 7")
     assert CRITERIA.write(read) == [{**earlier.CRITERIA[0], "reason": "no number"}]

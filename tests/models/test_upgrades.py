@@ -1,4 +1,4 @@
-"""Documents of earlier forms are read and brought up to date."""
+"""Documents of earlier versions are read and upgraded."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -25,11 +25,11 @@ from tests.models import earlier
 from tests.models import earlier_identifications as identified
 from tests.refusals import refused
 
-# Documents of earlier forms get the present one; others stay as they are.
+# Documents of earlier forms are upgraded to the current form; others stay unchanged.
 
 LOOP: dict[str, Any] = {"lam_q": 0.5, "lam_S": 0.42, "interpolate": False}
-KEPT: dict[str, Any] = {"lam_q": 0.8, "lam_S": 0.6, "lam_motor": 0.09, "interpolate": True, "parameters": "ab"}
-PRESENT = {**KEPT, **TuningSettings(0.8, 0.6, 0.09, 0.0, 0, interpolate=True).to_document()}
+STORED: dict[str, Any] = {"lam_q": 0.8, "lam_S": 0.6, "lam_motor": 0.09, "interpolate": True, "parameters": "ab"}
+CURRENT = {**STORED, **TuningSettings(0.8, 0.6, 0.09, 0.0, 0, interpolate=True).to_document()}
 NO_BOUND: dict[str, Any] = {
     **identified.QUALITY,
     "residuals": {"whiteness": identified.BAND, "input_correlation": identified.TEST, "std": 1.0},
@@ -46,7 +46,7 @@ MOTORS = quality_of("motor", identified.MOTORS["model"])
 
 
 @pytest.mark.parametrize(
-    ("upgrade", "early", "present"),
+    ("upgrade", "early", "current"),
     [
         (upgrades.upgrade_run_settings, {"mode": "run", **LOOP}, {"mode": "run", "loop": LOOP}),
         (
@@ -79,29 +79,31 @@ MOTORS = quality_of("motor", identified.MOTORS["model"])
         (
             MOTORS,
             {"A": NO_GRADE, "B": identified.MOTOR_QUALITY},
-            # A's errors are as large as its figures.
+            # The standard errors of motor A are as large as its parameters.
             {"A": {**NO_GRADE, "grade": "not usable"}, "B": identified.MOTOR_QUALITY},
         ),
-        (upgrades.upgrade_tuning, KEPT, PRESENT),
-        (upgrades.upgrade_tuning, {**KEPT, "bank": None}, PRESENT),
+        (upgrades.upgrade_tuning, STORED, CURRENT),
+        (upgrades.upgrade_tuning, {**STORED, "bank": None}, CURRENT),
         (
             upgrades.upgrade_tuning,
-            {**KEPT, "b": 0.2, "bank": 3, "version": 1},
-            {**PRESENT, "b": 0.2, "bank": 3, "version": 1},
+            {**STORED, "b": 0.2, "bank": 3, "version": 1},
+            {**CURRENT, "b": 0.2, "bank": 3, "version": 1},
         ),
-        (upgrades.upgrade_tuning, {**KEPT, "u_plan": 7.5}, {**PRESENT, "u_plan": 7.5, "motion": "time-optimal"}),
-        (upgrades.upgrade_tuning, {**KEPT, "u_plan": 0.0}, PRESENT),
+        (upgrades.upgrade_tuning, {**STORED, "u_plan": 7.5}, {**CURRENT, "u_plan": 7.5, "motion": "time-optimal"}),
+        (upgrades.upgrade_tuning, {**STORED, "u_plan": 0.0}, CURRENT),
     ],
 )
-def test_an_early_document_has_the_present_form(upgrade: Callable[[Any], Any], early: Any, present: Any) -> None:
+def test_early_documents_are_upgraded_to_the_current_form(
+    upgrade: Callable[[Any], Any], early: Any, current: Any
+) -> None:
     before = json.dumps(early)
-    assert upgrade(early) == present
-    assert upgrade(present) is present
+    assert upgrade(early) == current
+    assert upgrade(current) is current
     assert json.dumps(early) == before
 
 
-def test_the_band_of_one_lag_becomes_the_bound_of_the_test() -> None:
-    """2.807 standard deviations where two lags are looked at, 2.576 for one."""
+def test_the_band_of_one_lag_is_upgraded_to_the_bound_of_the_test() -> None:
+    """The bound is 2.807 standard deviations for two lags, and 2.576 for one."""
     upgraded = ACTUATOR({"G_q": NO_BOUND, "G_S": identified.QUALITY})
     test = upgraded["G_q"]["residuals"].pop("whiteness")
     assert test.pop("bound") == pytest.approx([0.1 * 2.8070 / 2.5758] * 2, rel=1e-4)
@@ -109,8 +111,8 @@ def test_the_band_of_one_lag_becomes_the_bound_of_the_test() -> None:
     assert upgraded["G_q"]["residuals"] == {"input_correlation": identified.TEST, "std": 1.0}
     assert upgraded["G_S"] == identified.QUALITY
     unknown = {**identified.BAND, "band": [None, 1.7e308]}
-    kept = {**NO_BOUND, "residuals": {"whiteness": unknown, "input_correlation": unknown}}
-    assert ACTUATOR({"G_q": kept, "G_S": kept})["G_S"]["residuals"]["whiteness"]["bound"] == [None, None]
+    unbounded = {**NO_BOUND, "residuals": {"whiteness": unknown, "input_correlation": unknown}}
+    assert ACTUATOR({"G_q": unbounded, "G_S": unbounded})["G_S"]["residuals"]["whiteness"]["bound"] == [None, None]
 
 
 @pytest.mark.parametrize(
@@ -136,26 +138,26 @@ def test_the_band_of_one_lag_becomes_the_bound_of_the_test() -> None:
         (quality_of("motor", {}), {"A": NO_GRADE, "B": NO_GRADE}),
         (quality_of("spring", identified.SPRINGS["model"]), identified.SPRINGS["quality"]),
         (quality_of("unknown", {}), {"A": 1}),
-        (upgrades.upgrade_tuning, {**KEPT, "lam_q": None}),
-        (upgrades.upgrade_tuning, {**KEPT, "b": "half"}),
+        (upgrades.upgrade_tuning, {**STORED, "lam_q": None}),
+        (upgrades.upgrade_tuning, {**STORED, "b": "half"}),
         (upgrades.upgrade_tuning, LOOP),
         (upgrades.upgrade_tuning, 3),
     ],
 )
-def test_what_cannot_be_read_stays_as_it_is(upgrade: Callable[[Any], Any], document: Any) -> None:
+def test_unreadable_documents_are_not_upgraded(upgrade: Callable[[Any], Any], document: Any) -> None:
     before = json.dumps(document)
     assert upgrade(document) is document
     assert json.dumps(document) == before
 
 
 @pytest.mark.parametrize("K_m", [0.0, None])
-def test_a_motor_without_a_gain_is_not_usable(K_m: float | None) -> None:
+def test_a_motor_without_gain_is_graded_not_usable(K_m: float | None) -> None:
     motor = {**identified.MOTOR, "parameters": {**identified.FITTED, "K_m": K_m}}
     upgrade = quality_of("motor", {"A": motor, "B": identified.MOTOR})
     assert upgrade({"A": NO_GRADE, "B": NO_GRADE})["A"]["grade"] == "not usable"
 
 
-def test_a_record_has_all_its_documents_in_the_present_form() -> None:
+def test_upgrading_a_record_upgrades_all_its_documents() -> None:
     run = {"settings": {"mode": "run", **LOOP}, "who": "Ana"}
     assert upgrades.upgrade_record("run", run) == {"settings": {"mode": "run", "loop": LOOP}, "who": "Ana"}
     result = upgrades.upgrade_record("result", {"metrics": earlier.METRICS, "criteria": earlier.CRITERIA})
@@ -166,12 +168,12 @@ def test_a_record_has_all_its_documents_in_the_present_form() -> None:
     assert upgrades.upgrade_record("bank", {"name": "bench"}) == {"name": "bench"}
 
 
-def test_the_loop_of_a_session_is_read_with_its_motion() -> None:
+def test_upgraded_session_settings_contain_the_motion() -> None:
     upgraded = upgrades.upgrade_run_settings({"mode": "run", **LOOP, "u_plan": 7.5})
     assert SETTINGS.read(upgraded, "it").loop.budget == 7.5
 
 
-# Banks and tunings without a version are read; one that cannot be read gives way, and says why.
+# Banks and tunings without a version are read; an unreadable one is replaced, and the reason is reported.
 
 LAB = load_parameters("lab")
 OTHER = TuningSettings(lam_q=0.6, b=0.25)
@@ -185,22 +187,22 @@ def database(tmp_path: Path) -> Iterator[Database]:
         yield opened
 
 
-def left(database: Database, document: Any) -> None:
+def store_last_tuning(database: Database, document: Any) -> None:
     with database.session() as session:
         settings.save(session, tuning_settings.ACTIVE_TUNING_KEY, document, "Ana")
 
 
-def test_what_was_kept_before_versions_is_in_force_again(database: Database) -> None:
-    left(database, BEFORE)
-    kept = tuning_settings.load_last_tuning(database, LAB)
-    assert kept is not None
-    assert (kept.tuning, kept.same_plant) == (OTHER, True)
+def test_tunings_stored_without_version_are_restored(database: Database) -> None:
+    store_last_tuning(database, BEFORE)
+    restored = tuning_settings.load_last_tuning(database, LAB)
+    assert restored is not None
+    assert (restored.tuning, restored.same_plant) == (OTHER, True)
     assert ACTIVE_TUNING.write(ACTIVE_TUNING.read(BEFORE, "it")) == {**BEFORE, "version": 1}
     parts = {name: part for name, part in OTHER.to_document().items() if name != "bank"}
     assert SAVED_TUNING.write(SAVED_TUNING.read(parts, "it")) == {**parts, "version": 1}
 
 
-def test_every_part_of_a_tuning_is_kept(database: Database) -> None:
+def test_every_part_of_a_tuning_is_stored(database: Database) -> None:
     tuning_settings.store_tuning(database, OTHER, LAB, "Ana")
     with database.reading() as session:
         stored = settings.newest(session, tuning_settings.ACTIVE_TUNING_KEY)
@@ -210,7 +212,7 @@ def test_every_part_of_a_tuning_is_kept(database: Database) -> None:
 
 
 @pytest.mark.parametrize(
-    ("document", "said"),
+    ("document", "reason"),
     [
         ({**BEFORE, "version": 2}, "stored by Ana: the active tuning of version 2 cannot be read"),
         ({**BEFORE, "b": "half"}, "the active tuning cannot be read, field b"),
@@ -218,17 +220,15 @@ def test_every_part_of_a_tuning_is_kept(database: Database) -> None:
         (OTHER.to_document(), "the active tuning cannot be read, field parameters: it is missing"),
     ],
 )
-def test_a_kept_tuning_that_cannot_be_read_gives_way_to_the_defaults(
-    database: Database, document: Any, said: str
-) -> None:
-    left(database, document)
-    tuning, told = TuningStore(database).restore(LAB)
-    assert told.startswith("defaults active: ")
-    assert said in told
+def test_an_unreadable_saved_tuning_is_replaced_by_the_defaults(database: Database, document: Any, reason: str) -> None:
+    store_last_tuning(database, document)
+    tuning, message = TuningStore(database).restore(LAB)
+    assert message.startswith("defaults active: ")
+    assert reason in message
     assert tuning.settings != OTHER
 
 
-def test_entries_of_earlier_banks_are_read_as_they_were(database: Database) -> None:
+def test_entries_of_earlier_banks_are_read(database: Database) -> None:
     with database.session() as session:
         bank = banks.add(session, "earlier", [BankEntry(10.5, MODEL), BankEntry(8.0, {"K_q": 0.05})], "Ana")
     weak, stiff = bank.entries
@@ -242,7 +242,7 @@ def test_entries_of_earlier_banks_are_read_as_they_were(database: Database) -> N
         assert BankEntry(9.0, {**MODEL, "K_S": "much"}).known
 
 
-def test_a_bank_that_cannot_be_read_says_so_in_the_list_and_the_others_are_there(database: Database) -> None:
+def test_an_unreadable_bank_is_listed_with_the_reason(database: Database) -> None:
     with database.session() as session:
         banks.add(session, "good", [BankEntry(10.5, MODEL)], "Ana")
         banks.add(session, "newer", [BankEntry(8.0, {**MODEL, "version": 2})], "Ana")
