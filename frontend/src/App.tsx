@@ -1,4 +1,4 @@
-/** The shell: header, status line, navigation, and one page. */
+/** Application frame: header, status line, navigation and one page. */
 
 import { useMantineColorScheme } from "@mantine/core";
 import { useDisclosure, useHotkeys } from "@mantine/hooks";
@@ -43,7 +43,7 @@ const DeveloperPage = lazy(() => import("./pages/system/DeveloperPage"));
 const LogPage = lazy(() => import("./pages/log/LogPage"));
 const SystemPage = lazy(() => import("./pages/system/SystemPage"));
 
-/** A page of its own, or one about the thing with a number; what is no number is no address. */
+/** Route of a page and of its items by number; other paths do not match. */
 const numbered = (page: string) => new RegExp(`^/${page}(?:/(?<id>\\d+))?$`);
 const IDENTIFY = numbered("identify");
 const BANKS = numbered("banks");
@@ -75,7 +75,7 @@ function Dashboard() {
   );
 }
 
-/** The colour scheme that the person chose, also on a machine where they have not been before. */
+/** Applies the colour scheme from the person's preferences, which the service stores. */
 function useScheme(): void {
   const { setColorScheme } = useMantineColorScheme();
   const { preferences, known } = usePreferences();

@@ -1,4 +1,4 @@
-/** The documentation of the REST interface, from files of this service alone: a lab may be offline. */
+/** Documentation of the REST interface, without external files, because a lab may be offline. */
 
 import "swagger-ui-dist/swagger-ui.css";
 import SwaggerUI from "swagger-ui-dist/swagger-ui-es-bundle.js";

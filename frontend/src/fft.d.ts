@@ -1,4 +1,4 @@
-/** The part of fft.js that is used; the package brings no types. */
+/** Types of the part of fft.js that is used; the package has no types. */
 declare module "fft.js" {
   export default class FFT {
     constructor(size: number);

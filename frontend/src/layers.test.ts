@@ -1,4 +1,4 @@
-/** Which way the page's folders import: each only from itself and from those after it in the list. */
+/** Checks the direction of imports: a folder imports only from itself and from later folders of the list. */
 
 import { expect, test } from "vitest";
 
@@ -21,7 +21,7 @@ const SOURCES = import.meta.glob<string>(["./*/**/*.{ts,tsx}", "!./**/*.test.*",
   eager: true,
 });
 
-/** What each source imports of the others, from the folder of sources: "service/queries.ts" -> "samples/stretch". */
+/** Imports of each source, relative to the source folder: "service/queries.ts" -> "samples/timeSeries". */
 function imports(): [string, string][] {
   return Object.entries(SOURCES).flatMap(([path, text]) => {
     const found = text.matchAll(/(?:from|import) "(\.[^"]*)"/g);
@@ -32,7 +32,7 @@ function imports(): [string, string][] {
   });
 }
 
-test("every folder has its place, and imports only what lies below it", () => {
+test("every folder is in the list and imports only from lower folders", () => {
   const floor = (path: string) => LAYERS.indexOf(path.split("/")[0] ?? "");
   const all = imports();
   expect(all.length).toBeGreaterThan(500);
@@ -41,7 +41,7 @@ test("every folder has its place, and imports only what lies below it", () => {
   expect(upward.map(([from, to]) => `${from} -> ${to}`)).toEqual([]);
 });
 
-test("no files import each other in a circle", () => {
+test("no files import each other in a cycle", () => {
   const files = Object.keys(SOURCES).map((path) => path.slice(2));
   const named = new Map(files.map((file) => [file.replace(/\.tsx?$/, ""), file]));
   const below = new Map<string, string[]>(files.map((file) => [file, []]));
@@ -50,12 +50,12 @@ test("no files import each other in a circle", () => {
     if (file !== undefined) below.get(from)?.push(file);
   }
   const done = new Set<string>();
-  const circle = (file: string, above: readonly string[]): readonly string[] => {
+  const cycle = (file: string, above: readonly string[]): readonly string[] => {
     if (above.includes(file)) return [...above.slice(above.indexOf(file)), file];
     if (done.has(file)) return [];
-    const found = (below.get(file) ?? []).map((next) => circle(next, [...above, file]));
+    const found = (below.get(file) ?? []).map((next) => cycle(next, [...above, file]));
     done.add(file);
     return found.find((one) => one.length > 0) ?? [];
   };
-  expect(files.flatMap((file) => circle(file, []))).toEqual([]);
+  expect(files.flatMap((file) => cycle(file, []))).toEqual([]);
 });

@@ -14,24 +14,24 @@ import { theme } from "./theme/theme";
 import { RequestError } from "./wire/client";
 
 const queries: QueryClient = new QueryClient({
-  queryCache: new QueryCache({ onError: askWhoIsSignedIn }),
-  mutationCache: new MutationCache({ onError: askWhoIsSignedIn }),
+  queryCache: new QueryCache({ onError: reloadSession }),
+  mutationCache: new MutationCache({ onError: reloadSession }),
   defaultOptions: {
-    queries: { staleTime: 2000, refetchOnWindowFocus: false, retry: mayAnswerLater },
+    queries: { staleTime: 2000, refetchOnWindowFocus: false, retry: isRetryable },
     mutations: { retry: false },
   },
 });
 
-/** Whatever the service refuses for want of a session, the session has ended: the page says so, and what to do. */
-function askWhoIsSignedIn(error: Error): void {
-  const asked = queries.getQueryState(sessionQuery.queryKey);
-  if (error instanceof RequestError && error.status === 401 && asked?.status === "success") {
+/** A 401 response means that the session has ended: reloads the session, so that the page shows the sign-in form. */
+function reloadSession(error: Error): void {
+  const session = queries.getQueryState(sessionQuery.queryKey);
+  if (error instanceof RequestError && error.status === 401 && session?.status === "success") {
     void queries.invalidateQueries(sessionQuery);
   }
 }
 
-/** What the service refuses it refuses again: only what it could not answer is asked for once more. */
-function mayAnswerLater(failures: number, error: Error): boolean {
+/** Retries only requests without an answer: the service would refuse a refused request again. */
+function isRetryable(failures: number, error: Error): boolean {
   const refused = error instanceof RequestError && error.status >= 400 && error.status < 500;
   return !refused && failures < 3;
 }

@@ -1,10 +1,10 @@
-/** How long a test waits for what it asks for: as long as a busy machine may need. What never comes still fails. */
+/** Sets how long a test waits for an element, long enough for a busy machine, and stubs what jsdom lacks. */
 
 if (typeof document !== "undefined") {
-  // Only where there is a page: to load it takes longer than most of what only computes.
+  // Only with a DOM: loading the library takes longer than most tests without one.
   const { configure } = await import("@testing-library/dom");
   configure({ asyncUtilTimeout: 20_000 });
-  // The chart library asks for it when it loads, and jsdom has none.
+  // uPlot calls it when it loads, and jsdom does not provide it.
   window.matchMedia ??= () => ({ matches: false, addEventListener() {}, removeEventListener() {} }) as never;
 }
 

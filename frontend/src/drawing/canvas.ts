@@ -1,10 +1,10 @@
-/** Where the charts' canvases live. */
+/** Rendering capabilities of the browser, and canvases in main memory. */
 
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
 
 let known: boolean | null = null;
 
-/** Whether this browser has no graphics processor and paints with the main one. */
+/** Whether the browser renders on the CPU because it has no GPU. */
 export function paintsInSoftware(): boolean {
   known ??= rendererIsSoftware();
   return known;
@@ -19,7 +19,7 @@ function rendererIsSoftware(): boolean {
   return SOFTWARE.test(name);
 }
 
-/** Whether this browser can draw in 3D at all: what the 3D view draws with. */
+/** Whether the browser supports WebGL 2, which the 3D view requires. */
 export function canDrawSolid(): boolean {
   const gl = document.createElement("canvas").getContext("webgl2");
   gl?.getExtension("WEBGL_lose_context")?.loseContext();
@@ -27,8 +27,8 @@ export function canDrawSolid(): boolean {
 }
 
 /**
- * Run `build` so that the 2D canvases it makes live in main memory. On an emulated graphics processor curves of some
- * thousand points cost about ten times as much as when they are painted there; uPlot has no option for it.
+ * Runs `build` so that its 2D canvases are in main memory. With an emulated GPU, curves of some thousand points cost
+ * about ten times as much otherwise; uPlot has no option for this.
  */
 export function withMemoryCanvases<Built>(build: () => Built): Built {
   const prototype = HTMLCanvasElement.prototype;

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { FramePacer, paceWindow } from "./pacer";
 
-/** Times at which a pacer draws when drawn frames take `cost_ms` and idle ones 16 ms. */
+/** Times at which a pacer draws when drawn frames take `cost_ms` and idle frames 16 ms. */
 function draws(pacer: FramePacer, cost_ms: number, until_ms: number): number[] {
   const times: number[] = [];
   let now_ms = 0;
@@ -17,22 +17,22 @@ function draws(pacer: FramePacer, cost_ms: number, until_ms: number): number[] {
 }
 
 describe("FramePacer", () => {
-  it("draws on every frame where that is cheap", () => {
+  it("draws on every frame while frames are fast", () => {
     expect(draws(new FramePacer(1), 16, 1600)).toHaveLength(100);
   });
 
-  it("leaves as long to others as a slow frame took", () => {
+  it("pauses for the duration of a slow frame", () => {
     const times = draws(new FramePacer(1), 200, 10_000);
     expect(times.length).toBeGreaterThan(20);
     expect((times.length * 200) / 10_000).toBeLessThanOrEqual(0.52);
   });
 
-  it("leaves more when told to", () => {
+  it("pauses longer with a larger factor", () => {
     const times = draws(new FramePacer(4), 200, 10_000);
     expect((times.length * 200) / 10_000).toBeLessThanOrEqual(0.22);
   });
 
-  it("goes back to full speed when frames are cheap again", () => {
+  it("returns to full speed when frames are fast again", () => {
     const pacer = new FramePacer(1);
     draws(pacer, 300, 3000);
     pacer.due(1e6);
@@ -43,7 +43,7 @@ describe("FramePacer", () => {
   });
 });
 
-/** A window whose frames come every 16 ms, and later by what was done on the one before. */
+/** A window with a frame every 16 ms, delayed by the work of the previous frame. */
 function pacedWindow(rest: number) {
   const due: FrameRequestCallback[] = [];
   const view = { now_ms: 0, late_ms: 0, requestAnimationFrame: (one: FrameRequestCallback) => due.push(one) };
@@ -59,7 +59,7 @@ function pacedWindow(rest: number) {
 }
 
 describe("paceWindow", () => {
-  it("does not take idleness for a slow frame", () => {
+  it("does not take an idle window for a slow frame", () => {
     const { view, run } = pacedWindow(4);
     const drawn: number[] = [];
     for (const at_ms of [0, 1000, 60_000]) {
@@ -71,7 +71,7 @@ describe("paceWindow", () => {
     expect(Math.max(...drawn)).toBeLessThanOrEqual(40);
   });
 
-  it("lets a window rest that asks for the next frame at once, from the first slow one on", () => {
+  it("pauses a window that requests each frame at once, from the first slow frame on", () => {
     const { view, run } = pacedWindow(4);
     const drawn: number[] = [];
     const draw = (now_ms: number) => {
@@ -86,7 +86,7 @@ describe("paceWindow", () => {
     expect(Math.min(...gaps)).toBeGreaterThanOrEqual(316 + 4 * 316);
   });
 
-  it("does not stand still for as long as a window was hidden", () => {
+  it("does not pause for as long as a window was hidden", () => {
     const { view, run } = pacedWindow(4);
     view.requestAnimationFrame(() => {
       view.late_ms = 600_000;
@@ -98,7 +98,7 @@ describe("paceWindow", () => {
     expect(drawn[0]).toBeLessThan(600_032 + 2100);
   });
 
-  it("lets a window rest after a slow frame, whether it asked for the next at once or later", () => {
+  it("pauses a window after a slow frame, even if it requests the next frame later", () => {
     const { view, run } = pacedWindow(4);
     view.requestAnimationFrame(() => {
       view.late_ms = 300;

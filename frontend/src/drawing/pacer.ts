@@ -1,24 +1,24 @@
-/** Keeps drawing from taking all of a slow machine: what took long is followed by a rest. Pure. */
+/** Limits the share of time that drawing takes on a slow machine: a pause follows each slow frame. Pure. */
 
-/** Frames of up to this length are drawn one after the other, 30 a second or better [ms]. */
+/** Frame duration up to which drawing continues without a pause, 30 frames per second [ms]. */
 const SMOOTH_MS = 34;
 
-/** Longest rest [ms]: a window that was hidden was not slow, and its picture is not to stand still for long. */
+/** Longest pause [ms]: a window that was hidden was not slow, and its picture must not freeze for long. */
 const LONGEST_REST_MS = 2000;
 
 export class FramePacer {
   private drawn_ms: number | null = null;
   private rest_until_ms = 0;
 
-  /** `rest` is how many times the length of a slow frame is left to others. */
+  /** `rest`: length of the pause as a multiple of the duration of a slow frame. */
   constructor(private readonly rest: number) {}
 
   /**
-   * Asked on each animation frame: whether to draw on this one. How long the last frame took shows in how late this one
-   * comes, painting and the graphics process included.
+   * Whether to draw on this animation frame. The delay of this frame measures the duration of the last one, including
+   * painting and the graphics process.
    */
   due(now_ms: number): boolean {
-    // on the frame of the drawing itself there is nothing to be measured yet
+    // The frame of the drawing itself contains no measurement yet.
     if (this.drawn_ms !== null && now_ms > this.drawn_ms) {
       const took_ms = now_ms - this.drawn_ms;
       const rest_ms = Math.min(this.rest * took_ms, LONGEST_REST_MS);
@@ -28,13 +28,13 @@ export class FramePacer {
     return now_ms >= this.rest_until_ms;
   }
 
-  /** A frame was drawn. */
+  /** Records that a frame was drawn. */
   drew(now_ms: number): void {
     this.drawn_ms = now_ms;
   }
 }
 
-/** Let everything that a window draws on its animation frames pass through a pacer. */
+/** Passes everything that a window draws on its animation frames through a pacer. */
 export function paceWindow(target: Window, pacer: FramePacer): void {
   const request = target.requestAnimationFrame.bind(target);
   target.requestAnimationFrame = (callback) =>
@@ -45,7 +45,7 @@ export function paceWindow(target: Window, pacer: FramePacer): void {
       }
       callback(now_ms);
       pacer.drew(now_ms);
-      // looked at on the very next frame: a window that asks for none for a while was idle, not slow
+      // Measured on the next frame: a window that requests no frames for a while is idle, not slow.
       request((next_ms) => pacer.due(next_ms));
     });
 }

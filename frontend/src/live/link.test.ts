@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { firstLink, health, type Link, type LinkEvent, step } from "./link";
 
-/** Play events at their times; returns the last state and all actions other than none. */
+/** Plays events at their times; returns the last state and all actions other than `none`. */
 function play(events: readonly (readonly [number, LinkEvent])[], from: Link = firstLink(0)) {
   const actions: string[] = [];
   let link = from;
@@ -16,7 +16,7 @@ function play(events: readonly (readonly [number, LinkEvent])[], from: Link = fi
 const clock = (now_ms: number): [number, LinkEvent] => [now_ms, { kind: "clock" }];
 
 describe("link", () => {
-  it("measures the way there and back", () => {
+  it("measures the round-trip time", () => {
     const { link } = play([
       [100, { kind: "opened" }],
       [130, { kind: "pong", sent_ms: 100 }],
@@ -26,12 +26,12 @@ describe("link", () => {
   });
 
   it("pings about once a second while open", () => {
-    const heard: [number, LinkEvent][] = [500, 1500, 2500].map((now_ms) => [now_ms, { kind: "heard" }]);
-    const events = [...heard, ...[600, 1100, 1600, 2100, 2600].map(clock)].sort((a, b) => a[0] - b[0]);
+    const received: [number, LinkEvent][] = [500, 1500, 2500].map((now_ms) => [now_ms, { kind: "received" }]);
+    const events = [...received, ...[600, 1100, 1600, 2100, 2600].map(clock)].sort((a, b) => a[0] - b[0]);
     expect(play([[0, { kind: "opened" }], ...events]).actions).toEqual(["0 ping", "1100 ping", "2100 ping"]);
   });
 
-  it("greys values after a second and drops a connection that went silent", () => {
+  it("marks values as stale after a second and drops a silent connection", () => {
     const open = play([[0, { kind: "opened" }]]).link;
     expect(health(open, 900)).toBe("live");
     expect(health(open, 1200)).toBe("stale");
@@ -40,7 +40,7 @@ describe("link", () => {
     expect(health(link, 3100)).toBe("down");
   });
 
-  it("does not mistake its own sleep for a silent link", () => {
+  it("does not take a suspension of the page for a silent connection", () => {
     const open = play([[0, { kind: "opened" }]]).link;
     const woken = play([clock(60_000), clock(60_500), clock(61_000)], open);
     expect(woken.actions).not.toContain("60000 drop");
@@ -49,7 +49,7 @@ describe("link", () => {
     expect(silent.actions.at(-1)).toBe("63200 drop");
   });
 
-  it("tries for ever, each time a little later, up to four seconds", () => {
+  it("retries without limit, with delays that grow to four seconds", () => {
     let link = firstLink(0);
     let now_ms = 0;
     const delays: number[] = [];
@@ -65,27 +65,27 @@ describe("link", () => {
     expect(delays.slice(0, 6)).toEqual([250, 500, 1000, 2000, 4000, 4000]);
   });
 
-  it("starts over with short delays once something was heard", () => {
+  it("returns to short delays once it has received a message", () => {
     const { link } = play([
       [0, { kind: "closed" }],
       [250, { kind: "clock" }],
       [300, { kind: "closed" }],
       [800, { kind: "clock" }],
       [810, { kind: "opened" }],
-      [820, { kind: "heard" }],
+      [820, { kind: "received" }],
       [900, { kind: "closed" }],
     ]);
     expect(link.retry_ms).toBe(1150);
   });
 
-  it("tries at once when the network is back, and gives a hanging attempt up", () => {
+  it("retries at once when the network returns, and drops an attempt that hangs", () => {
     const lost = play([[0, { kind: "closed" }]]).link;
     expect(step(lost, { kind: "wake" }, 10)[1]).toBe("connect");
     const tries = play([900, 1800, 2700, 3600, 4500, 5100].map(clock));
     expect(tries.actions).toEqual(["5100 drop"]);
   });
 
-  it("is down before anything was ever heard", () => {
+  it("is down before the first message", () => {
     expect(health(firstLink(0), 10)).toBe("down");
   });
 });

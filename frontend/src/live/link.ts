@@ -1,32 +1,32 @@
 /**
- * The life of the live connection as a pure state machine: what happened in, what to do next out.
+ * Pure state machine of the live connection: each event yields the next state and one action.
  *
- * It never gives up, and reconnecting commands nothing: the only thing that is ever sent is a ping.
+ * The machine retries without limit. Reconnecting sends no command: the only message sent is a ping.
  */
 
 type Phase = "connecting" | "open" | "waiting";
 
 export interface Link {
   readonly phase: Phase;
-  /** Connections that failed or ended since the last good one. */
+  /** Connections that failed or ended since the last message. */
   readonly failures: number;
-  /** When anything last arrived, null before the first message ever. */
+  /** Time of the last message; null before the first one. */
   readonly received_ms: number | null;
-  /** When to try again, while waiting. */
+  /** Time of the next attempt, in phase `waiting`. */
   readonly retry_ms: number;
-  /** Time of the last ping there and back. */
+  /** Round-trip time of the last ping. */
   readonly latency_ms: number | null;
   readonly pinged_ms: number;
   readonly opened_ms: number;
-  /** Time of the last look at the clock. */
+  /** Time of the last clock event. */
   readonly checked_ms: number;
-  /** Until when this page itself was asleep: silence before that says nothing about the link. */
+  /** Time at which the page last resumed after a suspension; silence before it does not count. */
   readonly awake_ms: number;
 }
 
 export type LinkEvent =
   | { readonly kind: "opened" }
-  | { readonly kind: "heard" }
+  | { readonly kind: "received" }
   | { readonly kind: "pong"; readonly sent_ms: number }
   | { readonly kind: "closed" }
   | { readonly kind: "wake" }
@@ -37,16 +37,16 @@ type LinkAction = "none" | "connect" | "ping" | "drop";
 export type Health = "live" | "stale" | "down";
 
 const PING_EVERY_MS = 1000;
-/** An open connection that is silent for this long is dropped and made anew. */
+/** Silence after which an open connection is closed and retried. */
 const SILENCE_MS = 3000;
 const CONNECT_WITHIN_MS = 5000;
-/** A look at the clock that comes this much later than the one before was held up by the browser. */
+/** Delay between two clock events that shows that the browser suspended the page. */
 const ASLEEP_MS = 1000;
 const STALE_AFTER_MS = 1000;
 const FIRST_RETRY_MS = 250;
 const LAST_RETRY_MS = 4000;
 
-/** The state in which a page starts: a connection is being made. */
+/** Initial state of a page: connecting. */
 export function firstLink(now_ms: number): Link {
   return {
     phase: "connecting",
@@ -61,12 +61,12 @@ export function firstLink(now_ms: number): Link {
   };
 }
 
-/** The next state and the one thing to do. */
+/** Returns the next state and the action to take. */
 export function step(link: Link, event: LinkEvent, now_ms: number): [Link, LinkAction] {
   switch (event.kind) {
     case "opened":
       return [{ ...link, phase: "open", received_ms: now_ms, opened_ms: now_ms, pinged_ms: now_ms }, "ping"];
-    case "heard":
+    case "received":
       return [{ ...link, failures: 0, received_ms: now_ms }, "none"];
     case "pong":
       return [{ ...link, failures: 0, received_ms: now_ms, latency_ms: now_ms - event.sent_ms }, "none"];
@@ -75,11 +75,11 @@ export function step(link: Link, event: LinkEvent, now_ms: number): [Link, LinkA
     case "wake":
       return link.phase === "waiting" ? [connecting(link, now_ms), "connect"] : [link, "none"];
     case "clock":
-      return onClock(looked(link, now_ms), now_ms);
+      return onClock(checkClock(link, now_ms), now_ms);
   }
 }
 
-function looked(link: Link, now_ms: number): Link {
+function checkClock(link: Link, now_ms: number): Link {
   const asleep = now_ms - link.checked_ms > ASLEEP_MS;
   return { ...link, checked_ms: now_ms, awake_ms: asleep ? now_ms : link.awake_ms };
 }
@@ -113,12 +113,12 @@ function waiting(link: Link, now_ms: number): Link {
   };
 }
 
-/** How old the newest message is, or null when none ever came. */
+/** Age of the newest message; null before the first one. */
 export function age_ms(link: Link, now_ms: number): number | null {
   return link.received_ms === null ? null : Math.max(0, now_ms - link.received_ms);
 }
 
-/** Whether what the page shows may be trusted. */
+/** Health of the connection, from its phase and the age of the newest message. */
 export function health(link: Link, now_ms: number): Health {
   const age = age_ms(link, now_ms);
   if (age === null || link.phase !== "open") return "down";

@@ -1,4 +1,4 @@
-/** Drives the link machine with a real websocket and feeds the store. */
+/** Connects the link state machine to a WebSocket and feeds the store. */
 
 import { heldKey, noteHolder } from "../wire/control";
 import { decodeFrame, parseMessage } from "../wire/liveMessages";
@@ -7,7 +7,7 @@ import type { LiveStore } from "./store";
 
 const CLOCK_MS = 250;
 
-/** Connect for good; returns how to let go. */
+/** Opens the connection and reopens it after each loss; returns a function that closes it. */
 export function keepConnected(store: LiveStore, url: string): () => void {
   let socket: WebSocket | null = null;
   let pings = 0;
@@ -60,11 +60,11 @@ export function keepConnected(store: LiveStore, url: string): () => void {
     if (message?.type === "pong") {
       const sent_ms = sent.get(message.id);
       sent.delete(message.id);
-      happen(sent_ms === undefined ? { kind: "heard" } : { kind: "pong", sent_ms });
+      happen(sent_ms === undefined ? { kind: "received" } : { kind: "pong", sent_ms });
       return;
     }
-    happen({ kind: "heard" });
-    // a page in the background has its timers slowed down, and would be missed
+    happen({ kind: "received" });
+    // The browser slows the timers of a page in the background, so each message also checks the clock.
     happen({ kind: "clock" });
     if (message?.type === "layout") store.setLayout(message);
     if (message?.type === "state") {

@@ -15,7 +15,7 @@ describe("SampleClock", () => {
     expect(clock.at(100 + last + 0.016) - shown).toBeCloseTo(0.016, 6);
   });
 
-  it("stands still shortly after the last sample", () => {
+  it("stops shortly after the last sample", () => {
     const clock = new SampleClock();
     clock.observe(10, 0);
     expect(clock.at(60)).toBeCloseTo(10.05, 6);
@@ -28,14 +28,14 @@ describe("SampleClock", () => {
     expect(clock.at(5)).toBeCloseTo(10.1, 6);
   });
 
-  it("tells how old the newest sample is, while frames come late and while none come", () => {
+  it("returns the age of the newest sample while frames are late and while none arrive", () => {
     const clock = new SampleClock();
     expect(clock.age(0)).toBeNull();
     for (let frame = 0; frame <= 300; frame++) clock.observe(frame * 0.033, 100 + frame * 0.033);
     const now_s = 109.9;
     expect(clock.age(now_s)).toBeCloseTo(0, 3);
     expect(clock.age(now_s + 2)).toBeCloseTo(2, 3);
-    // the page was asleep for 5 s: what waited comes in at once, the newest of it last
+    // The page was suspended for 5 s: the waiting frames arrive at once, the newest one last.
     const ages = Array.from({ length: 150 }, (_, frame) => {
       clock.observe(9.9 + (frame + 1) * 0.0333, now_s + 5 + frame * 1e-4);
       return clock.age(now_s + 5 + frame * 1e-4) as number;
@@ -45,7 +45,7 @@ describe("SampleClock", () => {
     expect(ages.at(-1)).toBeLessThan(0.1);
   });
 
-  it("believes by and by that the loop has stood still", () => {
+  it("adapts gradually after the control loop has paused", () => {
     const clock = new SampleClock();
     clock.observe(10, 0);
     let until_s = 0;
@@ -82,7 +82,7 @@ describe("store", () => {
   }
 
   describe("LiveStore", () => {
-    it("keeps the identity of what did not change", () => {
+    it("preserves the identity of unchanged parts", () => {
       const store = new LiveStore(0);
       store.setState(state(1, 1000));
       const limits = store.snapshot().state?.limits;
@@ -91,7 +91,7 @@ describe("store", () => {
       expect(store.snapshot().state?.timing.rate_Hz).toBe(999);
     });
 
-    it("keeps samples over a reconnection, and drops them when the loop was started anew", () => {
+    it("retains samples over a reconnection, and drops them when the loop restarts", () => {
       const store = new LiveStore(0);
       store.setLayout(LAYOUT);
       store.setState(state(1, 1000));
@@ -102,7 +102,7 @@ describe("store", () => {
       expect(store.window.length).toBe(0);
     });
 
-    it("takes a state for current until the connection ends, and again with the next state", () => {
+    it("marks the state as current until the connection ends, and again with the next state", () => {
       const store = new LiveStore(0);
       const { link } = store.snapshot();
       expect(store.snapshot().isStateCurrent).toBe(false);
@@ -118,24 +118,24 @@ describe("store", () => {
       expect(store.snapshot().isStateCurrent).toBe(true);
     });
 
-    it("counts what it missed and tells its listeners", () => {
+    it("counts missed samples and notifies its listeners", () => {
       const store = new LiveStore(0);
-      let told = 0;
-      const leave = store.subscribe(() => {
-        told += 1;
+      let notified = 0;
+      const unsubscribe = store.subscribe(() => {
+        notified += 1;
       });
       store.setLayout(LAYOUT);
       store.addFrame(frame(0, 10), 0.1);
       store.addFrame(frame(30, 10, 20), 0.2);
       expect(store.snapshot().missed).toBe(20);
-      expect(told).toBe(2);
-      leave();
+      expect(notified).toBe(2);
+      unsubscribe();
       store.addMark({ type: "event", tick: 5, kind: "note", text: "x" });
-      expect(told).toBe(2);
+      expect(notified).toBe(2);
       expect(store.snapshot().marks).toHaveLength(1);
     });
 
-    it("takes history in at once when it is whole, and never shows a part of it as present", () => {
+    it("adds the history when it is complete, and never shows part of it as current", () => {
       const store = new LiveStore(0);
       store.setLayout(LAYOUT);
       store.setState(state(1, 1000, 29_999));
@@ -153,7 +153,7 @@ describe("store", () => {
       expect(store.age(6.063)).toBeCloseTo(1, 2);
     });
 
-    it("shows samples of before as old until it is connected again and history is whole", () => {
+    it("shows earlier samples as old until it has reconnected and the history is complete", () => {
       const store = new LiveStore(0);
       store.setLayout(LAYOUT);
       store.setState(state(1, 1000, 99));
@@ -168,7 +168,7 @@ describe("store", () => {
       expect(store.age(60.2)).toBe(0);
     });
 
-    it("does not wait for ever for the end of history", () => {
+    it("does not wait without limit for the end of the history", () => {
       const store = new LiveStore(0);
       store.setLayout(LAYOUT);
       store.setState(state(1, 1000, 90_000));

@@ -16,23 +16,23 @@ describe("statistics", () => {
       expect(figures).toEqual({ ...extremes, mean: 5, deviation: 2, values: 8, withoutValue: 1 });
     });
 
-    it("keeps its precision far from zero", () => {
+    it("preserves its precision far from zero", () => {
       expect(statistics(column([1e9 + 1, 1e9 + 3]), [0, 1], true).deviation).toBeCloseTo(1, 9);
     });
 
-    it("takes the exact extremes of an envelope, and no mean or deviation", () => {
+    it("returns exact extremes of an envelope, and no mean or deviation", () => {
       const figures = statistics(column([-1, 0], [3, 8]), [10, 11], false);
       expect([figures.minimum, figures.maximum]).toEqual([-1, 8]);
       expect([figures.mean, figures.deviation]).toEqual([Number.NaN, Number.NaN]);
       expect([figures.minimum_s, figures.maximum_s]).toEqual([10, 11]);
     });
 
-    it("says where an extreme is first", () => {
+    it("returns the time of the first extreme", () => {
       const figures = statistics(column([5, 1, 7, 1, 7]), [0, 0.5, 1, 1.5, 2], true);
       expect([figures.minimum_s, figures.maximum_s]).toEqual([0.5, 1]);
     });
 
-    it("is NaN without any number", () => {
+    it("is NaN without any value", () => {
       const figures = statistics(column([Number.NaN]), [0], true);
       expect(figures.minimum).toBeNaN();
       expect([figures.values, figures.withoutValue]).toEqual([0, 1]);
@@ -51,7 +51,7 @@ describe("spectrum", () => {
   }
 
   describe("welch", () => {
-    it("reads amplitude and frequency of a sine on a bin", () => {
+    it("returns amplitude and frequency of a sine on a bin", () => {
       const frequency = 64 / (2048 * PERIOD_S);
       const spectrum = welch(sine(0.7, frequency, 5000), PERIOD_S);
       const values = Array.from(spectrum?.amplitude ?? []);
@@ -60,8 +60,8 @@ describe("spectrum", () => {
       expect(values[peak]).toBeCloseTo(0.7, 6);
     });
 
-    it("keeps the power: the density over all frequencies is the variance", () => {
-      // a linear congruential generator: white, and the same in each run
+    it("preserves the power: the integral of the density is the variance", () => {
+      // Linear congruential generator: white, and the same in each run.
       let state = 1;
       const noise = Float64Array.from({ length: 65536 }, () => {
         state = (state * 1664525 + 1013904223) % 2 ** 32;
@@ -73,13 +73,13 @@ describe("spectrum", () => {
       expect(power / (1 / 12)).toBeCloseTo(1, 1);
     });
 
-    it("has nothing to say of a few samples", () => {
+    it("returns null for too few samples", () => {
       expect(welch(sine(1, 10, 60), PERIOD_S)).toBeNull();
     });
   });
 
   describe("longestWhole", () => {
-    it("is the longest stretch between missing samples", () => {
+    it("returns the longest range between missing samples", () => {
       const nan = Number.NaN;
       expect(Array.from(longestWhole(Float64Array.from([1, nan, 2, 3, 4, nan, 5])))).toEqual([2, 3, 4]);
       expect(longestWhole(new Float64Array(0))).toHaveLength(0);
@@ -87,7 +87,7 @@ describe("spectrum", () => {
   });
 });
 
-describe("figures", () => {
+describe("statistics and spectra of a table", () => {
   const PERIOD_S = 0.001;
   const t = Float64Array.from({ length: 1000 }, (_, row) => row * PERIOD_S);
   const sine = t.map((time) => Math.sin(2 * Math.PI * 50 * time));
@@ -95,21 +95,21 @@ describe("figures", () => {
   const column = (name: string, values: Float64Array) => ({ name, minimum: values, maximum: values });
   const raw = { raw: true, width_s: PERIOD_S, t, columns: [column("q", sine), column("S", holed)] };
 
-  it("says from how many samples statistics are, and how many have no value", () => {
+  it("states the number of samples, and how many have no value", () => {
     const { basis, signals } = figuresOf(raw);
     const range = { from_s: 0, to_s: 0.999 };
     expect(basis).toEqual([{ of: "", range, samples: 1000, missing: 0, bucket_s: null }]);
     expect(signals.get("S")).toMatchObject({ values: 600, withoutValue: 400 });
   });
 
-  it("has extremes alone of an envelope, whose buckets it tells", () => {
+  it("returns only extremes of an envelope, with the length of its buckets", () => {
     const { basis, signals } = figuresOf({ ...raw, raw: false, width_s: 0.1 });
     expect(basis[0]?.bucket_s).toBe(0.1);
     expect(signals.get("q")?.mean).toBeNaN();
     expect(signals.get("q")?.maximum).toBeCloseTo(1, 9);
   });
 
-  it("says which samples a spectrum is of, and why there is none", () => {
+  it("states the samples of a spectrum, and the reason for a missing one", () => {
     const { signals, reasons } = spectraOf(raw, ["q", "S", "F_A"], PERIOD_S);
     expect(signals.get("q")).toMatchObject({
       segment: 256,

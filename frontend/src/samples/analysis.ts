@@ -1,20 +1,20 @@
-/** Computes statistics and spectra of samples, with what they were computed from. Pure. */
+/** Computes statistics and spectra of samples, with the data basis of each result. Pure. */
 
 import FFT from "fft.js";
 import type { Column, SampleTable, TimeRange } from "./timeSeries";
 
-/** Figures of a signal over the stretch in sight. Pure. */
+/** Statistics of a signal over the visible time range. Pure. */
 
 export interface Statistics {
   readonly minimum: number;
-  /** Where it is first: of an envelope, where its bucket begins [s]. */
+  /** Time of the first minimum; for an envelope, the start of its bucket [s]. */
   readonly minimum_s: number;
   readonly maximum: number;
   readonly maximum_s: number;
   readonly mean: number;
-  /** Standard deviation about the mean, divided by the number of values. */
+  /** Standard deviation about the mean, with division by the number of values. */
   readonly deviation: number;
-  /** Samples, or buckets, that have a value and that have none. */
+  /** Number of samples, or of buckets, with and without a value. */
   readonly values: number;
   readonly withoutValue: number;
 }
@@ -31,8 +31,8 @@ const NOTHING: Statistics = {
 };
 
 /**
- * Statistics of a column over the times of its rows; NaN without any number. Of an envelope (not `raw`) the extremes
- * are exact, and there is no mean or deviation: they need every sample.
+ * Statistics of a column over the times of its rows; NaN without any value. For an envelope (not `raw`) the extremes
+ * are exact; mean and deviation are NaN, because they need every sample.
  */
 export function statistics({ minimum, maximum }: Column, t: ArrayLike<number>, raw: boolean): Statistics {
   let low = Number.POSITIVE_INFINITY;
@@ -66,27 +66,27 @@ export function statistics({ minimum, maximum }: Column, t: ArrayLike<number>, r
   };
 }
 
-/** Power spectral density and amplitude spectrum of a stretch of samples. Pure. */
+/** Power spectral density and amplitude spectrum of consecutive samples. Pure. */
 
 export interface Spectrum {
-  /** [Hz]; without 0 and half the sampling rate. */
+  /** Frequencies [Hz], without 0 and half the sampling rate. */
   readonly frequencies: Float64Array;
-  /** [unit²/Hz], one-sided. */
+  /** One-sided power spectral density [unit²/Hz]. */
   readonly density: Float64Array;
   /** Amplitude of a sine at that frequency [unit]. */
   readonly amplitude: Float64Array;
   readonly segments: number;
 }
 
-/** Fewest samples worth a spectrum. */
+/** Minimum number of samples for a spectrum. */
 const LEAST_SAMPLES = 64;
 const LONGEST_SEGMENT = 8192;
-/** A spectrum of less than four segments scatters too much to be read: half the record is the longest one. */
+/** Divisor of the record length that limits a segment: with fewer segments the estimate scatters too much. */
 const SHARE_OF_RECORD = 2;
 
 /**
- * Welch's estimate: Hann windows that overlap by half, mean of each segment removed. Missing samples must not be among
- * `values`. Returns null for less than LEAST_SAMPLES.
+ * Spectrum by Welch's method: Hann windows with 50 % overlap, mean of each segment removed. `values` must not contain
+ * missing samples. Returns null for fewer than LEAST_SAMPLES.
  */
 export function welch(values: ArrayLike<number>, period_s: number): Spectrum | null {
   if (values.length < LEAST_SAMPLES) return null;
@@ -122,7 +122,7 @@ export function welch(values: ArrayLike<number>, period_s: number): Spectrum | n
   };
 }
 
-/** The longest stretch without a missing sample. */
+/** Returns the longest range of samples without a missing one. */
 export function longestWhole(values: Float64Array): Float64Array {
   let best: [number, number] = [0, 0];
   let from = 0;
@@ -134,16 +134,16 @@ export function longestWhole(values: Float64Array): Float64Array {
   return values.slice(...best);
 }
 
-/** What figures were computed from. */
+/** Data from which results were computed. */
 export interface Basis {
-  /** "run 12"; "" where it is the one thing that is drawn. */
+  /** "run 12"; empty if the chart shows only one source. */
   readonly of: string;
-  /** First and last sample; null where there is none. */
+  /** Times of the first and last sample; null without samples. */
   readonly range: TimeRange | null;
   readonly samples: number;
-  /** Samples that are lacking between the first and the last. */
+  /** Number of missing samples between the first and the last. */
   readonly missing: number;
-  /** Length of the buckets whose extremes are all there is [s]; null where every sample is there. */
+  /** Length of a bucket of an envelope [s]; null for raw samples. */
   readonly bucket_s: number | null;
 }
 
@@ -153,7 +153,7 @@ export interface Figures {
 }
 
 export interface SignalSpectrum extends Spectrum {
-  /** Samples that have a value, that have none, and that lie in a segment. */
+  /** Samples with a value, without a value, and within a segment. */
   readonly values: number;
   readonly withoutValue: number;
   readonly used: number;
@@ -163,11 +163,11 @@ export interface SignalSpectrum extends Spectrum {
 export interface Spectra {
   readonly basis: readonly Basis[];
   readonly signals: ReadonlyMap<string, SignalSpectrum>;
-  /** Why a signal has none. */
+  /** Reason why a signal has no spectrum. */
   readonly reasons: ReadonlyMap<string, string>;
 }
 
-/** Statistics of what the page itself holds. */
+/** Statistics of samples in the page's memory. */
 export function figuresOf(table: SampleTable): Figures {
   const { t, raw, columns } = table;
   return {
@@ -176,7 +176,7 @@ export function figuresOf(table: SampleTable): Figures {
   };
 }
 
-/** Spectra of signals that the page itself holds. */
+/** Spectra of samples in the page's memory. */
 export function spectraOf(table: SampleTable, names: readonly string[], period_s: number): Spectra {
   const signals = new Map<string, SignalSpectrum>();
   const reasons = new Map<string, string>();

@@ -55,14 +55,14 @@ describe("decimate", () => {
       }
     });
 
-    it("ends at raw samples", () => {
+    it("returns raw samples for short time ranges", () => {
       expect(bucketTicks(1400, 700)).toBe(1);
       expect(bucketTicks(20, 700)).toBe(1);
     });
   });
 
   describe("writeValues", () => {
-    it("keeps every extreme, against a plain search", () => {
+    it("preserves every extreme, compared with a plain search", () => {
       const values = noise(LENGTH);
       const window = filled(values);
       for (const pixels of [20, 50, 300]) {
@@ -79,7 +79,7 @@ describe("decimate", () => {
       }
     });
 
-    it("does not wiggle: the same stretch keeps its points while the view scrolls", () => {
+    it("returns the same points of a time range while the view scrolls", () => {
       const window = filled(noise(LENGTH));
       const before = curve(window, 0, 3000, 60);
       const after = curve(window, 317, 3317, 60);
@@ -90,14 +90,14 @@ describe("decimate", () => {
       }
     });
 
-    it("passes extremes in the order of the motion", () => {
+    it("returns extremes in the order of the motion", () => {
       const rising = curve(filled(Array.from({ length: LENGTH }, (_, tick) => tick)), 0, LENGTH, 20).values;
       expect(rising).toEqual([...rising].sort((a, b) => a - b));
       const falling = curve(filled(Array.from({ length: LENGTH }, (_, tick) => -tick)), 0, LENGTH, 20).values;
       expect(falling).toEqual([...falling].sort((a, b) => b - a));
     });
 
-    it("gives raw samples when zoomed in, in the unit asked for", () => {
+    it("returns raw samples when zoomed in, in the requested unit", () => {
       const values = noise(LENGTH);
       const { grid, times, values: points } = curve(filled(values), 1000, 1050, 700, 2);
       expect(grid.bucket).toBe(1);
@@ -106,7 +106,7 @@ describe("decimate", () => {
       expect(points).toHaveLength(51);
     });
 
-    it("leaves holes where whole buckets are missing, and nothing beyond the window", () => {
+    it("has gaps at missing buckets, and no points beyond the window", () => {
       const window = filled(noise(500));
       const late = noise(500);
       window.append({ firstTick: 2000, count: 500, missed: 1500, columns: [Float32Array.from(late)] });
@@ -117,7 +117,7 @@ describe("decimate", () => {
       expect(values.filter((value) => !Number.isNaN(value)).length).toBeGreaterThan(0);
     });
 
-    it("is empty for a signal that is not there", () => {
+    it("is empty for an unknown signal", () => {
       const window = filled(noise(100));
       const grid = gridOver(window, 0, 100, 10);
       const out = new Float64Array(pointCount(grid));
@@ -138,14 +138,14 @@ describe("envelope", () => {
   };
 
   describe("an envelope", () => {
-    it("becomes two points per bucket, passed in the order of the motion", () => {
+    it("has two points per bucket, in the order of the motion", () => {
       expect(Array.from(pointTimes(ENVELOPE))).toEqual([0, 0.5, 1, 1.5, 2, 2.5]);
       const { values, extent } = pointValues(ENVELOPE, "q", 10);
       expect(Array.from(values)).toEqual([0, 10, 30, -20, 50, 90]);
       expect(extent).toEqual({ minimum: -20, maximum: 90 });
     });
 
-    it("has holes where samples are missing and where the signal is unknown", () => {
+    it("has gaps for missing samples and for an unknown signal", () => {
       const holed = {
         ...ENVELOPE,
         signals: { q: { minimum: floats(0, Number.NaN, 5), maximum: floats(1, Number.NaN, 9) } },
@@ -155,13 +155,13 @@ describe("envelope", () => {
     });
   });
 
-  it("raw samples stay one point each", () => {
+  it("returns one point for each raw sample", () => {
     const raw = { ...ENVELOPE, raw: true };
     expect(Array.from(pointTimes(raw))).toEqual([0, 1, 2]);
     expect(Array.from(pointValues(raw, "q", 1).values)).toEqual([0, -2, 5]);
   });
 
-  it("finds the time at or before a moment", () => {
+  it("finds the last time at or before a time", () => {
     const times = [0, 1, 2, 5];
     expect([-3, 0, 0.6, 0.9999, 3.4, 5, 99].map((wanted) => atOrBefore(times, wanted))).toEqual([
       -1, 0, 0, 1, 2, 3, 3,

@@ -4,13 +4,13 @@ import type { Excerpt } from "../wire/curves";
 import { BLOCK_TICKS, type Column, type SampleWindow } from "./window";
 
 /**
- * From a stretch of samples to the two to four points per pixel that a chart needs, keeping every extreme.
+ * Reduces samples to the two to four points per pixel that a chart needs, and preserves every extreme.
  *
- * Buckets are powers of two of ticks and start at multiples of their length, so that a curve that scrolls by keeps the
- * same points: nothing wiggles.
+ * Buckets are powers of two of ticks and start at multiples of their length, so that a scrolling curve has the same
+ * points in each frame.
  */
 
-/** A stretch of the time axis, reduced. `ticks` may be fractional only at the middle of a bucket. */
+/** Reduced time range. Ticks are fractional only at the middle of a bucket. */
 interface Grid {
   readonly fromTick: number;
   readonly bucket: number;
@@ -28,7 +28,7 @@ export function bucketTicks(span: number, pixels: number): number {
   return wanted <= 1 ? 1 : 2 ** Math.ceil(Math.log2(wanted));
 }
 
-/** The buckets that cover the ticks from `from` to `to`, cut to what the window holds. */
+/** Buckets that cover the ticks from `from` to `to`, clipped to the ticks of the window. */
 export function gridOver(window: SampleWindow, from: number, to: number, pixels: number): Grid {
   const bucket = bucketTicks(to - from, pixels);
   const first = Math.floor(Math.max(from, window.startTick) / bucket);
@@ -36,12 +36,12 @@ export function gridOver(window: SampleWindow, from: number, to: number, pixels:
   return { fromTick: first * bucket, bucket, buckets: Math.max(0, last - first) };
 }
 
-/** Number of points that a grid yields for each signal. */
+/** Number of points of a grid for each signal. */
 export function pointCount(grid: Grid): number {
   return grid.bucket === 1 ? grid.buckets : 2 * grid.buckets;
 }
 
-/** Write the times [s] of a grid's points. */
+/** Writes the times [s] of a grid's points. */
 export function writeTimes(grid: Grid, period_s: number, out: Float64Array): void {
   const points = pointCount(grid);
   const step = grid.bucket === 1 ? 1 : grid.bucket / 2;
@@ -49,8 +49,8 @@ export function writeTimes(grid: Grid, period_s: number, out: Float64Array): voi
 }
 
 /**
- * Write the values of one signal over a grid, times `factor`: raw samples, or the two extremes of each bucket in the
- * order in which a rising or falling stretch passes them. Returns the extent of what was written (empty: minimum > maximum).
+ * Writes the values of one signal over a grid, times `factor`: raw samples, or the two extremes of each bucket in the
+ * order of a rising or falling curve. Returns the extent of the values (empty: minimum > maximum).
  */
 export function writeValues(
   window: SampleWindow,
@@ -109,7 +109,7 @@ function writeExtremes(
   }
 }
 
-/** Extremes of the ticks from `from` to `to`: whole blocks by their summary, the rest sample by sample; NaN if empty. */
+/** Extremes of the ticks from `from` to `to`, from the extremes of whole blocks where possible; NaN if empty. */
 function scan(window: SampleWindow, column: Column, from: number, to: number, found: Extent): void {
   const mask = window.capacity - 1;
   const blockMask = window.capacity / BLOCK_TICKS - 1;
@@ -155,7 +155,7 @@ export function pointTimes(samples: Excerpt): Float64Array {
   return times;
 }
 
-/** Values of one signal times `factor`; of each bucket, the extreme nearer to the point before comes first. */
+/** Values of one signal times `factor`; in each bucket, the extreme nearer to the previous point comes first. */
 export function pointValues(
   samples: Excerpt,
   name: string,
@@ -184,10 +184,10 @@ export function pointValues(
   return { values, extent };
 }
 
-/** Share of the distance of two times by which a time may miss its own: 0.3 is not 300 times 0.001. */
+/** Tolerance of a time as a share of the interval, for rounding: 0.3 is not 300 times 0.001. */
 const EXACT = 1e-3;
 
-/** Index of the last time at or before `wanted` in ascending `times`; -1 where it is before all of them. */
+/** Index of the last time at or before `wanted` in ascending `times`; -1 if all of them are later. */
 export function atOrBefore(times: ArrayLike<number>, wanted: number): number {
   const slack = times.length > 1 ? EXACT * ((times[1] as number) - (times[0] as number)) : 0;
   let low = -1;

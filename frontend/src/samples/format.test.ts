@@ -25,18 +25,18 @@ import {
 
 describe("format", () => {
   describe("numbers", () => {
-    it("have fixed decimals, a true minus and no negative zero", () => {
+    it("have fixed decimals, a true minus sign and no negative zero", () => {
       expect(fixed(-1.234, 2)).toBe("−1.23");
       expect(fixed(-0.001, 2)).toBe("0.00");
       expect(fixed(12, 1)).toBe("12.0");
     });
 
-    it("say in words that one is none, and are not asked for what is not there", () => {
+    it("have a text if they are not finite, and null is a type error", () => {
       const numbers = [Number.NaN, Number.POSITIVE_INFINITY];
       expect(numbers.flatMap((number) => [fixed(number, 2), significant(number, 2)])).toEqual(
         Array(4).fill("no value"),
       );
-      // @ts-expect-error what may be absent goes through `ValueOrReason`, which asks for the reason
+      // @ts-expect-error an absent value goes through `ValueOrReason`, which requires the reason
       expect(fixed(null, 2)).toBe("no value");
       // @ts-expect-error the same
       expect(significant(undefined, 2)).toBe("no value");
@@ -48,18 +48,18 @@ describe("format", () => {
       [99.94, 1, "99.9"],
       [100, 1, "100.0"],
       [-3.2, 1, "−3.2"],
-    ])("call nothing less than the whole 100: %d", (value, decimals, text) => {
+    ])("do not round a share below the whole to 100: %d", (value, decimals, text) => {
       expect(percent(value, decimals)).toBe(text);
     });
 
-    it("keep significant digits", () => {
+    it("preserve significant digits", () => {
       expect(significant(0.0499987, 4)).toBe("0.05000");
       expect(significant(-123.456, 4)).toBe("−123.5");
       expect(significant(4.919e-7, 3)).toBe("4.92·10⁻⁷");
       expect(significant(0, 3)).toBe("0");
     });
 
-    it("have as many digits as tell them apart", () => {
+    it("have enough digits to differ", () => {
       const told = (values: number[]) => values.map((value) => short(value, digitsApart(values)));
       expect(told([10.0051, 10.0053, 10.01])).toEqual(["10.0051", "10.0053", "10.01"]);
       expect(told([0.5, 0.8, 0.8])).toEqual(["0.5", "0.8", "0.8"]);
@@ -71,11 +71,11 @@ describe("format", () => {
   });
 
   describe("times", () => {
-    it("read as an age", () => {
+    it("are formatted as an age", () => {
       expect([age(12.3), age(1400), age(125_000)]).toEqual(["12 ms", "1.4 s", "2 min"]);
     });
 
-    it("read as the length of a run", () => {
+    it("are formatted as the duration of a run", () => {
       expect([duration(20.32), duration(59.96), duration(125), duration(3725)]).toEqual([
         "20.3 s",
         "60.0 s",
@@ -84,7 +84,7 @@ describe("format", () => {
       ]);
     });
 
-    it("label the time axis as finely as its steps", () => {
+    it("label the time axis with the resolution of its steps", () => {
       expect(clockTime(75, 5)).toBe("1:15");
       expect(clockTime(75.25, 0.05)).toBe("1:15.25");
       expect(clockTime(59.9999, 0.5)).toBe("1:00.0");
@@ -92,7 +92,7 @@ describe("format", () => {
       expect(clockTime(0.012, 0.002)).toBe("0:00.012");
     });
 
-    it("show a date in the zone of the page, and a dash for none", () => {
+    it("show a date in the time zone of the page, and a text for an invalid one", () => {
       const local = new Date(2026, 0, 9, 7, 5, 3);
       expect(dateTime(local.toISOString())).toBe("2026-01-09 07:05:03");
       expect(dateTime("")).toBe("unknown time");
@@ -107,7 +107,7 @@ describe("format", () => {
   });
 
   describe("bytes", () => {
-    it("count as disks are sold", () => {
+    it("have decimal units", () => {
       expect([bytes(1_250_000), bytes(20_000_000_000), bytes(999_949_999), bytes(null)]).toEqual([
         "1.3 MB",
         "20.0 GB",
@@ -118,7 +118,7 @@ describe("format", () => {
   });
 
   describe("the time of day", () => {
-    it("is that of the moment in the person's zone, as finely as the step", () => {
+    it("is in the person's time zone, with the resolution of the step", () => {
       const epoch_s = new Date(2026, 2, 1, 14, 5, 9, 250).getTime() / 1000;
       expect(dayTime(epoch_s, 0.01)).toBe("14:05:09.25");
       expect(dayTime(epoch_s - 0.25, 5)).toBe("14:05:09");
@@ -154,7 +154,7 @@ describe("words", () => {
     expect(describeStructure(name)).toBe(words);
   });
 
-  it("reads a name of the service as words, with a capital where it stands alone", () => {
+  it("formats a name of the service as words, with a capital in headings", () => {
     expect(spacedName("motor_identification")).toBe("motor identification");
     expect(heading("motor_identification")).toBe("Motor identification");
     expect(heading("tracking")).toBe("Tracking");
@@ -199,7 +199,7 @@ describe("number", () => {
     expect(numberIn(text)).toBeNull();
   });
 
-  it("says what was not taken", () => {
+  it("states the text that is not a number", () => {
     expect(notANumber(" 5-3 ")).toBe("“5-3” is not a number");
     expect(notANumber(" ")).toBe("a number is required");
   });

@@ -1,9 +1,9 @@
 /** Formats numbers, times and names as text, and parses typed numbers. Pure. */
 
-/** Numbers and times as text of steady width. What is not there is not told here but by `Absent`, with the reason. Pure. */
+/** Formats numbers and times with constant width. `Absent` shows a missing value, with the reason. Pure. */
 
 export const MINUS = "−";
-/** What a number that is none is called; where it may be expected the reason is asked for before. */
+/** Text for a number that is not finite; callers that expect one show the reason instead. */
 const NO_NUMBER = "no value";
 export const NOT_MEASURED = "not measured";
 
@@ -14,21 +14,21 @@ export function fixed(value: number, decimals: number): string {
   return Number(text) === 0 ? text.replace("-", "") : text.replace("-", MINUS);
 }
 
-/** A share in %, with further decimals as long as less than the whole would read "100.0". */
+/** A share in %, with more decimals if a share below 100 would round to "100.0". */
 export function percent(value: number, decimals: number): string {
   let most = decimals;
   while (value < 100 && most < 12 && Number(value.toFixed(most)) >= 100) most += 1;
   return fixed(value, most);
 }
 
-/** Decimals that tell multiples of `step` exactly; below zero where it is a multiple of a power of ten. */
+/** Decimals that represent multiples of `step` exactly; negative if it is a multiple of a power of ten. */
 export function decimalsOf(step: number): number {
   const [digits, exponent] = step.toExponential(3).split("e") as [string, string];
   const behind = digits.replace(/\.?0+$/, "").split(".")[1]?.length ?? 0;
   return behind - Number(exponent);
 }
 
-/** A number with so many significant digits, without exponent where that stays short. */
+/** A number with this many significant digits, without exponent if that is short. */
 export function significant(value: number, digits: number): string {
   if (!Number.isFinite(value)) return NO_NUMBER;
   if (value === 0) return "0";
@@ -42,7 +42,7 @@ const SUPERSCRIPTS: Readonly<Record<string, string>> = {
   ...Object.fromEntries([..."⁰¹²³⁴⁵⁶⁷⁸⁹"].map((letter, digit) => [String(digit), letter])),
 };
 
-/** A number as the language writes it, with a true minus sign and its exponent as a power of ten: "3.3·10⁻⁷". */
+/** Formats JavaScript's notation with a true minus sign and the exponent as a power of ten: "3.3·10⁻⁷". */
 function withPower(text: string): string {
   const [number = "", exponent] = text.split("e");
   const plain = number.replace("-", MINUS);
@@ -54,8 +54,8 @@ function superscript(power: number): string {
 }
 
 /**
- * A value and its standard error to the place that the error tells: the error in two significant digits, the value to
- * the same place; with one power of ten for both where they are large or small. An error that is not known is left out.
+ * A value with its standard error: the error with two significant digits, the value to the same decimal place, and
+ * one power of ten for both if they are large or small. Without a valid error, only the value.
  */
 export function withError(value: number, error: number): string {
   if (!(error > 0) || !Number.isFinite(error) || !Number.isFinite(value)) return significant(value, 4);
@@ -71,24 +71,24 @@ export function withError(value: number, error: number): string {
   return `(${scaled(value)} ± ${scaled(error)})·10${superscript(size)}`;
 }
 
-/** A figure of a result; one that is not there was not measured, and the reason stands beside it. */
+/** A value of a result; null was not measured, and the reason is shown with it. */
 export function measured(value: number | null, digits: number): string {
   return value === null ? NOT_MEASURED : significant(value, digits);
 }
 
-/** A setting as somebody chose it: numbers to six digits, which nobody types by hand beyond. */
+/** A setting: numbers to six digits, the most that a person types. */
 export function settingValue(value: boolean | number | string): string {
   if (typeof value === "boolean") return value ? "yes" : "no";
   if (typeof value === "string") return value;
   return short(value, 6);
 }
 
-/** A number as short as it can be told to so many digits: 0.5, 8.25, 50. */
+/** A number with at most this many digits, as short as possible: 0.5, 8.25, 50. */
 export function short(value: number, digits = 4): string {
   return withPower(String(Number(value.toPrecision(digits))));
 }
 
-/** How many significant digits it takes, `least` or more, until different numbers read differently. */
+/** Number of significant digits, at least `least`, at which different numbers have different texts. */
 export function digitsApart(values: readonly number[], least = 4): number {
   const different = new Set(values).size;
   let digits = least;
@@ -96,13 +96,13 @@ export function digitsApart(values: readonly number[], least = 4): number {
   return digits;
 }
 
-/** How many it takes to tell a twentieth of the stretch of the values. */
+/** Number of digits that resolves a twentieth of the range of the values. */
 export function digitsOver(values: readonly number[], least = 4): number {
   const [low, high] = [Math.min(...values), Math.max(...values)];
   return values.length === 0 ? least : digitsApart([low, low + (high - low) / 20, high], least);
 }
 
-/** Rate of the loop, from Hz. */
+/** Rate of the control loop in kHz. */
 export function kilohertz(rate_Hz: number): string {
   return `${fixed(rate_Hz / 1000, 3)} kHz`;
 }
@@ -114,7 +114,7 @@ export function age(ms: number): string {
   return `${fixed(Math.floor(ms / 60_000), 0)} min`;
 }
 
-/** Length of a run. */
+/** Duration of a run. */
 export function duration(seconds: number): string {
   if (seconds < 60) return `${fixed(seconds, 1)} s`;
   const whole = Math.round(seconds);
@@ -124,7 +124,7 @@ export function duration(seconds: number): string {
   return `${Math.floor(minutes / 60)}:${String(minutes % 60).padStart(2, "0")}:${rest} h`;
 }
 
-/** A point on the time axis as m:ss, with as many decimals as the step between points needs. */
+/** A time on the axis as m:ss, with as many decimals as the step between points needs. */
 export function clockTime(seconds: number, step_s: number): string {
   const decimals = Math.min(6, Math.max(0, decimalsOf(step_s)));
   const sign = seconds < 0 ? MINUS : "";
@@ -135,7 +135,7 @@ export function clockTime(seconds: number, step_s: number): string {
   return `${sign}${minutes}:${rest.toFixed(decimals).padStart(width, "0")}`;
 }
 
-/** A moment as the time of day in the person's own zone, with as many decimals as the step between points needs. */
+/** Time of day in the person's time zone, with as many decimals as the step between points needs. */
 export function dayTime(epoch_s: number, step_s: number): string {
   const decimals = Math.min(3, Math.max(0, decimalsOf(step_s)));
   const when = new Date(Math.round(epoch_s * 10 ** decimals) * 10 ** (3 - decimals));
@@ -145,7 +145,7 @@ export function dayTime(epoch_s: number, step_s: number): string {
   return `${two(when.getHours())}:${two(when.getMinutes())}:${two(when.getSeconds())}${behind}`;
 }
 
-/** Date and time in the person's own zone, to the second. */
+/** Date and time in the person's time zone, to the second. */
 export function dateTime(iso: string): string {
   const when = new Date(iso);
   if (Number.isNaN(when.getTime())) return "unknown time";
@@ -154,47 +154,47 @@ export function dateTime(iso: string): string {
   return `${date} ${two(when.getHours())}:${two(when.getMinutes())}:${two(when.getSeconds())}`;
 }
 
-/** Hours and minutes of the day, with the date where that is another day than `now`. */
+/** Hours and minutes, with the date if it differs from that of `now`. */
 export function timeOfDay(iso: string, now = new Date()): string {
   const [date, time = ""] = dateTime(iso).split(" ");
   const today = dateTime(now.toISOString()).startsWith(`${date} `);
   return Number.isNaN(Date.parse(iso)) ? dateTime(iso) : `${today ? "" : `${date} `}${time.slice(0, 5)}`;
 }
 
-/** Date and time to the millisecond, for what happens within one second. */
+/** Date and time to the millisecond, for events within one second. */
 export function instant(iso: string): string {
   const when = new Date(iso);
   const ms = String(when.getMilliseconds()).padStart(3, "0");
   return Number.isNaN(when.getTime()) ? dateTime(iso) : `${dateTime(iso)}.${ms}`;
 }
 
-/** Bytes as people buy disks: 1 GB is 10⁹ bytes, as in the settings. */
+/** Bytes in decimal units, as the settings state them: 1 GB is 10⁹ bytes. */
 export function bytes(count: number | null): string {
   if (count === null) return "size unknown";
   const mega = count / 1e6;
   return mega < 1000 ? `${fixed(mega, 1)} MB` : `${fixed(mega / 1000, 1)} GB`;
 }
 
-/** What a person reads for a name of the service: kinds and ends of runs, phases, structures of models. Pure. */
+/** Texts for names of the service: kinds and ends of runs, phases, structures of models. Pure. */
 
 const COUNTS = ["", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine"];
 
-/** Such a name in a sentence: "motor identification". */
+/** A name within a sentence: "motor identification". */
 export function spacedName(name: string): string {
   return name.replaceAll("_", " ");
 }
 
-/** Such a name as a heading or in a cell of its own: "Motor identification". */
+/** A name as a heading or in a table cell: "Motor identification". */
 export function heading(name: string): string {
   return capital(spacedName(name));
 }
 
-/** Words as they stand, with a capital; a symbol in them keeps its index: "Tuning parameter λ_q". */
+/** The text with a capital first letter; symbols retain their index: "Tuning parameter λ_q". */
 export function capital(words: string): string {
   return words.charAt(0).toUpperCase() + words.slice(1);
 }
 
-/** A structure of a model by its name at the command line: "order:4", "lags4+delay". */
+/** Describes a model structure by its name on the command line: "order:4", "lags4+delay". */
 export function describeStructure(name: string): string {
   const [plain = "", ...more] = name.split("+");
   const [, kind = plain, count = ""] = /^(lags|order:)(\d)$/.exec(plain) ?? [];
@@ -207,19 +207,19 @@ export function describeStructure(name: string): string {
   return capital(more.length === 0 ? words : `${words}, dead time`);
 }
 
-/** What a person typed into a number box, as a number or not at all: nothing is dropped, nothing is guessed. Pure. */
+/** Parses a typed number strictly: the whole text must be a number. Pure. */
 
-/** With a decimal point or a decimal comma; there are no separators of thousands. */
+/** A number with a decimal point or a decimal comma, without thousands separators. */
 const NUMBER = /^[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?$/i;
 
-/** The number that the text is; null for anything else. */
+/** Number of a text; null if the text is not a number. */
 export function numberIn(text: string): number | null {
   const plain = text.trim().replaceAll("−", "-");
   const number = NUMBER.test(plain) ? Number(plain.replace(",", ".")) : Number.NaN;
   return Number.isFinite(number) ? number : null;
 }
 
-/** Why a text is not taken for a number. */
+/** Reason why a text is not a number. */
 export function notANumber(text: string): string {
   return text.trim() === "" ? "a number is required" : `“${text.trim()}” is not a number`;
 }

@@ -27,7 +27,7 @@ it.each(cases as unknown as readonly Case[])(
   },
 );
 
-it("has no value of an operation that it does not know", () => {
+it("returns NaN for an unknown operation", () => {
   const steps = [{ op: "cube", of: 1, value: 0, name: "" }];
   expect(
     valuesOf([{ op: "number", of: 0, value: 2, name: "" }, ...steps], 1, () => new Float64Array(1), LENGTHS),
@@ -50,7 +50,7 @@ function frame(firstTick: number, ...columns: number[][]): Frame {
   };
 }
 
-it("is in the live window from the samples held on, with each frame, and over its end in the circle", () => {
+it("is in the live window for stored samples, for each frame, and after the ring buffer wraps", () => {
   const window = new SampleWindow(["F_A", "F_B"], 32);
   window.append(frame(0, [1, 2, Number.NaN], [10, 20, 30]));
   window.derive([SUM]);
@@ -63,7 +63,7 @@ it("is in the live window from the samples held on, with each frame, and over it
   expect(window.at("F_sum", 42)).toBeNaN();
 });
 
-it("is known by name once the station's formulas are told", () => {
+it("is known by name once the station's formulas are set", () => {
   expect(derivedSignal("F_sum")).toBeUndefined();
   setDerived([SUM]);
   expect(derivedSignal("F_sum")?.unit).toBe("N");

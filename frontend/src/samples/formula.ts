@@ -1,11 +1,11 @@
 /**
- * Derived signals: the steps of a formula over signals, evaluated as `backend/recording/derived_signals.py` does, whose cases the
- * test shares. What has no finite value is NaN, and what is made of NaN is NaN: a gap stays a gap. Pure.
+ * Derived signals: evaluates the steps of a formula like `backend/recording/derived_signals.py`; the tests share its
+ * cases. A result that is not finite is NaN, and a NaN operand gives NaN, so gaps remain gaps. Pure.
  */
 
 export interface Step {
   readonly op: string;
-  /** How many of the last values it takes. */
+  /** Number of operands from the stack. */
   readonly of: number;
   readonly value: number;
   readonly name: string;
@@ -49,14 +49,14 @@ const OPERATIONS: Readonly<Record<string, Operation>> = {
   round: (a, digits = 0) => rounded(a as number, digits),
 };
 
-/** With the sign of the divisor. */
+/** Remainder with the sign of the divisor. */
 function remainder(a: number, b: number): number {
   if (b === 0) return Number.NaN;
   const left = a % b;
   return left !== 0 && left < 0 !== b < 0 ? left + b : left;
 }
 
-/** Halves go to the even neighbour. */
+/** Rounds half to even. */
 function rounded(a: number, digits: number): number {
   if (!Number.isInteger(digits) || Math.abs(digits) > MAX_DIGITS) return Number.NaN;
   const scale = 10 ** digits;
@@ -66,7 +66,7 @@ function rounded(a: number, digits: number): number {
   return (half > 0.5 || (half === 0.5 && down % 2 !== 0) ? down + 1 : down) / scale;
 }
 
-/** The values of a formula; `read` gives those of a signal, `lengths` are those of the geometry [m]. */
+/** Values of a formula; `read` returns those of a signal, `lengths` contains those of the geometry [m]. */
 export function valuesOf(
   steps: readonly Step[],
   count: number,
@@ -105,7 +105,7 @@ function result(op: string, taken: readonly Float64Array[], count: number): Floa
 
 let known: ReadonlyMap<string, DerivedSignal> = new Map();
 
-/** Tell which derived signals the station has. */
+/** Sets the derived signals of the station. */
 export function setDerived(signals: readonly DerivedSignal[]): void {
   known = new Map(signals.map((one) => [one.name, one]));
 }

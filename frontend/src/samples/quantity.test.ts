@@ -12,7 +12,7 @@ import {
   readingOf,
 } from "./quantity";
 
-/** Angles in degrees with up to six decimals, the same at each run. */
+/** Angles in degrees with up to six decimals, the same in each run. */
 function* someAngles(): Generator<number> {
   let state = 12345;
   for (let count = 0; count < 5000; count += 1) {
@@ -24,24 +24,24 @@ function* someAngles(): Generator<number> {
 const MARK = "\u202f";
 
 describe("a box", () => {
-  it("shows 1.0471975511965976 rad as 60 and sends it again", () => {
+  it("shows 1.0471975511965976 rad as 60 and sends the same value", () => {
     expect(boxText(1.0471975511965976, "rad", "deg")).toBe("60");
     expect(inSI("60", "rad", "deg")).toBe(1.0471975511965976);
     expect(boxText(1.0471975511965976, "rad", "rad")).toBe("1.0472");
   });
 
-  it("shows every angle again as it was typed", () => {
+  it("shows every angle as it was typed", () => {
     for (const typed of someAngles()) {
       const text = String(typed);
       const sent = inSI(text, "rad", "deg") as number;
-      // a turn of the circle is 2π: the same ratio, worked out another way
+      // One turn is 2π: the same ratio, computed differently.
       expect(sent / (2 * Math.PI)).toBeCloseTo(typed / 360, 14);
       if (text.length <= 9) expect(boxText(sent, "rad", "deg")).toBe(text);
       else expect(Number(boxText(sent, "rad", "deg"))).toBeCloseTo(typed, 2);
     }
   });
 
-  it("never shows more digits than a person reads, whatever the unit", () => {
+  it("limits the number of digits in every unit", () => {
     for (const angle of someAngles()) {
       for (const angles of ["deg", "rad"] satisfies AngleUnit[]) {
         const text = boxText(Math.sin(angle) * 100, "rad", angles);
@@ -50,7 +50,7 @@ describe("a box", () => {
     }
   });
 
-  it("takes what is no angle as it is", () => {
+  it("does not convert other quantities than angles", () => {
     expect(inSI("12.5", "N·m/rad", "deg")).toBe(12.5);
     expect(boxText(12.5, "N·m/rad", "deg")).toBe("12.5");
     expect(boxText(80, "", "deg")).toBe("80");
@@ -99,12 +99,12 @@ it.each([
   expect(offeredDefault(usual, { unit }, "rad")).toBe(usual);
 });
 
-it("offers a default as it is where few digits would leave its range", () => {
+it("does not round a default that rounding would move out of its range", () => {
   expect(offeredDefault(1, { unit: "rad", maximum: 1 }, "deg")).toBe(1);
   expect(offeredDefault("geometry", { unit: "" }, "deg")).toBe("geometry");
 });
 
-it("writes no number of a person with an exponent in letters", () => {
+it("writes exponents as powers of ten", () => {
   expect(formatWithUnit(3.357e-6, "V", "deg")).toBe("3.357 µV");
   expect(formatWithUnit(3.357e-9, "N·m/rad", "deg")).toBe("3.357·10⁻⁹ N·m/rad");
   expect(localizeText(`7.019e-05${MARK}N at 3e-06${MARK}V, 2e-09${MARK}N·m/rad`, "deg")).toBe(
@@ -114,7 +114,7 @@ it("writes no number of a person with an exponent in letters", () => {
   expect(boxText(3.3e-7, "V", "deg")).toBe("0.00000033");
 });
 
-it("tells a quantity with its unit", () => {
+it("formats a quantity with its unit", () => {
   expect(formatWithUnit(2.0943951023931953, "rad", "deg")).toBe("120°");
   expect(formatWithUnit(-2.0943951023931953, "rad", "rad")).toBe("−2.0944 rad");
   expect(formatWithUnit(0.5, "1", "deg")).toBe("0.5");
@@ -134,7 +134,7 @@ it.each([
   expect(localizeText(text.replaceAll("~", MARK), "rad")).toBe(text.replaceAll("~", " "));
 });
 
-it("leaves a person's text as it is, with the mark of a quantity in it too", () => {
+it("does not change a person's text, even if it contains the mark of a quantity", () => {
   for (const angles of ["deg", "rad"] as const) {
     expect(localizeText("keep it below 1 rad, 30 deg or 3e-6 V", angles)).toBe(
       "keep it below 1 rad, 30 deg or 3e-6 V",
@@ -145,7 +145,7 @@ it("leaves a person's text as it is, with the mark of a quantity in it too", () 
   }
 });
 
-it("reads a text in degrees in radians, where somebody changes the unit while it is shown", () => {
+it("converts a text in degrees to radians when a person changes the unit", () => {
   for (const unit of ["deg", "°"].map((one) => MARK + one)) {
     const text = `120${unit} is outside -100 to 100${unit}; phase margin 47°`;
     expect(localizeText(text, "rad")).toBe("2.094 rad is outside -1.745 to 1.745 rad; phase margin 47°");

@@ -1,14 +1,15 @@
 /**
- * The one place where a quantity is turned into what a person reads or types, and back. SI on the wire and in the
- * code; angles in the unit that the person chose. What is converted hangs on the unit alone: gains per radian
- * (N·m/rad, rad/(V·s)) stay as the paper has them. The service has the same rules in `backend/units.py`. Pure.
+ * Converts quantities between SI and the units that a person reads and types; no other module does this. The wire and
+ * the code use SI; angles have the unit that the person chose. Only the unit determines the conversion: gains per
+ * radian (N·m/rad, rad/(V·s)) retain the paper's unit. `backend/units.py` contains the same rules for the service.
+ * Pure.
  */
 
 import { fixed, MINUS, numberIn, short } from "./format";
 
 export type AngleUnit = "deg" | "rad";
 
-/** A unit as it is read, and the factor from SI to it. */
+/** Displayed unit, and the factor from SI to it. */
 interface Reading {
   readonly unit: string;
   readonly factor: number;
@@ -24,31 +25,31 @@ const IN_DEGREES: Readonly<Record<string, Reading>> = {
 };
 const WRITTEN: Readonly<Record<AngleUnit, string>> = { deg: "°", rad: " rad" };
 
-/** Digits that a typed number keeps on its way to SI and back; the doubles between hold fifteen. */
+/** Digits of a typed number that a conversion to SI and back preserves; doubles have fifteen. */
 const TYPED = 12;
-/** Most digits of a number that nobody typed. */
+/** Most digits of a computed number. */
 const READ = 6;
-/** Digits of a bound that is no whole number, and of an angle that a form offers: enough to choose by. */
+/** Digits of a bound that is not an integer, and of an angle that a form offers. */
 const BOUND = 3;
-/** A number that comes back with so few characters was typed, or might have been. */
+/** Longest text of a number that counts as typed. */
 const SHORT = 9;
 
 export function readingOf(unit: string, angles: AngleUnit): Reading {
   return (angles === "deg" ? IN_DEGREES[unit] : undefined) ?? { unit, factor: 1 };
 }
 
-/** A number with its unit as it is read: "60°", "12.5 N", "0.5" of what has no unit. */
+/** A number with its displayed unit: "60°", "12.5 N", "0.5" without a unit. */
 export function withUnit(number: string, unit: string): string {
   if (unit === "1" || unit === "") return number;
   return unit.startsWith("°") ? `${number}${unit}` : `${number} ${unit}`;
 }
 
-/** Units that take a prefix where a number is small. */
+/** Units that small numbers show with a prefix. */
 const PREFIXED: ReadonlySet<string> = new Set(["V", "N", "s", "m", "A"]);
 
 /**
- * How a quantity is read whose largest figure is `largest` in SI: as `readingOf`, and small volts, newtons, seconds,
- * metres and amperes with the prefix that makes them numbers from 1 on.
+ * Displayed unit of a quantity whose largest value is `largest` in SI: as `readingOf`, with a prefix for small volts,
+ * newtons, seconds, metres and amperes so that numbers are at least 1.
  */
 export function readingNear(largest: number, unit: string, angles: AngleUnit): Reading {
   const size = Math.abs(largest);
@@ -56,7 +57,7 @@ export function readingNear(largest: number, unit: string, angles: AngleUnit): R
   return size >= 1e-6 ? { unit: `µ${unit}`, factor: 1e6 } : { unit: `n${unit}`, factor: 1e9 };
 }
 
-/** A value in SI as it stands in a number box: as it was typed, or else to six digits. */
+/** A value in SI as text of a number box: as it was typed, otherwise with six digits. */
 export function boxText(value: number, unit: string, angles: AngleUnit): string {
   if (!(unit in IN_DEGREES)) return plain(value);
   const shown = value * readingOf(unit, angles).factor;
@@ -64,7 +65,7 @@ export function boxText(value: number, unit: string, angles: AngleUnit): string 
   return typed.length <= SHORT ? typed : String(Number(shown.toPrecision(READ)));
 }
 
-/** A number without exponent, as far as a person types zeros. */
+/** A number without exponent, unless it is extremely small. */
 function plain(value: number): string {
   const text = String(value);
   return text.includes("e-") && Math.abs(value) > 1e-12 ? value.toFixed(15).replace(/0+$/, "") : text;
@@ -77,8 +78,8 @@ interface Declared {
 }
 
 /**
- * The default of a setting as a form offers it: an angle in few digits of the unit in which it is read, since what is
- * shown is sent; as it is where that would leave its range, and where it is no angle.
+ * Default of a setting in a form: an angle is rounded to few digits of the displayed unit, because the form sends the
+ * number that it shows. Other values, and values that rounding moves out of the range, do not change.
  */
 export function offeredDefault<T>(
   value: T,
@@ -93,14 +94,14 @@ export function offeredDefault<T>(
   return inRange < (minimum ?? inRange) || inRange > (maximum ?? inRange) ? value : inRange;
 }
 
-/** The number that a text in a box is, in SI; null for what is no number. */
+/** Number of a box's text in SI; null if the text is not a number. */
 export function inSI(text: string, unit: string, angles: AngleUnit): number | null {
   const typed = numberIn(text);
   if (typed === null) return null;
   return toSI(typed, unit, angles);
 }
 
-/** A number as it is read, in SI. */
+/** Converts a displayed number to SI. */
 export function toSI(shown: number, unit: string, angles: AngleUnit): number {
   switch (readingOf(unit, angles).factor) {
     case 1:
@@ -112,19 +113,22 @@ export function toSI(shown: number, unit: string, angles: AngleUnit): number {
   }
 }
 
-/** A value in SI as a number to be read in a sentence, with its unit: "120°". */
+/** A value in SI as text with its unit: "120°". */
 export function formatWithUnit(value: number, unit: string, angles: AngleUnit): string {
   const reading = readingNear(value, unit, angles);
   return withUnit(short(value * reading.factor, READ), reading.unit);
 }
 
-/** A range in SI as a hint below a box: "−80.2 to 80.2"; the unit stands in the label. Who types an end is accepted. */
+/**
+ * A range in SI as a hint below a box: "−80.2 to 80.2"; the label contains the unit. Both bounds are accepted when
+ * typed.
+ */
 export function rangeText(minimum: number, maximum: number, unit: string, angles: AngleUnit): string {
   const { factor } = readingOf(unit, angles);
   return rangeOf(minimum * factor, maximum * factor);
 }
 
-/** The same of numbers as they are read, in as many digits as it takes to leave something between the ends. */
+/** A range of displayed numbers, with enough digits that the bounds differ. */
 export function rangeOf(low: number, high: number): string {
   for (let digits = BOUND; ; digits += 1) {
     const [from, to] = [bound(low, Math.ceil, digits), bound(high, Math.floor, digits)];
@@ -137,7 +141,7 @@ export function rangeWithUnit(minimum: number, maximum: number, unit: string, an
   return withUnit(rangeText(minimum, maximum, unit, angles), readingOf(unit, angles).unit);
 }
 
-/** A bound as `backend/errors.py` writes it: a whole number, or in few digits rounded towards the inside. */
+/** A bound formatted like `backend/errors.py`: an integer, or with few digits and rounded inwards. */
 function bound(shown: number, inwards: (value: number) => number, digits: number): number {
   const read = Number(shown.toPrecision(digits));
   if (Number.isInteger(shown) || Math.abs(read - shown) <= 1e-12 * Math.abs(shown)) {
@@ -147,12 +151,12 @@ function bound(shown: number, inwards: (value: number) => number, digits: number
   return Number((inwards(shown / place) * place).toPrecision(Math.max(digits, READ)));
 }
 
-/** What stands over a box, a column or an axis: with the unit, where there is one. */
+/** Label of a box, a column or an axis, with the unit if there is one. */
 export function labelWith(words: string, unit: string, angles: AngleUnit): string {
   return unit === "1" || unit === "" ? words : `${words} [${readingOf(unit, angles).unit}]`;
 }
 
-/** An angle in SI with so many decimals of a degree, and as finely in radians. */
+/** An angle in SI with a number of decimals for degrees, and with the same resolution in radians. */
 export function angleText(value: number, decimals: number, angles: AngleUnit): string {
   return fixed(value * readingOf("rad", angles).factor, decimals + (angles === "deg" ? 0 : FINER));
 }
@@ -162,12 +166,12 @@ export function angleWithUnit(value: number, decimals: number, angles: AngleUnit
   return `${angleText(value, decimals, angles)}${WRITTEN[angles]}`;
 }
 
-/** Further decimals that an angle needs in radians to be told as finely as in degrees. */
+/** Additional decimals with which radians have the resolution of degrees. */
 export const FINER = 2;
 
-/** Separates the number and the unit of a quantity that the service has written, as `plant/quantity.py`. */
+/** Separates number and unit of a quantity in a text of the service; see `plant/quantity.py`. */
 const UNIT_MARK = "\u202f";
-/** Follows a mark that a person has written: nothing converts it. */
+/** Follows a mark in a person's text, so that it is not converted. */
 const ESCAPE = "\u2060";
 
 const NUMBER = String.raw`[-+−]?(?:\d+\.?\d*|\.\d+)(?:e[-+−]?\d+)?`;
@@ -179,8 +183,9 @@ const QUANTITY = new RegExp(
 const ESCAPED = new RegExp(`${UNIT_MARK}(${ESCAPE}*)`, "g");
 
 /**
- * A text of the service (a mark, a fault, a refusal) with its marked quantities as one person reads them; everybody is
- * sent the same text. An angle keeps its number of digits, four at least. What a person has written stays as it is.
+ * Converts the marked quantities of a text of the service (a mark, a fault, a refusal) to the person's units;
+ * everyone receives the same text. An angle retains its number of digits, at least four. A person's text does not
+ * change.
  */
 export function localizeText(text: string, angles: AngleUnit): string {
   return text

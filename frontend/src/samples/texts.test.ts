@@ -1,7 +1,7 @@
 import { expect, it } from "vitest";
 import { countThings, fillText } from "./texts";
 
-it("fills each field once, and leaves what a person has written in it", () => {
+it("fills each field once, and does not change a person's text in it", () => {
   expect(fillText("Run {run} of {name}: {run}", { run: 12, name: "{run} by Ana" })).toBe(
     "Run 12 of {run} by Ana: 12",
   );
@@ -9,11 +9,11 @@ it("fills each field once, and leaves what a person has written in it", () => {
 });
 
 it("requires the fields of the text", () => {
-  // @ts-expect-error: the compiler refuses a field that is missing
+  // @ts-expect-error: the compiler refuses a missing field
   expect(fillText("Run {run}", {})).toBe("Run undefined");
 });
 
-it("counts in words", () => {
+it("adds the noun in singular or plural", () => {
   expect([0, 1, 2].map((count) => countThings(count, "entry", "entries"))).toEqual([
     "0 entries",
     "1 entry",

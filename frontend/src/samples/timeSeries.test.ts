@@ -5,7 +5,7 @@ const t = Float64Array.from([0.1, 0.101]);
 const unitOf = () => "rad";
 
 describe("toCsv", () => {
-  it("writes raw samples with units, and nothing where one is missing", () => {
+  it("writes raw samples with units, and an empty cell for a missing one", () => {
     const values = Float64Array.from([0.25, Number.NaN]);
     const table = {
       raw: true,

@@ -1,31 +1,31 @@
-/** Time ranges and tables of samples, as they are computed with and exported. Pure. */
+/** Time ranges and tables of samples, for computation and export. Pure. */
 
-/** A piece of the time axis [s]. */
+/** Time range [s]. */
 export interface TimeRange {
   readonly from_s: number;
   readonly to_s: number;
 }
 
-/** Samples of several signals over one stretch, as they are computed with and exported. Pure. */
+/** Samples of several signals over one time range. Pure. */
 
 export interface Column {
   readonly name: string;
-  /** SI; NaN where a sample is missing. Raw samples: both arrays are the same. */
+  /** SI; NaN for a missing sample. For raw samples both arrays are the same. */
   readonly minimum: Float64Array;
   readonly maximum: Float64Array;
 }
 
 export interface SampleTable {
-  /** Every sample of the stretch, not the extremes of buckets. */
+  /** True for every sample of the range; false for the extremes of buckets. */
   readonly raw: boolean;
-  /** Length of a row: the sampling period, or that of a bucket [s]. */
+  /** Duration of a row: the sampling period, or the length of a bucket [s]. */
   readonly width_s: number;
-  /** Begin of each row [s]. */
+  /** Start of each row [s]. */
   readonly t: Float64Array;
   readonly columns: readonly Column[];
 }
 
-/** The table as comma-separated values, SI, unit in each heading; an envelope has two columns per signal. */
+/** Returns the table as CSV in SI, with the unit in each heading; an envelope has two columns per signal. */
 export function toCsv(table: SampleTable, unitOf: (name: string) => string): string {
   const series: { title: string; values: Float64Array }[] = table.columns.flatMap(
     ({ name, minimum, maximum }) => {

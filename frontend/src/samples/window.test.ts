@@ -16,7 +16,7 @@ describe("window", () => {
   }
 
   describe("SampleWindow", () => {
-    it("keeps what fits and forgets the oldest", () => {
+    it("stores samples up to its capacity and drops the oldest", () => {
       const window = new SampleWindow(["q"], 64);
       for (let tick = 0; tick < 200; tick += 10) window.append(ramp(tick, 10));
       expect(window.endTick).toBe(200);
@@ -27,7 +27,7 @@ describe("window", () => {
       expect(window.length).toBeLessThanOrEqual(64);
     });
 
-    it("shows missed samples as a hole", () => {
+    it("shows missed samples as a gap", () => {
       const window = new SampleWindow(["q"], 64);
       window.append(ramp(0, 5));
       window.append(ramp(8, 2));
@@ -40,7 +40,7 @@ describe("window", () => {
       ]);
     });
 
-    it("takes history again after a reconnection without doubling it", () => {
+    it("accepts the history again after a reconnection without duplicates", () => {
       const window = new SampleWindow(["q"], 64);
       window.append(ramp(0, 30));
       window.append(frame(20, [-1, -2, -3]));
@@ -51,7 +51,7 @@ describe("window", () => {
       expect(window.at("q", 24)).toBe(24);
     });
 
-    it("starts anew when the loop did, and after a gap longer than itself", () => {
+    it("restarts after a restart of the loop, and after a gap longer than its capacity", () => {
       const window = new SampleWindow(["q"], 64);
       window.append(ramp(1000, 10));
       window.append(ramp(0, 4));
@@ -60,14 +60,14 @@ describe("window", () => {
       expect([window.startTick, window.endTick]).toEqual([5000, 5004]);
     });
 
-    it("takes a frame longer than itself", () => {
+    it("accepts a frame longer than its capacity", () => {
       const window = new SampleWindow(["q"], 64);
       window.append(ramp(0, 300));
       expect(window.newest("q")).toBe(299);
       expect(window.at("q", window.startTick)).toBe(window.startTick);
     });
 
-    it("knows no other signals and no capacity but a power of two", () => {
+    it("rejects unknown signals and capacities other than a power of two", () => {
       expect(new SampleWindow(["q"], 64).at("S", 0)).toBeNaN();
       expect(() => new SampleWindow(["q"], 100)).toThrow(/power of two/);
     });
@@ -96,7 +96,7 @@ describe("window.combined", () => {
     return window;
   }
 
-  /** Written out by hand. */
+  /** The expected sums, written as formulas. */
   function plainly(name: string, tick: number): number {
     const [q, q_ref, theta_A, theta_B] = at(tick) as [number, number, number, number];
     if (name === "x_A") return LENGTHS.r_m * theta_A - LENGTHS.r_j * q;
@@ -105,7 +105,7 @@ describe("window.combined", () => {
   }
 
   describe("signals that follow from columns", () => {
-    it("are there at every sample, and missing where a part of them is", () => {
+    it("have a value at every sample, unless a column has none", () => {
       const window = filled([
         [0, 333],
         [333, 41],
@@ -122,7 +122,7 @@ describe("window.combined", () => {
       }
     });
 
-    it("are the same whether the geometry was known before the samples or after them", () => {
+    it("are the same if the geometry arrives before or after the samples", () => {
       const late = filled([[0, 700]]);
       expect(late.at("x_A", 50)).toBeNaN();
       late.measure(LENGTHS);
@@ -134,7 +134,7 @@ describe("window.combined", () => {
       for (let tick = 0; tick < 700; tick++) expect(late.at("x_A", tick)).toBe(early.at("x_A", tick));
     });
 
-    it("are drawn with the extremes of the sums, after the window has gone round too", () => {
+    it("are drawn with the extremes of the sums, also after the ring buffer wraps", () => {
       const window = filled(
         Array.from({ length: 30 }, (_, n) => [n * 33, 33] as const),
         512,
@@ -154,7 +154,7 @@ describe("window.combined", () => {
       }
     });
 
-    it("are left out where a column is not streamed", () => {
+    it("are omitted if a column is not streamed", () => {
       expect([...new SampleWindow(["q"], 64).columns.keys()]).toEqual(["q"]);
     });
   });

@@ -1,8 +1,8 @@
 /**
- * The last two minutes of every signal, in typed arrays that are written in a circle.
+ * Ring buffer with the last two minutes of every signal, in typed arrays.
  *
- * Slots are addressed by tick, so a missed stretch stays a hole (NaN) and no index ever has to be shifted. Beside the
- * samples each block of 16 ticks keeps its minimum and maximum, which makes drawing a long stretch cheap.
+ * The tick addresses the slot, so missed samples remain a gap (NaN) and no index is shifted. Each block of 16 ticks
+ * also has its minimum and maximum, which makes drawing of long time ranges fast.
  */
 
 import type { Frame } from "../wire/liveMessages";
@@ -10,7 +10,7 @@ import { COMBINED } from "../wire/sample.gen";
 import { type DerivedSignal, valuesOf } from "./formula";
 
 export const BLOCK_TICKS = 16;
-/** A power of two above 120 s at 1 kHz. */
+/** Power of two above 120 s at 1 kHz. */
 const CAPACITY_TICKS = 1 << 17;
 
 export interface Column {
@@ -19,18 +19,18 @@ export interface Column {
   readonly maxima: Float32Array;
 }
 
-/** Lengths of the joint's geometry [m]; what needs one that is not known is NaN. */
+/** Lengths of the joint's geometry [m]; NaN while unknown. */
 interface Lengths {
   readonly r_m: number;
   readonly r_j: number;
 }
 
-/** So many ticks of derived signals are computed at once. */
+/** Number of ticks for which derived signals are computed at once. */
 const AT_ONCE = 4096;
 
 const UNKNOWN: Lengths = { r_m: Number.NaN, r_j: Number.NaN };
 
-/** A signal that follows from two others: of each what it is times, and its samples. */
+/** Signal that is the sum of two columns, each with a sign and a length as factors. */
 interface Sum {
   readonly column: Column;
   readonly terms: readonly {
@@ -42,12 +42,12 @@ interface Sum {
 
 export class SampleWindow {
   readonly capacity: number;
-  /** What frames bring, in their order. */
+  /** Columns of the frames, in their order. */
   readonly names: readonly string[];
   columns: ReadonlyMap<string, Column>;
-  /** First tick held. */
+  /** First stored tick. */
   startTick = 0;
-  /** One past the newest tick held. */
+  /** One past the newest stored tick. */
   endTick = 0;
 
   private readonly ordered: readonly Column[];
@@ -76,7 +76,7 @@ export class SampleWindow {
     this.columns = this.plain;
   }
 
-  /** Tell the geometry; what is held of signals that follow from it is made anew. */
+  /** Sets the geometry and recomputes the signals that depend on it. */
   measure({ r_m, r_j }: Lengths): void {
     if (r_m === this.lengths.r_m && r_j === this.lengths.r_j) return;
     this.lengths = { r_m, r_j };
@@ -84,7 +84,7 @@ export class SampleWindow {
     this.compute(this.startTick);
   }
 
-  /** Hold these derived signals besides, from what is held on. */
+  /** Sets the derived signals and computes them for the stored samples. */
   derive(signals: readonly DerivedSignal[]): void {
     this.derived = signals.map((signal) => ({ signal, column: emptyColumn(this.capacity) }));
     this.columns = new Map([
@@ -94,14 +94,14 @@ export class SampleWindow {
     this.compute(this.startTick);
   }
 
-  /** Number of ticks between start and end, holes included. */
+  /** Number of ticks between start and end, gaps included. */
   get length(): number {
     return this.endTick - this.startTick;
   }
 
   /**
-   * Take a frame in. A frame that lies behind the newest tick replaces what was there (the service sends its history
-   * again after a reconnection); one before the whole window starts it anew (the loop was restarted).
+   * Adds a frame. A frame before the newest tick replaces the samples there (the service sends its history again
+   * after a reconnection); a frame before the start of the window clears it (the control loop restarted).
    */
   append(frame: Frame): void {
     if (frame.count === 0) return;
@@ -126,24 +126,24 @@ export class SampleWindow {
     this.compute(Math.max(holeFrom, this.startTick));
   }
 
-  /** Value of a signal at a tick, NaN where there is none. */
+  /** Value of a signal at a tick; NaN without a sample. */
   at(name: string, tick: number): number {
     const column = this.columns.get(name);
     if (column === undefined || tick < this.startTick || tick >= this.endTick) return Number.NaN;
     return column.samples[tick & (this.capacity - 1)] as number;
   }
 
-  /** Copy the samples of a signal from `tick` on into `out`; NaN where there are none. */
+  /** Copies the samples of a signal from `tick` on into `out`; NaN without samples. */
   copyTo(name: string, tick: number, out: Float64Array): void {
     const samples = this.columns.get(name)?.samples;
     for (let row = 0; row < out.length; row++) {
-      const wanted = tick + row;
-      const held = samples !== undefined && wanted >= this.startTick && wanted < this.endTick;
-      out[row] = held ? (samples[wanted & (this.capacity - 1)] as number) : Number.NaN;
+      const source = tick + row;
+      const isStored = samples !== undefined && source >= this.startTick && source < this.endTick;
+      out[row] = isStored ? (samples[source & (this.capacity - 1)] as number) : Number.NaN;
     }
   }
 
-  /** Newest value of a signal, NaN before the first frame. */
+  /** Newest value of a signal; NaN before the first frame. */
   newest(name: string): number {
     return this.at(name, this.endTick - 1);
   }
@@ -187,11 +187,11 @@ export class SampleWindow {
   }
 
   private copy(samples: Float32Array, values: Float32Array, firstTick: number): void {
-    const kept = values.length > this.capacity ? values.subarray(values.length - this.capacity) : values;
-    const slot = (firstTick + values.length - kept.length) & (this.capacity - 1);
-    const head = Math.min(kept.length, this.capacity - slot);
-    samples.set(kept.subarray(0, head), slot);
-    samples.set(kept.subarray(head), 0);
+    const tail = values.length > this.capacity ? values.subarray(values.length - this.capacity) : values;
+    const slot = (firstTick + values.length - tail.length) & (this.capacity - 1);
+    const head = Math.min(tail.length, this.capacity - slot);
+    samples.set(tail.subarray(0, head), slot);
+    samples.set(tail.subarray(head), 0);
   }
 
   private summarize(column: Column, fromTick: number): void {

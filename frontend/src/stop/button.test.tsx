@@ -1,4 +1,4 @@
-/** STOP in a page without any application: its button, its keys and its notice. */
+/** STOP without the application: its button, its keys and its notice. */
 import { beforeEach, expect, it, vi } from "vitest";
 
 const fetched = vi.fn<(request: Request) => Promise<Response>>();
@@ -28,7 +28,7 @@ beforeEach(() => {
   fetched.mockReset().mockImplementation(proof);
 });
 
-it("stops when the button goes down, once for press and release together", async () => {
+it("sends one stop per press, when the pointer goes down", async () => {
   pressPointer();
   button().dispatchEvent(new MouseEvent("click", { detail: 1 }));
   await becomes("confirmed");
@@ -44,7 +44,7 @@ it("stops by keyboard on the button", async () => {
   expect(fetched).toHaveBeenCalledTimes(1);
 });
 
-it("stops by Ctrl+Shift+E inside a text field, once however long the keys are held", async () => {
+it("stops on Ctrl+Shift+E inside a text field, once while the keys are held", async () => {
   const field = document.createElement("input");
   document.body.append(field);
   pressKeys(field);
@@ -53,7 +53,7 @@ it("stops by Ctrl+Shift+E inside a text field, once however long the keys are he
   expect(fetched).toHaveBeenCalledTimes(1);
 });
 
-it("says that it could not confirm, and still lets STOP be pressed again", async () => {
+it("shows that the stop is not confirmed, and accepts another press", async () => {
   fetched.mockRejectedValue(new TypeError("no network"));
   pressPointer();
   await becomes("unconfirmed");
@@ -66,14 +66,17 @@ it("says that it could not confirm, and still lets STOP be pressed again", async
   await becomes("confirmed");
 });
 
-it.each(["", "{", "null", "{}"])("asks again for an answer without a proof: %j", async (body) => {
-  fetched.mockImplementationOnce(async () => new Response(body, { status: 200 }));
-  pressPointer();
-  await becomes("confirmed");
-  expect(fetched).toHaveBeenCalledTimes(2);
-});
+it.each(["", "{", "null", "{}"])(
+  "sends the stop again after a response without a proof: %j",
+  async (body) => {
+    fetched.mockImplementationOnce(async () => new Response(body, { status: 200 }));
+    pressPointer();
+    await becomes("confirmed");
+    expect(fetched).toHaveBeenCalledTimes(2);
+  },
+);
 
-it("gives the service's reason for a refusal", async () => {
+it("shows the service's reason for a refusal", async () => {
   const refusal = { error: { message: "Not signed in." } };
   fetched.mockImplementation(async () => new Response(JSON.stringify(refusal), { status: 401 }));
   pressPointer();
@@ -81,7 +84,7 @@ it("gives the service's reason for a refusal", async () => {
   expect(stopState()).toEqual({ ...LOST, reason: "Not signed in." });
 });
 
-it("shows a proof itself where no part of the application does", async () => {
+it("shows the proof while no component of the application shows it", async () => {
   pressPointer();
   await becomes("confirmed");
   expect(notice().textContent).toBe("Zero volts in 1 control step · 1.00 ms (tick 1001)");
@@ -91,7 +94,7 @@ it("shows a proof itself where no part of the application does", async () => {
   expect(notice().textContent).toContain("(tick 1001)");
 });
 
-it("shows that nothing was confirmed whatever the application shows, until the motors rest", async () => {
+it("shows an unconfirmed stop whatever the application shows, until the motors are off", async () => {
   const release = showElsewhere();
   fetched.mockRejectedValue(new TypeError("no network"));
   pressPointer();
@@ -105,17 +108,17 @@ it("shows that nothing was confirmed whatever the application shows, until the m
   release();
 });
 
-it("says of itself what it does to a recording, where one is played", () => {
-  const told = { mode: "off", tick: 5, stop_proof: null } as const;
+it("states in its title that it pauses a recording during replay", () => {
+  const state = { mode: "off", tick: 5, stop_proof: null } as const;
   const link = { alive: true, silent_s: 0, starts: 1, restarting: "", restarting_s: 0 };
-  const where = { title: "run 12", t: 1, tick: 5, duration_s: 2, playing: true, ended: false };
-  observeState({ ...told, link, player: { ...where, speed: 1, speed_min: 0.25, speed_max: 4 } });
+  const position = { title: "run 12", t: 1, tick: 5, duration_s: 2, playing: true, ended: false };
+  observeState({ ...state, link, player: { ...position, speed: 1, speed_min: 0.25, speed_max: 4 } });
   expect(button().title).toMatch(/^Pauses playback/);
-  observeState({ ...told, link, player: null });
+  observeState({ ...state, link, player: null });
   expect(button().title).toBe(TEXTS.stops);
 });
 
-it("says what is so after a translation took the place of its text", async () => {
+it("shows the current state after a translation has replaced its text", async () => {
   fetched.mockRejectedValue(new TypeError("no network"));
   pressPointer();
   await becomes("unconfirmed");

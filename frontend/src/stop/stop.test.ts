@@ -8,13 +8,13 @@ describe("sendStop", () => {
     expect(await sendStop(async () => PROOF)).toEqual({ kind: "confirmed", proof: PROOF });
   });
 
-  it("tries again when no answer comes", async () => {
+  it("retries when no response arrives", async () => {
     const post = vi.fn().mockRejectedValueOnce(new Error("no answer")).mockResolvedValue(PROOF);
     expect(await sendStop(post)).toEqual({ kind: "confirmed", proof: PROOF });
     expect(post).toHaveBeenCalledTimes(2);
   });
 
-  it("says that it could not confirm, and why", async () => {
+  it("returns that the stop is not confirmed, with the reason", async () => {
     const post = vi.fn().mockRejectedValue(new Error("The service cannot be reached."));
     expect(await sendStop(post)).toEqual({ kind: "unconfirmed", reason: "The service cannot be reached." });
     expect(post).toHaveBeenCalledTimes(3);
@@ -29,7 +29,7 @@ describe("isStopKey", () => {
     expect(isStopKey({ ...key, metaKey: true, shiftKey: true })).toBe(true);
   });
 
-  it("is nothing less", () => {
+  it("is no other combination", () => {
     expect(isStopKey({ ...key, ctrlKey: true })).toBe(false);
     expect(isStopKey({ ...key, shiftKey: true })).toBe(false);
     expect(isStopKey({ ...key, ctrlKey: true, shiftKey: true, code: "KeyR" })).toBe(false);

@@ -1,9 +1,9 @@
 /**
- * STOP by itself: its button, its keys, its request and the result of a press, in plain DOM.
+ * STOP: its button, its keys, its request and the result of a press, in plain DOM.
  *
- * The page loads this file apart from the application and before it, so that STOP works where the application does not:
- * a bundle that fails to load, a component that throws, text that a translation replaced, storage that is blocked. It
- * imports nothing at run time but its texts, which the build puts into the same file, and touches neither storage nor
+ * The page loads this file separately from the application and before it, so that STOP works when the application
+ * does not: a bundle fails to load, a component throws, a translation replaced texts, or storage is blocked. At run
+ * time the file imports only its texts, which the build includes in the same file, and accesses neither storage nor
  * cookies.
  */
 
@@ -19,7 +19,7 @@ export type StopState =
 const ATTEMPTS = 3;
 const ANSWER_WITHIN_MS = 1500;
 
-/** Colours of the theme, or their like where its style sheet is missing. */
+/** Colours of the theme, or similar ones if its style sheet is missing. */
 const STYLE = `
 .sinew-stop {
   position: fixed; top: 7px; right: 12px; z-index: 400; box-sizing: border-box; display: inline-flex;
@@ -46,23 +46,23 @@ const STYLE = `
 
 let state: StopState = { kind: "idle" };
 let presses = 0;
-let pages = 0;
+let displays = 0;
 const listeners = new Set<() => void>();
-/** Null where there is no page: in tests that only compute. */
-const shown = globalThis.document === undefined ? null : install();
+/** Null without a DOM, in tests of pure functions. */
+const elements = globalThis.document === undefined ? null : install();
 
-/** What became of the last press. */
+/** Returns the result of the last press. */
 export function stopState(): StopState {
   return state;
 }
 
-/** Call `listener` with each change of the state; returns how to end that. */
+/** Calls `listener` on each change of the state; returns a function that unsubscribes. */
 export function listenToStop(listener: () => void): () => void {
   listeners.add(listener);
   return () => void listeners.delete(listener);
 }
 
-/** Stop. Each press is a request of its own; the page shows the result of the last one. */
+/** Sends a stop. Each press is a separate request; the page shows the result of the last one. */
 export function pressStop(): void {
   presses += 1;
   const number = presses;
@@ -72,23 +72,23 @@ export function pressStop(): void {
   });
 }
 
-/** Take in a state of the service: from here on the service's word counts. */
-export function observeState(told: Parameters<typeof settled>[1] & Partial<Pick<State, "player">>): void {
-  if (shown !== null) shown.button.title = told.player ? TEXTS.pauses : TEXTS.stops;
-  change(settled(state, told));
+/** Compares a state of the service with the last press: from then on the service's state counts. */
+export function observeState(observed: Parameters<typeof settled>[1] & Partial<Pick<State, "player">>): void {
+  if (elements !== null) elements.button.title = observed.player ? TEXTS.pauses : TEXTS.stops;
+  change(settled(state, observed));
 }
 
-/** A part of the application shows that STOP was sent and confirmed, until the call that this returns. */
+/** Registers a component that shows sent and confirmed stops; returns a function that removes it. */
 export function showElsewhere(): () => void {
-  pages += 1;
+  displays += 1;
   draw();
   return () => {
-    pages -= 1;
+    displays -= 1;
     draw();
   };
 }
 
-/** Listen for the keys in a window of this page; returns how to end that. */
+/** Listens for the keys in a window of this page; returns a function that stops listening. */
 export function watchKeys(target: Window): () => void {
   const onKey = (event: KeyboardEvent) => {
     if (!isStopKey(event)) return;
@@ -101,8 +101,8 @@ export function watchKeys(target: Window): () => void {
 }
 
 /**
- * Ask for the stop until it is confirmed, at most three times. A refusal and a silent network end alike: not confirmed,
- * with the last reason.
+ * Requests the stop until it is confirmed, at most three times. A refusal and a missing response have the same
+ * result: unconfirmed, with the last reason.
  */
 export async function sendStop(send: () => Promise<StopProof>): Promise<StopState> {
   let reason = "";
@@ -117,27 +117,27 @@ export async function sendStop(send: () => Promise<StopProof>): Promise<StopStat
 }
 
 /**
- * What is left to say of a press once `told` came in after it. A stop that took place belongs to the service, which has
- * its proof until the reset; one that was not confirmed is over when the loop itself says that the motors rest.
+ * Returns the state of STOP after a later state of the service. The service shows a confirmed stop itself, with its
+ * proof until the reset; an unconfirmed one ends when the control loop reports that the motors are off.
  */
 export function settled(
   stop: StopState,
-  told: Pick<State, "mode" | "tick" | "stop_proof" | "link">,
+  observed: Pick<State, "mode" | "tick" | "stop_proof" | "link">,
 ): StopState {
-  const isResting = told.link.alive && (told.mode === "tripped" || told.mode === "off");
+  const isResting = observed.link.alive && (observed.mode === "tripped" || observed.mode === "off");
   const isOver =
     stop.kind === "confirmed"
-      ? told.stop_proof?.arrived_tick === stop.proof.arrived_tick || told.tick >= stop.proof.zero_tick
+      ? observed.stop_proof?.arrived_tick === stop.proof.arrived_tick || observed.tick >= stop.proof.zero_tick
       : stop.kind === "unconfirmed" && isResting;
   return isOver ? { kind: "idle" } : stop;
 }
 
-/** True for the one key combination that stops. */
+/** Whether a key event is the combination that stops. */
 export function isStopKey(event: Pick<KeyboardEvent, "ctrlKey" | "metaKey" | "shiftKey" | "code">): boolean {
   return (event.ctrlKey || event.metaKey) && event.shiftKey && event.code === "KeyE";
 }
 
-/** The sentence of a state of STOP; the instruction of one that was not confirmed comes before its reason. */
+/** Text of a state of STOP; for an unconfirmed one the instruction precedes the reason. */
 export function describeStop(stop: StopState): string {
   switch (stop.kind) {
     case "idle":
@@ -151,11 +151,11 @@ export function describeStop(stop: StopState): string {
   }
 }
 
-/** A text with its fields filled in; `fillText` is outside of this file. */
+/** Inserts fields into a text; this file does not import `fillText`. */
 function filled(text: string, fields: Readonly<Record<string, string | number>>): string {
   return text.replace(/\{(\w+)\}/g, (_, name: string) => String(fields[name]));
 }
-/** The sentence of the proof that a stop took place. */
+/** Text of the proof that a stop took place. */
 export function describeProof(proof: StopProof): string {
   if (proof.paused_recording) return filled(TEXTS.paused, { tick: proof.zero_tick });
   const steps = proof.zero_tick - proof.arrived_tick;
@@ -178,7 +178,7 @@ async function post(): Promise<StopProof> {
   const answer = await response.json().catch(() => null);
   if (!response.ok)
     throw new Error(answer?.error?.message ?? filled(TEXTS.refused, { status: response.status }));
-  // cut off on its way, or of a proxy: no proof, so the stop is asked for again
+  // A truncated response, or one of a proxy, contains no proof: the stop is sent again.
   if (typeof answer?.zero_tick !== "number") throw new Error(TEXTS.noProof);
   return answer;
 }
@@ -191,12 +191,12 @@ function change(next: StopState): void {
 }
 
 function draw(): void {
-  if (shown === null) return;
-  const { button, notice } = shown;
+  if (elements === null) return;
+  const { button, notice } = elements;
   button.dataset.sending = String(state.kind === "sending");
   notice.dataset.kind = state.kind;
-  // with its text alone: whatever took the place of its text before, it is gone
-  notice.textContent = state.kind === "unconfirmed" || pages === 0 ? describeStop(state) : "";
+  // Sets the whole text: this also replaces what a translation inserted.
+  notice.textContent = state.kind === "unconfirmed" || displays === 0 ? describeStop(state) : "";
 }
 
 function install(): { button: HTMLButtonElement; notice: HTMLElement } {
@@ -214,7 +214,7 @@ function install(): { button: HTMLButtonElement; notice: HTMLElement } {
     if (event.button === 0) pressStop();
   });
   button.addEventListener("click", (event) => {
-    // detail 0: pressed by the keyboard or an assistive device, which sends no pointer event
+    // detail 0: the keyboard or an assistive device pressed the button and sent no pointer event
     if (event.detail === 0) pressStop();
   });
   notice.className = "sinew-stop-notice";

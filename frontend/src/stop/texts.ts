@@ -1,4 +1,4 @@
-/** Texts of STOP, which are part of its own file. */
+/** Texts of STOP, which the build includes in its file. */
 export const TEXTS = {
   stop: "STOP",
   stops: "Hard stop: zero volts immediately, latched (Ctrl/Cmd+Shift+E)",

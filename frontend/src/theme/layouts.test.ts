@@ -38,9 +38,9 @@ const done = (edited: ChartLayout | string) => {
   return edited;
 };
 
-describe("what comes with the page", () => {
+describe("built-in layouts", () => {
   it.each(READY.map((layout) => [layout.name, layout] as const))(
-    "%s is what the service would keep",
+    "%s satisfies the rules of the service",
     (_, layout) => {
       expect(layout.panels.length).toBeLessThanOrEqual(MOST.panels);
       expect(new Set(layout.panels.map(({ title }) => title)).size).toBe(layout.panels.length);
@@ -54,7 +54,7 @@ describe("what comes with the page", () => {
     },
   );
 
-  it("has the standard charts as they were", () => {
+  it("contains the standard charts", () => {
     expect(PANELS.map(({ title, unit, decimals }) => [title, unit, decimals])).toEqual([
       ["Joint position", "rad", 4],
       ["Joint stiffness", "N·m/rad", 3],
@@ -69,14 +69,14 @@ describe("what comes with the page", () => {
     ]);
     expect(PANELS[4]?.traces.map(({ dashed }) => dashed)).toEqual([true, false]);
     const stiffness = PANELS[1]?.traces.map(({ name, dashed, broad }) => [name, dashed, broad]);
-    expect(stiffness, "a reference is seen beside the signal that lies on it").toEqual([
+    expect(stiffness, "a reference is visible next to the signal that covers it").toEqual([
       ["S_ref", true, true],
       ["S", false, undefined],
     ]);
   });
 });
 
-it("can draw every signal, each in a unit of its own choosing by itself", () => {
+it("can draw every signal in a panel of its own", () => {
   for (const { name, unit } of DRAWN) {
     const panel = panelOf({ title: name, signals: [name], over: null, share: 1 });
     expect(panel?.traces[0]?.hue).toMatch(/^#[0-9A-F]{6}$/);
@@ -93,7 +93,7 @@ it("reads an error and the axis below it in degrees", () => {
   expect(read.factor).toBeCloseTo(180 / Math.PI, 12);
 });
 
-it("gives an error the colour of its signal, and tells two errors apart by their line", () => {
+it("gives an error the colour of its signal, and two errors different lines", () => {
   expect(signalOf("S - S_ref_gov")).toBe("S");
   const both = ["q - q_ref", "q - q_ref_gov"];
   expect(both.map((name) => traceFor(name, both)).map(({ hue, dashed }) => [hue, dashed])).toEqual([
@@ -102,14 +102,14 @@ it("gives an error the colour of its signal, and tells two errors apart by their
   ]);
 });
 
-it("leaves out what it does not know, as what a later version has kept", () => {
+it("omits unknown signals, such as those stored by a later version", () => {
   const strange = { title: "x", signals: ["q_new", "q"], over: null, share: 1 };
   expect(panelOf(strange)?.traces.map(({ name }) => name)).toEqual(["q"]);
   expect(panelOf({ ...strange, over: "q_new" })).toBeNull();
 });
 
 describe("editing", () => {
-  it("refuses a second unit in one panel, and says which two they are", () => {
+  it("refuses a second unit in one panel, and states both units", () => {
     expect(withSignal(MINE, 0, "S")).toBe(
       fillText(TEXTS.oneUnit, { signal: "S", unit: "N·m/rad", title: "A", shown: "rad" }),
     );
@@ -117,7 +117,7 @@ describe("editing", () => {
     expect(withSignal(MINE, 0, "q")).toBe(fillText(TEXTS.signalShown, { title: "A", signal: "q" }));
   });
 
-  it("keeps one panel over time, and one signal in each panel", () => {
+  it("requires one panel over time, and one signal in each panel", () => {
     const two = done(withoutPanel(MINE, 0));
     expect(withoutPanel(two, 1)).toBe(TEXTS.timeNeeded);
     expect(withOver(two, 1, "x_A")).toBe(TEXTS.timeNeeded);
@@ -131,13 +131,13 @@ describe("editing", () => {
     expect(moved(MINE, 1, 1)).toBe(MINE);
   });
 
-  it("keeps heights within their bounds", () => {
+  it("limits heights to their bounds", () => {
     expect(done(resized(MINE, 2, 1)).panels[2]?.share).toBe(4);
     expect(done(resized(MINE, 0, -3)).panels[0]?.share).toBe(0.5);
     expect(done(resized(MINE, 0, 1)).panels[0]?.share).toBe(1.5);
   });
 
-  it("gives a new panel a title that is free", () => {
+  it("gives a new panel an unused title", () => {
     const once = done(withPanel(STANDARD, "q"));
     const { title } = once.panels.at(-1) as { title: string };
     const twice = done(withPanel(once, "q"));

@@ -1,4 +1,4 @@
-/** Layouts of the charts: those that come with the page, and the changes of a person's own ones. Pure. */
+/** Layouts of the charts: built-in ones, and edits of a person's own ones. Pure. */
 
 import { capital } from "../samples/format";
 import { type AngleUnit, FINER, readingOf } from "../samples/quantity";
@@ -30,7 +30,7 @@ export const STANDARD = layout(
   TOUCH_PANEL,
 );
 
-/** What comes with the page. */
+/** Built-in layouts. */
 export const READY: readonly ChartLayout[] = [
   STANDARD,
   layout(
@@ -65,12 +65,12 @@ export const READY: readonly ChartLayout[] = [
   ),
 ];
 
-/** Bounds that the service has too. */
+/** Bounds that the service checks too. */
 export const MOST = { layouts: 20, panels: 12, signals: 8, title: 40, share: 4 } as const;
 export const LEAST_SHARE = 0.5;
 const LONGEST_MEANING = 32;
 
-/** The panel in SI, as it is drawn; null where nothing of it is known, as after another version has kept it. */
+/** Panel to draw, in SI; null if it has no known signal, for instance one stored by another version. */
 export function panelOf({ title, signals, over, share }: ChartPanel): Panel | null {
   const known = signals.filter(isDrawn);
   if (known.length === 0 || (over !== null && !isDrawn(over))) return null;
@@ -79,12 +79,12 @@ export function panelOf({ title, signals, over, share }: ChartPanel): Panel | nu
   return { title, ...scaleOf(known), traces, ...other, ...(share === 1 ? {} : { share }) };
 }
 
-/** The panels of a layout that have something to draw. */
+/** Panels of a layout that contain known signals. */
 export function panelsOf({ panels }: ChartLayout): Panel[] {
   return panels.map(panelOf).filter((one) => one !== null);
 }
 
-/** An axis in SI in the unit in which a person reads it; an angle of two decimals in degrees has four in radians. */
+/** Converts an axis from SI to the person's unit; an angle has two more decimals in radians than in degrees. */
 function scaleIn<S extends Scale>(scale: S, angles: AngleUnit): S {
   const { unit, factor } = readingOf(scale.unit, angles);
   if (factor === 1) return scale;
@@ -92,24 +92,24 @@ function scaleIn<S extends Scale>(scale: S, angles: AngleUnit): S {
 }
 
 export function readIn(panel: Panel, angles: AngleUnit): Panel {
-  const read = scaleIn(panel, angles);
-  return panel.over === undefined ? read : { ...read, over: scaleIn(panel.over, angles) };
+  const converted = scaleIn(panel, angles);
+  return panel.over === undefined ? converted : { ...converted, over: scaleIn(panel.over, angles) };
 }
 
-/** Why a signal cannot stand in this panel; null where it can. */
-function whyNotIn({ title, signals }: ChartPanel, name: string): string | null {
+/** Reason why a panel cannot contain a signal; null if it can. */
+function reasonAgainst({ title, signals }: ChartPanel, name: string): string | null {
   const [first] = signals;
   if (first === undefined || unitOf(first) === unitOf(name)) return null;
   return fillText(TEXTS.oneUnit, { signal: name, unit: unitOf(name), title, shown: unitOf(first) });
 }
 
-/** A title for a panel of this signal: what it means, as far as its first comma, where that is short. */
+/** Title for a panel of a signal: its meaning up to the first comma if that is short, otherwise its name. */
 export function titleFor(name: string, taken: readonly string[]): string {
   const meaning = capital(meaningOf(name).split(/[,:]/)[0] ?? "");
   return unused(meaning !== "" && meaning.length <= LONGEST_MEANING ? meaning : name, taken);
 }
 
-/** The name with a number behind it where it is taken. */
+/** Returns the name, with a number appended if it is taken. */
 export function unused(name: string, taken: readonly string[]): string {
   const short = name.slice(0, MOST.title - 3).trim();
   let wanted = short;
@@ -120,7 +120,7 @@ export function unused(name: string, taken: readonly string[]): string {
 export const PANELS = panelsOf(STANDARD);
 export const [POSITION, STIFFNESS, FORCE, VOLTAGE] = PANELS as [Panel, Panel, Panel, Panel, Panel];
 
-/** Changes of a layout: each gives the layout that it leads to, or in words why there is none. Pure. */
+/** Edits of a layout: each returns the edited layout, or the reason why it is refused. Pure. */
 
 export type Edited = ChartLayout | string;
 
@@ -139,7 +139,7 @@ export function withSignal(layout: ChartLayout, place: number, name: string): Ed
   const panel = layout.panels[place] as ChartPanel;
   if (panel.signals.includes(name)) return fillText(TEXTS.signalShown, { title: panel.title, signal: name });
   if (panel.signals.length >= MOST.signals) return fillText(TEXTS.signalsFull, { count: MOST.signals });
-  return whyNotIn(panel, name) ?? changed(layout, place, { signals: [...panel.signals, name] });
+  return reasonAgainst(panel, name) ?? changed(layout, place, { signals: [...panel.signals, name] });
 }
 
 export function withoutSignal(layout: ChartLayout, place: number, name: string): Edited {
@@ -148,9 +148,9 @@ export function withoutSignal(layout: ChartLayout, place: number, name: string):
   return changed(layout, place, { signals: panel.signals.filter((one) => one !== name) });
 }
 
-/** Over another signal, or over time for null. */
+/** Sets the signal of the horizontal axis; null for time. */
 export function withOver(layout: ChartLayout, place: number, over: string | null): Edited {
-  return kept(changed(layout, place, { over }));
+  return requireTimePanel(changed(layout, place, { over }));
 }
 
 export function resized(layout: ChartLayout, place: number, steps: number): Edited {
@@ -162,13 +162,13 @@ export function withShare(layout: ChartLayout, place: number, share: number): Ed
   return changed(layout, place, { share });
 }
 
-/** The height nearest to `share` that a panel may have, in whole steps. */
+/** The allowed height nearest to `share`, in whole steps. */
 export function allowedShare(share: number): number {
   const stepped = Math.round(share / SHARE_STEP) * SHARE_STEP;
   return Math.min(MOST.share, Math.max(LEAST_SHARE, stepped));
 }
 
-/** Up or down past the next panel of its kind, as those over signals stand below those over time. */
+/** Swaps a panel with the next one of its kind; panels over signals are below those over time. */
 export function moved(layout: ChartLayout, place: number, by: 1 | -1): ChartLayout {
   const other = neighbour(layout, place, by);
   if (other === null) return layout;
@@ -177,7 +177,7 @@ export function moved(layout: ChartLayout, place: number, by: 1 | -1): ChartLayo
   return { ...layout, panels };
 }
 
-/** Where a panel goes when it is moved; null where there is nothing to pass. */
+/** Index with which a moved panel changes places; null if there is none. */
 export function neighbour({ panels }: ChartLayout, place: number, by: 1 | -1): number | null {
   const isPlane = (index: number) => panels[index]?.over !== null;
   for (let index = place + by; index >= 0 && index < panels.length; index += by)
@@ -195,7 +195,7 @@ export function withPanel(layout: ChartLayout, name: string): Edited {
 }
 
 export function withoutPanel(layout: ChartLayout, place: number): Edited {
-  return kept({ ...layout, panels: layout.panels.filter((_, index) => index !== place) });
+  return requireTimePanel({ ...layout, panels: layout.panels.filter((_, index) => index !== place) });
 }
 
 export function renamed(layout: ChartLayout, text: string): Edited {
@@ -211,8 +211,8 @@ function changed(layout: ChartLayout, place: number, part: Partial<ChartPanel>):
   };
 }
 
-/** The time axis is that of the lowest panel over time: one has to stay. */
-function kept(layout: ChartLayout): Edited {
+/** Requires a panel over time, because the lowest of them provides the time axis. */
+function requireTimePanel(layout: ChartLayout): Edited {
   if (layout.panels.some(({ over }) => over === null)) return layout;
   return TEXTS.timeNeeded;
 }

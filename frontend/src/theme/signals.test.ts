@@ -1,12 +1,12 @@
-/** Every hue that is offered stands out from the ground of its theme, as base.css has it. */
+/** Checks that each hue of the palette has enough contrast on its theme's background, from base.css. */
 
 import { expect, it } from "vitest";
 import CSS from "./base.css?raw";
 import { PALETTE, variableOf } from "./signals";
 
-/** WCAG 2.1, 1.4.11: what is needed to understand a picture. */
+/** WCAG 2.1, 1.4.11: contrast of graphics that a reader needs. */
 const LEAST = 3;
-/** Of curves on the dark, which are a pixel wide where a processor paints them. */
+/** Contrast of curves on the dark background, which are one pixel wide when the CPU paints them. */
 const LEAST_ON_DARK = 4;
 
 function luminance(hex: string): number {
@@ -22,8 +22,8 @@ function contrast(one: string, other: string): number {
   return (high + 0.05) / (low + 0.05);
 }
 
-/** How far two colours are from each other, in steps of 255. */
-function apart(one: string, other: string): number {
+/** Distance of two colours, in steps of 255. */
+function distance(one: string, other: string): number {
   const steps = [1, 3, 5].map(
     (at) => Number.parseInt(one.slice(at, at + 2), 16) - Number.parseInt(other.slice(at, at + 2), 16),
   );
@@ -39,15 +39,16 @@ function declared(name: string, within: string): string | undefined {
   return new RegExp(`${name}: (#[0-9a-f]{6});`).exec(within)?.[1];
 }
 
-it.each(PALETTE)("%s stands out from the dark, and no two are the same there", (hue) => {
+it.each(PALETTE)("%s has enough contrast on the dark background and differs from the others", (hue) => {
   const dark = block("dark");
   const drawn = (of: string) => declared(variableOf(of), dark) ?? of;
   const panel = declared("--panel", dark) as string;
   expect(contrast(drawn(hue), panel)).toBeGreaterThan(LEAST_ON_DARK);
-  for (const other of PALETTE) if (other !== hue) expect(apart(drawn(hue), drawn(other))).toBeGreaterThan(60);
+  for (const other of PALETTE)
+    if (other !== hue) expect(distance(drawn(hue), drawn(other))).toBeGreaterThan(60);
 });
 
-it("leaves the hues of the light as they are", () => {
+it("does not change the hues of the light theme", () => {
   expect(CSS.slice(0, CSS.indexOf(':root[data-mantine-color-scheme="dark"]'))).not.toContain("--hue-");
   for (const hue of ["#0072B2", "#009E73", "#D55E00"])
     expect(contrast(hue, "#ffffff")).toBeGreaterThan(LEAST);

@@ -1,4 +1,4 @@
-/** Signals as people see them: hue (Okabe-Ito, safe for colour-blind eyes), line, digits; the same everywhere. */
+/** How signals are drawn: hue (Okabe-Ito, safe for colour-blind people), line and digits, the same in all charts. */
 
 import { derivedSignal } from "../samples/formula";
 import { COMBINED, FIELDS } from "../wire/sample.gen";
@@ -10,39 +10,39 @@ export interface Trace {
   readonly hue: string;
   /** References share their signal's hue and are dashed. */
   readonly dashed: boolean;
-  /** Lengths of dashes and gaps that tell its recording from others [px]. */
+  /** Lengths of dashes and gaps that distinguish recordings [px]. */
   readonly dash?: readonly number[];
-  /** Its hue tells the recording that it is of, and is not to be chosen. */
+  /** The hue identifies the recording; a person cannot choose it. */
   readonly ofRecording?: boolean;
-  /** Drawn under its partner and wider, so that both are seen where they are the same. */
+  /** Drawn under its partner and wider, so that both are visible where they coincide. */
   readonly broad?: boolean;
 }
 
-/** How the values of an axis are read. */
+/** How the values of an axis are displayed. */
 export interface Scale {
   readonly unit: string;
-  /** From SI to the unit shown. */
+  /** Factor from SI to the unit shown. */
   readonly factor: number;
   readonly decimals: number;
-  /** Least length of the axis, in the unit shown. */
+  /** Minimum length of the axis, in the unit shown. */
   readonly narrowest: number;
 }
 
 export interface Panel extends Scale {
   readonly title: string;
   readonly traces: readonly Trace[];
-  /** The signal along the other axis; time where there is none. */
+  /** Signal of the horizontal axis; time if omitted. */
   readonly over?: Scale & { readonly name: string };
-  /** Height, as a multiple of that of a plain panel; 1 if left out. */
+  /** Height as a multiple of a normal panel; 1 if omitted. */
   readonly share?: number;
 }
 
-/** Everything that can be drawn. */
+/** All signals that can be drawn. */
 export const DRAWN = [...FIELDS, ...COMBINED].map(({ name, unit, meaning }) => ({ name, unit, meaning }));
 const BY_NAME: ReadonlyMap<string, (typeof DRAWN)[number]> = new Map(DRAWN.map((one) => [one.name, one]));
 const SUMS: ReadonlySet<string> = new Set(COMBINED.map(({ name }) => name));
 
-/** Whether a signal is stored nowhere, but follows from others sample by sample. */
+/** Whether a signal is computed from others sample by sample and not stored. */
 export function isSum(name: string): boolean {
   return SUMS.has(name) || derivedSignal(name) !== undefined;
 }
@@ -57,7 +57,7 @@ export const HUES = {
 } as const;
 
 const GREY = "#8C949E";
-/** Of signals that have none of their own: those of a side are as its tendon force, what comes from outside is grey. */
+/** Hues of signals without an own one: those of a side are drawn as its tendon force, external forces are grey. */
 const FURTHER_HUES: Readonly<Record<string, string>> = {
   F_push: GREY,
   F_ext: GREY,
@@ -70,34 +70,34 @@ const FURTHER_HUES: Readonly<Record<string, string>> = {
   lam_S: HUES.S,
 };
 
-/** Hues offered for a signal: Okabe and Ito's, and a grey, told apart by colour-blind eyes too. */
+/** Hues offered for a signal: the Okabe-Ito palette and a grey, distinguishable by colour-blind people. */
 export const PALETTE = ["#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#8C949E"] as const;
 
 const REFERENCE = [6, 4] as const;
-/** What a reference becomes on its way to the loop. */
+/** Dashes of a governed reference. */
 const GOVERNED = [10, 3, 2, 3] as const;
 
-/** The variable of a theme that draws a hue otherwise, so that it stands out from its ground. */
+/** CSS variable with which a theme replaces a hue, for contrast with its background. */
 export function variableOf(hue: string): string {
   return `--hue-${hue.slice(1).toLowerCase()}`;
 }
 
-/** A hue as the theme in force draws it, for what is styled; canvases ask their `ChartColours`. */
+/** CSS colour of a hue in the active theme; canvases use `ChartColours`. */
 export function paintOf(hue: string): string {
   return hue.startsWith("#") ? `var(${variableOf(hue)}, ${hue})` : hue;
 }
 
-/** Lengths of dashes and gaps of a curve [px], none of a solid one; the same wherever it is drawn. */
+/** Lengths of dashes and gaps of a curve [px]; empty for a solid one. */
 export function dashOf({ dash, dashed }: Trace): number[] {
   return [...(dash ?? (dashed ? REFERENCE : []))];
 }
 
-/** The signal whose colour a reference, an estimate or an error shares. */
+/** Signal whose colour a reference, an estimate or an error shares. */
 export function signalOf(name: string): string {
   return (name.split(" - ")[0] as string).replace(/_(ref|gov|hat|true)|[′⁰¹²³⁴-⁹]/g, "");
 }
 
-/** Unit of a signal in recordings and exports (SI), and of its difference Δ. */
+/** SI unit of a signal in recordings and exports, and of its difference Δ. */
 export function unitOf(name: string): string {
   const plain = name.replace(/^Δ|[′⁰¹²³⁴-⁹]/g, "");
   return (BY_NAME.get(plain) ?? derivedSignal(plain))?.unit ?? "1";
@@ -112,23 +112,25 @@ export function meaningOf(name: string): string {
   return BY_NAME.get(name)?.meaning ?? (derived?.meaning || derived?.expression) ?? "";
 }
 
-/** How a signal is drawn beside others. */
-export function traceFor(name: string, beside: readonly string[]): Trace {
+/** How a signal is drawn together with others. */
+export function traceFor(name: string, others: readonly string[]): Trace {
   const signal = signalOf(name);
   const own: Readonly<Record<string, string>> = HUES;
   const hue = own[signal] ?? FURTHER_HUES[signal] ?? (/_B/.test(name) ? HUES.F_B : undefined);
-  const trace = { name, hue: hue ?? (/_A/.test(name) ? HUES.F_A : HUES.q), dashed: dashes(name, beside) };
+  const trace = { name, hue: hue ?? (/_A/.test(name) ? HUES.F_A : HUES.q), dashed: isDashed(name, others) };
   const governed = /_gov$/.test(name) ? { dash: GOVERNED } : {};
   const partner = trace.dashed ? signal : name.replaceAll("_A", "_B");
-  return { ...trace, ...governed, ...(partner !== name && beside.includes(partner) ? { broad: true } : {}) };
+  return { ...trace, ...governed, ...(partner !== name && others.includes(partner) ? { broad: true } : {}) };
 }
 
-/** What was asked for is dashed, and of two errors of one signal that against what was governed. */
-function dashes(name: string, beside: readonly string[]): boolean {
+/**
+ * Whether the line is dashed: references are, and of two errors of one signal the one against the governed reference.
+ */
+function isDashed(name: string, others: readonly string[]): boolean {
   if (name === "F_push" || name === "S_true") return true;
   if (!/_(ref|gov)$/.test(name)) return false;
   if (!name.includes(" - ")) return true;
-  return /_gov$/.test(name) && beside.some((one) => one !== name && signalOf(one) === signalOf(name));
+  return /_gov$/.test(name) && others.some((one) => one !== name && signalOf(one) === signalOf(name));
 }
 
 const BY_UNIT: Readonly<Record<string, Scale>> = {
@@ -141,20 +143,20 @@ const BY_UNIT: Readonly<Record<string, Scale>> = {
   s: { unit: "s", factor: 1, decimals: 3, narrowest: 0.2 },
   "1": { unit: "1", factor: 1, decimals: 0, narrowest: 1 },
 };
-/** Errors are small: a digit more, on an axis that may be ten times as fine. */
+/** Errors are small: one more decimal, and an axis that may be ten times as short. */
 const FINER_ERROR = 10;
 const LATENESS: Scale = { unit: "ms", factor: 1000, decimals: 3, narrowest: 0.2 };
 
 const DECIMALS = 4;
 const NARROWEST = 1e-6;
 
-/** A derived signal may be of any size, and of a unit that no other has. */
+/** Scale of a derived signal, which may have any magnitude and any unit. */
 function ofDerived(unit: string): Scale {
   const own = unit === "1" ? undefined : BY_UNIT[unit];
   return own ?? { unit, factor: 1, decimals: DECIMALS, narrowest: NARROWEST };
 }
 
-/** How one axis for all of these signals of one unit is read. */
+/** Scale of one axis for signals of one unit. */
 export function scaleOf(names: readonly string[]): Scale {
   const unit = unitOf(names[0] ?? "");
   if (names.length > 0 && names.every((name) => name === "lateness_s")) return LATENESS;

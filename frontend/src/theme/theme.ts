@@ -1,4 +1,4 @@
-/** Calm greys, one accent; the numbers behind every component. */
+/** Mantine theme: greys, one accent colour, and default properties of components. */
 
 import { createTheme, type MantineColorsTuple } from "@mantine/core";
 

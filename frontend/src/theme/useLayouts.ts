@@ -1,4 +1,4 @@
-/** Hooks for the layouts of the charts: the one in use, its panels, and changes, which are stored at once. */
+/** Hooks for the layouts of the charts: the selected one, its panels, and edits, which are stored at once. */
 
 import { useMemo } from "react";
 import { fillText } from "../samples/texts";
@@ -13,9 +13,9 @@ interface Layouts {
   readonly used: ChartLayout;
   readonly own: readonly ChartLayout[];
   choose(name: string): void;
-  /** Change the layout in use; of one that comes with the page a copy is made. Null when it is kept, or why it is not. */
+  /** Edits the selected layout, or a copy of it if it is built in. Returns null, or the reason for a refusal. */
   edit(how: (used: ChartLayout) => Edited): string | null;
-  /** Take an own layout away; the standard one is used after it. */
+  /** Removes an own layout and selects the standard one. */
   remove(name: string): void;
 }
 
@@ -27,7 +27,7 @@ export function useLayouts(): Layouts {
     choose: (name) => change({ layout: name }),
     edit: (how) => {
       let refusal: string | null = null;
-      // of what is in force now: two presses may come before the page is rendered once
+      // Edits the latest preferences, because two presses may occur before the page renders again.
       change((before) => {
         const to = edited(before, how);
         if (typeof to !== "string") return to;
@@ -50,7 +50,7 @@ function usedOf({ layout, layouts }: Preferences): ChartLayout {
   return drawable ? wanted : STANDARD;
 }
 
-/** What changes in the preferences, or why nothing does. */
+/** Changes of the preferences, or the reason why there are none. */
 function edited(before: Preferences, how: (used: ChartLayout) => Edited): Partial<Preferences> | string {
   const { layouts } = before;
   const used = usedOf(before);
@@ -70,13 +70,13 @@ function edited(before: Preferences, how: (used: ChartLayout) => Edited): Partia
   return { layout: name, layouts: [...layouts, { ...to, name }] };
 }
 
-/** The charts of the layout in use, in the colours and the units of the signed-in person; live, of a recording, compared. */
+/** Panels of the selected layout, with the person's colours and units. */
 
 export function usePanels(): readonly Panel[] {
   return useDrawn(useLayouts().used);
 }
 
-/** The charts that every record has the signals of. */
+/** Panels of the standard layout, whose signals every recording contains. */
 export function useStandardPanels(): readonly Panel[] {
   return useDrawn(STANDARD);
 }
@@ -85,7 +85,7 @@ function useDrawn(layout: typeof STANDARD): readonly Panel[] {
   const { colours } = usePreferences().preferences;
   const angles = useAngleUnit();
   const derived = useDerived();
-  // biome-ignore lint/correctness/useExhaustiveDependencies: which signals there are decides which are drawn
+  // biome-ignore lint/correctness/useExhaustiveDependencies: drawn signals depend on the known derived ones
   return useMemo(
     () => panelsOf(layout).map((panel) => readIn(inColours(panel, colours), angles)),
     [layout, colours, angles, derived],
