@@ -1,4 +1,4 @@
-/** A titled region of a page. */
+/** Region of a page with a title. */
 
 import type { ReactNode } from "react";
 import styles from "./Card.module.css";
@@ -7,7 +7,7 @@ import { Terms } from "./Explained";
 
 interface CardProps {
   readonly title: string;
-  /** Beside the title, at the right. */
+  /** Content at the right of the title. */
   readonly aside?: ReactNode;
   readonly children: ReactNode;
   readonly className?: string | undefined;

@@ -35,7 +35,7 @@ import handOverStyles from "./HandOver.module.css";
 import { Refusal, TakeControl } from "./Refusal";
 import { TEXTS } from "./texts";
 
-/** The forms in which control is asked for, offered, and kept or handed over: each with a reason. */
+/** Forms of the handover: request, offer and reply, each with a reason. */
 
 const NOBODY: State["people"] = [];
 const NO_WISHES: State["wishes"] = [];
@@ -72,7 +72,7 @@ function OfferForm({ onDone }: Done) {
   const [to, setTo] = useState(others[0] ?? "");
   const { value: reason, set: setReason, discard } = useDraft("reason to offer control", "", isText);
   const offer = useOfferControl();
-  // who was chosen stays so when they leave: to be refused, not to become somebody else
+  // A chosen person remains chosen after leaving: the service then refuses, and no other person is offered control.
   const choices = others.includes(to) || to === "" ? others : [...others, to];
   return (
     <ReasonForm
@@ -109,12 +109,15 @@ function OfferForm({ onDone }: Done) {
 function AnswerForm({ number, onDone }: Done & { readonly number: number }) {
   const answer = useAnswerRequest();
   const wish = useLive((live) => live.state?.wishes ?? NO_WISHES).find((one) => one.number === number);
-  // numbers begin again with the service: the draft belongs to the request itself
+  // Numbers restart with the service, so the draft belongs to the content of the request.
   const form = `answer to ${wish?.name ?? ""}: ${wish?.reason ?? ""}`;
   const { value: reason, set: setReason, discard } = useDraft(form, "", isText);
   const isOver = wish?.standing !== "asked";
-  const say = (said: "hand_over" | "decline") =>
-    answer.mutate({ number, answer: said, reason }, { onSuccess: () => discardAndClose(discard, onDone) });
+  const reply = (decision: "hand_over" | "decline") =>
+    answer.mutate(
+      { number, answer: decision, reason },
+      { onSuccess: () => discardAndClose(discard, onDone) },
+    );
   return (
     <ReasonForm
       title={
@@ -126,14 +129,19 @@ function AnswerForm({ number, onDone }: Done & { readonly number: number }) {
       onReason={setReason}
       onSubmit={() => undefined}
     >
-      <Button size="compact-sm" disabled={isOver} loading={answer.isPending} onClick={() => say("hand_over")}>
+      <Button
+        size="compact-sm"
+        disabled={isOver}
+        loading={answer.isPending}
+        onClick={() => reply("hand_over")}
+      >
         {TEXTS.handOver}
       </Button>
       <Button
         size="compact-sm"
         variant="default"
         disabled={isOver || answer.isPending || reason.trim() === ""}
-        onClick={() => say("decline")}
+        onClick={() => reply("decline")}
       >
         {TEXTS.keepControl}
       </Button>
@@ -142,7 +150,7 @@ function AnswerForm({ number, onDone }: Done & { readonly number: number }) {
   );
 }
 
-/** Discard the draft of a reason that was sent, and close its form. */
+/** Discards the draft of a sent reason, and closes its form. */
 function discardAndClose(discard: () => void, onDone: () => void): void {
   discard();
   onDone();
@@ -193,7 +201,7 @@ function ReasonForm({ title, label, error, reason, above, children, onReason, on
   );
 }
 
-/** Who asks for control, or offers it, in the status line, where nothing moves for it; and what is said to that. */
+/** Requests and offers of control in the status line, with the buttons of a reply. */
 
 const WORDS: Record<NoticeAction, string> = {
   answer: TEXTS.answer,
@@ -238,14 +246,14 @@ export function HandOver({ form, onForm }: HandOverProps) {
   );
 }
 
-/** The notice that wants most of its reader, and how many more want something; what was read is gone for good. */
+/** The most urgent notice and the number of other urgent ones; a read notice does not return. */
 function useNotice() {
   const wishes = useLive((live) => live.state?.wishes ?? NO_WISHES);
   const holder = useLive((live) => live.state?.holder?.epoch ?? null);
   const epoch = useSyncExternalStore(watchHeld, heldEpoch);
   const me = useQuery(sessionQuery).data;
   const [read, setRead] = useState<ReadonlySet<string>>(new Set());
-  // the end of what was over before this page was loaded is no news
+  // The end of a request that was over before the page loaded is not shown.
   const seen = useRef(new Set<number>());
   const holds = holder !== null && holder === epoch;
   const notices = wishes
@@ -284,7 +292,7 @@ function NoticeLine({ notice, more, onRead, onForm }: NoticeLineProps) {
   const taken = useRef<number | null>(null);
   const { mutate: takeNow } = take;
   useEffect(() => {
-    // asked for at this page: nobody is asked once more
+    // This page requested control: it takes it without another question.
     if (!takes || taken.current === wish.number) return;
     taken.current = wish.number;
     takeNow(wish.number);
@@ -333,36 +341,36 @@ function NoticeMessage({ text, urgent }: { text: string; urgent: boolean }) {
   );
 }
 
-/** Says that this page has lost control, until it has control again or a person has read it. */
+/** Shows that this page has lost control, until it has control again or a person closes the message. */
 
 export function ControlLoss() {
   const state = useLive((live) => live.state);
-  const [kept, keep] = useState(NO_CONTROL);
+  const [control, setControl] = useState(NO_CONTROL);
   useEffect(() => {
     if (state === null) return;
     const handed = state.wishes.some(({ epoch }) => epoch !== null && epoch === state.holder?.epoch);
-    keep((before) => {
+    setControl((before) => {
       const givenUp = handed ? before.had : givenUpEpoch();
       return nextControlState(before, state.holder, heldEpoch(), givenUp, Date.now());
     });
   }, [state]);
-  if (kept.lost === null) return null;
-  const at = new Date(kept.lost.at_ms).toLocaleTimeString("sv-SE");
+  if (control.lost === null) return null;
+  const at = new Date(control.lost.at_ms).toLocaleTimeString("sv-SE");
   return (
     <div className={controlLossStyles.loss} role="alert" aria-label={TEXTS.controlLost}>
       <TbAlertTriangle size={18} aria-hidden="true" />
       <span className={controlLossStyles.message}>
-        <strong>{at}</strong> {describeLoss(kept.lost)}
+        <strong>{at}</strong> {describeLoss(control.lost)}
       </span>
       <TakeControl variant="white" color="dark" />
-      <Button size="compact-xs" variant="subtle" color="dark" onClick={() => keep(NO_CONTROL)}>
+      <Button size="compact-xs" variant="subtle" color="dark" onClick={() => setControl(NO_CONTROL)}>
         {TEXTS.keepObserving}
       </Button>
     </div>
   );
 }
 
-/** What only an operator may use: a viewer is not offered it. */
+/** Content for operators only; viewers do not see it. */
 
 export function OperatorsOnly({
   children,
@@ -374,7 +382,7 @@ export function OperatorsOnly({
   return useMayCommand() === false ? otherwise : children;
 }
 
-/** Who holds control, and taking it; who is connected; the own name, and signing out. */
+/** Menu of control: its holder, taking it, connected people, the person's name, and signing out. */
 
 interface ControlMenuProps {
   onName(): void;
@@ -447,7 +455,7 @@ export function ControlMenu({ onName, onForm }: ControlMenuProps) {
                 {person.name === me?.name ? fillText(TEXTS.personYou, { name: person.name }) : person.name}
               </span>
               <span className={controlMenuStyles.what}>
-                {whatOf(person, holder?.name ?? null)}{" "}
+                {describePerson(person, holder?.name ?? null)}{" "}
                 <span className={controlMenuStyles.since}>
                   {fillText(TEXTS.since, { time: timeOfDay(person.since) })}
                 </span>
@@ -463,8 +471,8 @@ export function ControlMenu({ onName, onForm }: ControlMenuProps) {
   );
 }
 
-/** What somebody who is connected may do and does. */
-function whatOf({ name, role, pages }: State["people"][number], holder: string | null): string {
+/** Rights and state of a connected person. */
+function describePerson({ name, role, pages }: State["people"][number], holder: string | null): string {
   const right =
     role === "viewer" ? TEXTS.viewOnly : name === holder ? TEXTS.hasControl : TEXTS.canTakeControl;
   return fillText(TEXTS.personState, { right, pages: countThings(pages, "page") });

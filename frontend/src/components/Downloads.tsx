@@ -5,7 +5,7 @@ import { fillText } from "../samples/texts";
 import { useFormulas } from "../service/api/formulas";
 import { TEXTS } from "./texts";
 
-/** What can be taken home from a run. */
+/** Downloads of a run: reports, data and bundle. */
 
 const DATA = [
   { format: "csv", label: TEXTS.dataCsv },
@@ -16,9 +16,9 @@ const DATA = [
 
 export function Downloads({ run, report }: { run: number; report: boolean }) {
   const formulas = useFormulas();
-  const [wanted, want] = useState(false);
+  const [isIncluded, setIncluded] = useState(false);
   const names = formulas.map(({ name }) => name).join(",");
-  const query = wanted && names !== "" ? `?formulas=${names}` : "";
+  const query = isIncluded && names !== "" ? `?formulas=${names}` : "";
   return (
     <>
       {report && (
@@ -60,8 +60,8 @@ export function Downloads({ run, report }: { run: number; report: boolean }) {
         <Checkbox
           label={TEXTS.withFormulas}
           title={fillText(TEXTS.withFormulasHint, { names: names.replaceAll(",", ", ") })}
-          checked={wanted}
-          onChange={(event) => want(event.currentTarget.checked)}
+          checked={isIncluded}
+          onChange={(event) => setIncluded(event.currentTarget.checked)}
         />
       )}
       <Button
@@ -88,7 +88,7 @@ export function Downloads({ run, report }: { run: number; report: boolean }) {
   );
 }
 
-/** One report of several runs, in their order. */
+/** Report of several runs, in their order. */
 
 export function SeriesReports({ runs }: { runs: readonly number[] }) {
   const address = (format: "html" | "pdf") =>

@@ -1,5 +1,5 @@
 // @vitest-environment jsdom
-/** A form with a draft: it survives leaving and a reload, says so, and is discarded after a question only. */
+/** A form with a draft: the draft survives leaving and a reload, is marked, and is discarded only after a question. */
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { cleanup, fireEvent, render, screen } from "@testing-library/react";
@@ -52,7 +52,7 @@ const type = (value: string) => fireEvent.change(box(), { target: { value } });
 const press = (name: string) => fireEvent.click(screen.getByRole("button", { name }));
 const mark = () => screen.queryByRole("group", { name: "Draft of the test" });
 
-it("survives leaving, is marked, and belongs to one person", () => {
+it("survives leaving the page, is marked, and belongs to one person", () => {
   open("Mara");
   expect(mark()).toBeNull();
   type("typed");
@@ -66,7 +66,7 @@ it("survives leaving, is marked, and belongs to one person", () => {
   expect(mark()).not.toBeNull();
 });
 
-it("is no draft any more once it equals what is saved", () => {
+it("is no draft once it equals the saved values", () => {
   open("Mara");
   type("typed");
   type("saved");
@@ -74,7 +74,7 @@ it("is no draft any more once it equals what is saved", () => {
   expect(localStorage).toHaveLength(0);
 });
 
-it("is discarded after a question only", () => {
+it("is discarded only after a question", () => {
   open("Mara");
   type("typed");
   press("Discard the draft of the test");
@@ -86,7 +86,7 @@ it("is discarded after a question only", () => {
   expect(mark()).toBeNull();
 });
 
-it("asks before something else takes its place, and only then", () => {
+it("asks before other content replaces it, and only then", () => {
   open("Mara");
   press("Example");
   expect(box().value).toBe("example");
@@ -101,7 +101,7 @@ it("asks before something else takes its place, and only then", () => {
   expect(screen.queryByRole("alertdialog")).toBeNull();
 });
 
-it("is not made of stored data of another kind", () => {
+it("ignores stored data of another kind", () => {
   open("Mara");
   type("typed");
   const key = localStorage.key(0) ?? "";

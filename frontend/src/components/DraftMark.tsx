@@ -6,21 +6,21 @@ import type { FormDraft } from "../service/forms/drafts";
 import draftMarkStyles from "./DraftMark.module.css";
 import { TEXTS } from "./texts";
 
-/** Says that a form holds a draft, since when, and offers to discard it. Discarding asks first. */
+/** Shows that a form contains a draft, its time, and a button that discards it after a question. */
 
 interface DraftMarkProps {
   readonly draft: Pick<FormDraft<unknown>, "since" | "stored">;
-  /** What the draft is of, for screen readers: "experiment". */
+  /** Name of the form for screen readers: "experiment". */
   readonly of: string;
-  /** What stands first in the mark. */
+  /** First words of the mark. */
   readonly words?: string;
-  /** What discarding brings back. */
+  /** Values that the form shows after the draft is discarded. */
   readonly back: string;
   onDiscard(): void;
 }
 
 export function DraftMark({ draft, of, words = TEXTS.draft, back, onDiscard }: DraftMarkProps) {
-  const [asking, ask] = useState(false);
+  const [isAsking, setAsking] = useState(false);
   if (draft.since === null) return null;
   return (
     // biome-ignore lint/a11y/useSemanticElements: a mark of a form is no fieldset
@@ -29,7 +29,7 @@ export function DraftMark({ draft, of, words = TEXTS.draft, back, onDiscard }: D
         {fillText(TEXTS.draftSince, { draft: words, time: dateTime(draft.since) })}
         {!draft.stored && ` ${TEXTS.draftNotStored}`}
       </span>
-      {asking ? (
+      {isAsking ? (
         <>
           <span>{fillText(TEXTS.discardQuestion, { result: back })}</span>
           <Button
@@ -37,13 +37,13 @@ export function DraftMark({ draft, of, words = TEXTS.draft, back, onDiscard }: D
             color="red"
             variant="light"
             onClick={() => {
-              ask(false);
+              setAsking(false);
               onDiscard();
             }}
           >
             {TEXTS.discardDraft}
           </Button>
-          <Button size="compact-xs" variant="default" onClick={() => ask(false)}>
+          <Button size="compact-xs" variant="default" onClick={() => setAsking(false)}>
             {TEXTS.keepDraft}
           </Button>
         </>
@@ -52,7 +52,7 @@ export function DraftMark({ draft, of, words = TEXTS.draft, back, onDiscard }: D
           size="compact-xs"
           variant="default"
           aria-label={fillText(TEXTS.discardDraftOf, { form: of })}
-          onClick={() => ask(true)}
+          onClick={() => setAsking(true)}
         >
           {TEXTS.discard}
         </Button>
@@ -61,7 +61,7 @@ export function DraftMark({ draft, of, words = TEXTS.draft, back, onDiscard }: D
   );
 }
 
-/** Asks before something else takes the place of a draft. */
+/** Asks before other content replaces a draft. */
 
 /**
  * Returns a guard, which runs an action at once where there is no draft and else after a question, and the question.

@@ -1,4 +1,4 @@
-/** A part of the page that throws says so, and leaves the rest alone. */
+/** A part of the page that throws shows its error, and the other parts remain. */
 
 import { MantineProvider } from "@mantine/core";
 import { cleanup, fireEvent, type RenderResult, render, screen } from "@testing-library/react";
@@ -35,12 +35,12 @@ afterEach(() => {
   vi.unstubAllGlobals();
 });
 
-it("names the part and the reason, and leaves what is beside it", () => {
+it("names the part and the reason, and does not affect other parts", () => {
   expect(screen.getByRole("alert", { name: "Charts failed" }).textContent).toContain("no such sample");
   expect(screen.getByText("beside")).toBeTruthy();
 });
 
-it("shows the part again where its cause is gone, and fails again where it is not", () => {
+it("shows the part again if the cause is gone, and fails again otherwise", () => {
   const again = () => fireEvent.click(screen.getByRole("button", { name: TEXTS.retry }));
   again();
   expect(screen.getByRole("alert", { name: "Charts failed" })).toBeTruthy();
@@ -49,7 +49,7 @@ it("shows the part again where its cause is gone, and fails again where it is no
   expect(screen.getByText("all well")).toBeTruthy();
 });
 
-it("has not failed where it is about something else", () => {
+it("clears the error when its content changes", () => {
   broken.now = false;
   shown.rerender(page("run 1"));
   expect(screen.queryByText("all well")).toBeNull();

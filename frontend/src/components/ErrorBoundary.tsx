@@ -1,4 +1,4 @@
-/** Keeps an error of one part of the page to that part, which says so and can be loaded again. */
+/** Limits an error to one part of the page, and shows the error with a button that loads the part again. */
 
 import { Button } from "@mantine/core";
 import { Component, type ReactNode } from "react";
@@ -7,9 +7,9 @@ import styles from "./Boundary.module.css";
 import { TEXTS } from "./texts";
 
 interface BoundaryProps {
-  /** Name of the part, as a person knows it. */
+  /** Name of the part in the message. */
   readonly of: string;
-  /** What the part is about: with another one it has not failed. */
+  /** Content of the part, such as its address; a change clears the error. */
   readonly at?: string;
   readonly children: ReactNode;
 }

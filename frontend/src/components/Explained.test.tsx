@@ -1,4 +1,4 @@
-/** A word is explained on hover, focus and tap, told to a screen reader, closed by Escape, and costs one stop of Tab. */
+/** A term is explained on hover, focus and tap, for screen readers too; Escape closes it, and it is one tab stop. */
 import { act, cleanup, fireEvent, render, screen } from "@testing-library/react";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { closeExplanation, entryOf, figureEntry, search, symbolEntry } from "../service/glossary";
@@ -34,7 +34,7 @@ function shown() {
   return screen.getAllByRole("term");
 }
 
-test("pointing at a word waits a moment, then shows meaning, equation and source, and goes with the pointer", () => {
+test("hover shows meaning, equation and source after a delay, and leaving hides them", () => {
   const [M_s] = shown();
   fireEvent.pointerEnter(M_s as HTMLElement, { pointerType: "mouse" });
   waits(100);
@@ -43,7 +43,7 @@ test("pointing at a word waits a moment, then shows meaning, equation and source
   const { meaning, equation, source } = entryOf("quantity:M_s") ?? {};
   for (const part of [meaning, equation, source]) expect(tooltip()?.textContent).toContain(part);
   fireEvent.pointerLeave(M_s as HTMLElement);
-  fireEvent.pointerEnter(tooltip() as HTMLElement); // the explanation itself may be read with the pointer on it
+  fireEvent.pointerEnter(tooltip() as HTMLElement); // a person may read the explanation with the pointer on it
   waits(1000);
   expect(tooltip()).not.toBeNull();
   fireEvent.pointerLeave(tooltip() as HTMLElement);
@@ -51,7 +51,7 @@ test("pointing at a word waits a moment, then shows meaning, equation and source
   expect(tooltip()).toBeNull();
 });
 
-test("a finger that touches opens by its tap, once more closes, and a press elsewhere closes", () => {
+test("a tap opens the explanation, a second one or a press elsewhere closes it", () => {
   const [, slack] = shown();
   fireEvent.pointerEnter(slack as HTMLElement, { pointerType: "touch" });
   waits(1000);
@@ -67,7 +67,7 @@ test("a finger that touches opens by its tap, once more closes, and a press else
   expect(tooltip()).toBeNull();
 });
 
-test("the word is described by its explanation while that is there, and Escape closes nothing else", () => {
+test("the open explanation describes the term, and Escape closes nothing else", () => {
   const [M_s] = shown();
   const below = vi.fn();
   window.addEventListener("keydown", below);
@@ -83,7 +83,7 @@ test("the word is described by its explanation while that is there, and Escape c
   window.removeEventListener("keydown", below);
 });
 
-test("words of a group are one stop of the Tab key, which moves with the arrow keys", () => {
+test("terms of a group are one tab stop, which the arrow keys move", () => {
   const words = shown();
   const stops = () => words.map((word) => word.tabIndex);
   expect(stops()).toEqual([0, -1, -1]);
@@ -93,17 +93,17 @@ test("words of a group are one stop of the Tab key, which moves with the arrow k
   expect(stops()).toEqual([-1, 0, -1]);
   fireEvent.keyDown(words[1] as HTMLElement, { key: "End" });
   expect(document.activeElement).toBe(words[2]);
-  fireEvent.keyDown(words[2] as HTMLElement, { key: "ArrowRight" }); // past the last one nothing moves
+  fireEvent.keyDown(words[2] as HTMLElement, { key: "ArrowRight" }); // after the last one nothing moves
   expect(document.activeElement).toBe(words[2]);
 });
 
-test("what the glossary does not know is shown as it is, without a stop of its own", () => {
+test("a term without an entry is plain text without a tab stop", () => {
   render(<Explained of="fault:of_tomorrow">unheard of</Explained>);
   expect(screen.queryByRole("term")).toBeNull();
   expect(screen.getByText("unheard of")).toBeDefined();
 });
 
-test("every name that the wire may carry has an entry", () => {
+test("every name of the wire has an entry", () => {
   for (const { name } of FIELDS) expect(symbolEntry(name)?.kind, name).toBe("signal");
   for (const { symbol } of FIELDS) expect(symbolEntry(symbol), symbol).toBeDefined();
   for (const name of Object.keys(LIMITS)) expect(entryOf(`limit:${name}`), name).toBeDefined();
@@ -118,13 +118,13 @@ test("symbols of compared recordings are those of the signals", () => {
   expect(symbolEntry("λ_q")?.name).toBe("lam_q");
 });
 
-test("a figure says what its own result says, however it is defined today", () => {
+test("a metric has the definition of its own result", () => {
   const old = { name: "rmse_q", label: "RMSE", unit: "rad", definition: "as it was once" };
   expect(figureEntry(old)).toMatchObject({ meaning: "as it was once", term: "RMSE" });
   expect(figureEntry(old).equation).toBe(entryOf("figure:rmse_q")?.equation);
 });
 
-test("the search finds by symbol, word and unit, all of them at once", () => {
+test("the search combines symbol, word and unit", () => {
   expect(search("sensitivity peak").map(({ name }) => name)).toContain("M_s");
   expect(search("slack remedy").map(({ name }) => name)).toContain("slack");
   expect(search("no such word")).toEqual([]);

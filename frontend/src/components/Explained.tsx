@@ -22,12 +22,12 @@ import {
 import styles from "./Explained.module.css";
 
 /**
- * Words that explain themselves, together one stop of the Tab key: the arrow keys go from one to the next. So help in
- * place makes the way round a page no longer than by one stop for each of its parts.
+ * Group of terms with explanations that is one tab stop; the arrow keys move within it. So the explanations add only
+ * one tab stop for each part of a page.
  */
 
 interface Group {
-  /** Where the Tab key comes in. */
+  /** Term that has the tab stop. */
   current(): HTMLElement | null;
   subscribe(listener: () => void): () => void;
   add(term: HTMLElement): () => void;
@@ -87,7 +87,7 @@ function useGroup(): Group | null {
 
 const never = () => () => {};
 
-/** Whether the Tab key comes to this word: to one of each group, to each that is in none. */
+/** Whether a term has a tab stop: one term per group, and each term without a group. */
 function useTabStop(of: Group | null, term: HTMLElement | null): boolean {
   const at = useSyncExternalStore(of?.subscribe ?? never, () => of?.current() ?? null);
   return of === null || (term !== null && at === term);
@@ -98,9 +98,9 @@ export function Terms({ children }: { children: ReactNode }) {
   return <GroupContext value={one}>{children}</GroupContext>;
 }
 
-/** A word that says what it means when it is pointed at, focused or tapped; what it means comes from the glossary. */
+/** Term that shows its glossary entry on hover, focus or tap. */
 
-/** A key of the glossary, an entry, or several that are explained together; what is not known is left out. */
+/** A key of the glossary, an entry, or several that are explained together; unknown keys are ignored. */
 export type Meaning = string | Entry | undefined | readonly (Entry | undefined)[];
 
 export function entriesOf(of: Meaning): readonly Entry[] {
@@ -113,7 +113,7 @@ export type Handlers = Pick<
   "onPointerEnter" | "onPointerLeave" | "onFocus" | "onBlur" | "onInput"
 >;
 
-/** For a control that is a word of the glossary too, as a switch of a legend: its own keys and taps stay its own. */
+/** Handlers for a control that is also a term, such as a switch of a legend: it keeps its own keys and taps. */
 export function explaining(entries: readonly Entry[]): Handlers {
   if (entries.length === 0) return {};
   return {
@@ -131,7 +131,7 @@ export function explaining(entries: readonly Entry[]): Handlers {
 
 interface ExplainedProps {
   readonly of: Meaning;
-  /** Without a line below: a whole sentence, or what is striking anyway. */
+  /** Without underline, for a whole sentence or an element that is conspicuous itself. */
   readonly quiet?: boolean;
   readonly children: ReactNode;
 }

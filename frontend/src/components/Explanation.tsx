@@ -1,4 +1,4 @@
-/** Where the page explains a word: one tooltip for all of them, beside the word and never over the header. */
+/** Tooltip with the explanation of a term: one for the page, next to the term and never over the header. */
 
 import { useEffect, useId, useLayoutEffect, useMemo, useRef } from "react";
 import { createPortal } from "react-dom";
@@ -18,9 +18,9 @@ import styles from "./Explained.module.css";
 import { TEXTS } from "./texts";
 import { SymbolText } from "./values";
 
-/** An entry of the glossary, as it is shown in place and in the list of all. */
+/** Glossary entry, as the tooltip and the glossary page show it. */
 
-/** Kinds whose terms are symbols, written as the paper does. */
+/** Kinds whose terms are symbols in the paper's notation. */
 const SYMBOLS: ReadonlySet<string> = new Set(["signal", "quantity", "parameter"]);
 
 export function EntryText({ entry, listed = false }: { entry: Entry; listed?: boolean }) {
@@ -67,12 +67,12 @@ export function Explanation() {
 function Tooltip({ shown }: { shown: Explained }) {
   const { anchor, entries, by } = shown;
   const id = useId();
-  const self = useRef<HTMLDivElement>(null);
+  const element = useRef<HTMLDivElement>(null);
   const described = useMemo(() => ({ current: anchor }), [anchor]);
   useDescribedBy(described, id);
 
   useLayoutEffect(() => {
-    const follow = () => self.current !== null && place(self.current, anchor);
+    const follow = () => element.current !== null && place(element.current, anchor);
     follow();
     document.addEventListener("scroll", follow, { capture: true, passive: true });
     window.addEventListener("resize", follow);
@@ -85,18 +85,18 @@ function Tooltip({ shown }: { shown: Explained }) {
   useEffect(() => {
     const onKey = (event: KeyboardEvent) => {
       if (event.key !== "Escape") return;
-      event.stopPropagation(); // it closes this alone, not the dialog below
+      event.stopPropagation(); // closes only the explanation, not the dialog below it
       closeExplanation();
     };
     const onPress = (event: PointerEvent) => {
       const at = event.target as Node;
-      if (!anchor.contains(at) && self.current?.contains(at) !== true) closeExplanation();
+      if (!anchor.contains(at) && element.current?.contains(at) !== true) closeExplanation();
     };
-    const gone = setInterval(() => anchor.isConnected || closeExplanation(), 500);
+    const timer = setInterval(() => anchor.isConnected || closeExplanation(), 500);
     document.addEventListener("keydown", onKey, { capture: true });
     document.addEventListener("pointerdown", onPress, { capture: true });
     return () => {
-      clearInterval(gone);
+      clearInterval(timer);
       document.removeEventListener("keydown", onKey, { capture: true });
       document.removeEventListener("pointerdown", onPress, { capture: true });
     };
@@ -104,7 +104,7 @@ function Tooltip({ shown }: { shown: Explained }) {
 
   return (
     <div
-      ref={self}
+      ref={element}
       id={id}
       role="tooltip"
       className={styles.explanation}
@@ -124,25 +124,25 @@ function closes(anchor: HTMLElement): string {
 }
 
 /**
- * Above a box; below a word, or above it where there is no room; in a table beside it, so that the next row is not covered. Always
- * within the window, and clear of the header.
+ * Positions the tooltip: above a box; below a term, or above it if there is no space; at the right of a table cell,
+ * so that the next row remains visible. The tooltip is always within the window and below the header.
  */
 function place(tooltip: HTMLElement, anchor: HTMLElement): void {
   const at = anchor.getBoundingClientRect();
   const { width, height } = tooltip.getBoundingClientRect();
   const head = document.querySelector("header")?.getBoundingClientRect().bottom ?? 0;
   const [right, bottom] = [window.innerWidth - EDGE, window.innerHeight - EDGE];
-  const beside = anchor.closest("td, tr > th:only-of-type") !== null && at.right + GAP + width <= right;
+  const isRight = anchor.closest("td, tr > th:only-of-type") !== null && at.right + GAP + width <= right;
   const above = at.top - GAP - height;
   const under = at.bottom + GAP;
   const fitsAbove = above >= head + GAP;
-  // below a box its refusal is said, and the next box follows
+  // below a box its refusal is shown, and the next box follows
   const prefersAbove = anchor.matches("input, select, textarea") && fitsAbove;
-  const vertical = beside
+  const vertical = isRight
     ? at.top
     : !prefersAbove && (under + height <= bottom || !fitsAbove)
       ? under
       : above;
   tooltip.style.top = `${Math.max(Math.min(vertical, bottom - height), head + GAP)}px`;
-  tooltip.style.left = `${Math.max(EDGE, Math.min(beside ? at.right + GAP : at.left, right - width))}px`;
+  tooltip.style.left = `${Math.max(EDGE, Math.min(isRight ? at.right + GAP : at.left, right - width))}px`;
 }

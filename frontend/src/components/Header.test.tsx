@@ -8,11 +8,11 @@ import { TEXTS as SERVICE } from "../service/texts";
 import type { Preferences } from "../wire/types";
 import { NotificationMenu } from "./Header";
 
-const kept: Partial<Preferences>[] = [];
+const changes: Partial<Preferences>[] = [];
 
 afterEach(() => {
   cleanup();
-  kept.length = 0;
+  changes.length = 0;
   vi.restoreAllMocks();
   vi.unstubAllGlobals();
 });
@@ -29,7 +29,7 @@ async function opened(before: Partial<Preferences> = {}) {
   );
   vi.stubGlobal("fetch", async (request: Request) => {
     const body = await request.json();
-    kept.push(body);
+    changes.push(body);
     return Response.json(body);
   });
   const queries = new QueryClient();
@@ -47,7 +47,7 @@ async function opened(before: Partial<Preferences> = {}) {
 const item = (name: string) => screen.getByRole("menuitemcheckbox", { name });
 const press = (name: string) => act(async () => fireEvent.click(item(name)));
 
-it("is off until somebody switches it on, and asks the browser by that click only", async () => {
+it("is off until a person switches it on, and asks the browser only on that click", async () => {
   const { asked } = useBrowser("default", "granted");
   await opened();
   expect(item("Notifications").getAttribute("aria-checked")).toBe("false");
@@ -56,14 +56,14 @@ it("is off until somebody switches it on, and asks the browser by that click onl
   expect(screen.queryByRole("status", { name: "Notifications on this page" })).toBeNull();
   await press("Notifications");
   expect(asked).toHaveBeenCalledTimes(1);
-  await waitFor(() => expect(kept.map(({ notify, sound }) => [notify, sound])).toEqual([[true, false]]));
+  await waitFor(() => expect(changes.map(({ notify, sound }) => [notify, sound])).toEqual([[true, false]]));
   expect(item("Notifications").getAttribute("aria-checked")).toBe("true");
   await press("Notifications");
-  await waitFor(() => expect(kept.map(({ notify }) => notify)).toEqual([true, false]));
+  await waitFor(() => expect(changes.map(({ notify }) => notify)).toEqual([true, false]));
   expect([asked.mock.calls.length, shown.length]).toEqual([1, 0]);
 });
 
-it("says what to do where the person or the browser refuses, and stays off", async () => {
+it("states the remedy if the person or the browser refuses, and remains off", async () => {
   useBrowser("default", "denied");
   await opened();
   await press("Notifications");
@@ -71,10 +71,10 @@ it("says what to do where the person or the browser refuses, and stays off", asy
     SERVICE.denied,
   );
   expect(item("Notifications").getAttribute("aria-checked")).toBe("false");
-  expect(kept).toEqual([]);
+  expect(changes).toEqual([]);
 });
 
-it("is not on in a browser that has not been asked, though it was switched on in another one", async () => {
+it("is off in a browser without permission, even if it is on in another one", async () => {
   useBrowser("default", "granted");
   await opened({ notify: true });
   expect(item("Notifications").getAttribute("aria-checked")).toBe("false");
@@ -83,17 +83,17 @@ it("is not on in a browser that has not been asked, though it was switched on in
   );
 });
 
-it("says what to do where the browser's question was not answered", async () => {
+it("states the remedy if the person does not answer the browser's question", async () => {
   useBrowser("default", "default");
   await opened();
   await press("Notifications");
   expect(screen.getByRole("status", { name: "Notifications on this page" }).textContent).toBe(
     SERVICE.notAllowedYet,
   );
-  expect(kept).toEqual([]);
+  expect(changes).toEqual([]);
 });
 
-it("says where a browser has none at all", async () => {
+it("states that a browser has no notifications", async () => {
   useBrowser("granted");
   vi.stubGlobal("isSecureContext", false);
   await opened();
@@ -102,13 +102,13 @@ it("says where a browser has none at all", async () => {
   );
 });
 
-it("has a sound of its own, which is heard when it is switched on", async () => {
+it("has a sound, which it plays when a person switches it on", async () => {
   const { asked } = useBrowser("default");
   setVisibility(true);
   await opened();
   await press("Sound");
   expect(tones).toHaveLength(1);
-  await waitFor(() => expect(kept.map(({ notify, sound }) => [notify, sound])).toEqual([[false, true]]));
+  await waitFor(() => expect(changes.map(({ notify, sound }) => [notify, sound])).toEqual([[false, true]]));
   await press("Sound");
   expect([tones.length, asked.mock.calls.length]).toEqual([1, 0]);
 });

@@ -30,7 +30,7 @@ import notificationMenuStyles from "./NotificationMenu.module.css";
 import { TEXTS } from "./texts";
 import { Metric } from "./values";
 
-/** How fresh the page's knowledge is. */
+/** State of the connection and age of its data. */
 
 function LinkStatus({ link, now_ms }: { link: Link; now_ms: number }) {
   const condition = health(link, now_ms);
@@ -47,12 +47,12 @@ function LinkStatus({ link, now_ms }: { link: Link; now_ms: number }) {
   );
 }
 
-/** Switches for what tells the person something while they do not look at the page. */
+/** Switches for notifications and sounds while the page is in the background. */
 
 export function NotificationMenu() {
   const { preferences, change } = usePreferences();
   const [answer, setAnswer] = useState(notificationAccess);
-  const [asked, setAsked] = useState(false);
+  const [wasRequested, setRequested] = useState(false);
   const on = preferences.notify && answer === "granted";
   const Icon = on || preferences.sound ? TbBell : TbBellOff;
 
@@ -61,10 +61,10 @@ export function NotificationMenu() {
       change({ notify: false });
       return;
     }
-    const said = await askForPermission();
-    setAnswer(said);
-    setAsked(true);
-    if (said === "granted") change({ notify: true });
+    const permission = await askForPermission();
+    setAnswer(permission);
+    setRequested(true);
+    if (permission === "granted") change({ notify: true });
   }
 
   function toggleSound(): void {
@@ -72,7 +72,7 @@ export function NotificationMenu() {
     change({ sound: !preferences.sound });
   }
 
-  const refused = answer === "default" && !preferences.notify && !asked ? "" : whyNotNotified(answer);
+  const refused = answer === "default" && !preferences.notify && !wasRequested ? "" : whyNotNotified(answer);
   return (
     <Menu
       position="bottom-end"
@@ -101,9 +101,9 @@ export function NotificationMenu() {
         <Menu.CheckboxItem checked={preferences.sound} onChange={toggleSound}>
           {TEXTS.sound}
         </Menu.CheckboxItem>
-        <p className={notificationMenuStyles.told}>{TEXTS.notificationsHint}</p>
+        <p className={notificationMenuStyles.note}>{TEXTS.notificationsHint}</p>
         {refused !== "" && (
-          <output aria-label={TEXTS.notificationsHere} className={notificationMenuStyles.told}>
+          <output aria-label={TEXTS.notificationsHere} className={notificationMenuStyles.note}>
             {refused}
           </output>
         )}
@@ -112,9 +112,9 @@ export function NotificationMenu() {
   );
 }
 
-/** What is driven, on every page: whether something real may move has to be seen at a glance. */
+/** Badge of the plant, on every page: shows whether real hardware may move. */
 
-/** A plant of a package goes by its own name. */
+/** Short names by kind; a plant of a package has its own name. */
 const SHORT: Partial<Record<PlantView["kind"], string>> = {
   simulator: TEXTS.simulator,
   rig: TEXTS.rig,
@@ -122,10 +122,10 @@ const SHORT: Partial<Record<PlantView["kind"], string>> = {
   replay: TEXTS.replay,
 };
 
-/** Of a package nobody knows better: it counts as real. */
+/** A plant of a package is treated as real, because its hardware is unknown. */
 const MAY_BE_REAL: readonly PlantView["kind"][] = ["rig", "package"];
 
-/** The badge's word for a plant as runs keep its name: whether something real has moved. */
+/** Text of the badge for a plant's stored name, with its kind: whether real hardware moved. */
 export function plantWord(name: string): string {
   const kinds: Readonly<Record<string, string>> = SHORT;
   const word = kinds[name.replaceAll(" ", "_")];
@@ -167,7 +167,7 @@ export function PlantBadge({ plant, parameters }: PlantBadgeProps) {
   );
 }
 
-/** The unit in which this person reads and types angles, everywhere. */
+/** Switch for the person's unit of angles on all pages. */
 
 const NAMES = { deg: TEXTS.degrees, rad: TEXTS.radians } as const;
 const SIGNS = { deg: "°", rad: "rad" } as const;
@@ -199,7 +199,7 @@ function AngleSwitch() {
   );
 }
 
-/** What has to be in sight on every page: which plant, which mode, how the loop and the link do, and STOP. */
+/** Header of every page: plant, mode, timing of the control loop, connection and control. STOP is separate. */
 
 interface HeaderProps {
   onShortcuts(): void;

@@ -1,4 +1,4 @@
-/** Asks once who is there: everybody who opens the sign-in link would be called by their role. */
+/** Asks once for the person's name; without it, everyone who uses the sign-in link has the role as name. */
 
 import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
@@ -13,25 +13,25 @@ import styles from "./NameQuestion.module.css";
 import { Refusal } from "./Refusal";
 import { TEXTS } from "./texts";
 
-/** Under which this browser keeps that its person goes by the role. */
-const LEFT_OUT = "sinew-goes-by-role";
+/** Storage key of this browser for persons without a name. */
+const DECLINED_KEY = "sinew-goes-by-role";
 
 interface NameQuestionProps {
-  /** Asked for by the person, who has a name already or did without. */
+  /** Whether the person requests a change of the name. */
   readonly wanted: boolean;
   onDone(): void;
 }
 
 export function NameQuestion({ wanted, onDone }: NameQuestionProps) {
   const session = useQuery(sessionQuery);
-  const [leftOut, leaveOut] = useState(() => readStored("localStorage", LEFT_OUT) !== null);
+  const [isDeclined, setDeclined] = useState(() => readStored("localStorage", DECLINED_KEY) !== null);
   const [name, setName] = useState("");
   const set = useSetName();
   const { preferences, known } = usePreferences();
-  // one bar at a time: who is new here is shown around first
-  const isShownAround = !known || !preferences.toured;
-  const asked = session.data?.asks_name === true && !leftOut && !isShownAround;
-  if (session.data === undefined || !(wanted || asked)) return null;
+  // One bar at a time: a new person sees the tour first.
+  const isInTour = !known || !preferences.toured;
+  const isRequired = session.data?.asks_name === true && !isDeclined && !isInTour;
+  if (session.data === undefined || !(wanted || isRequired)) return null;
   const role = session.data.role;
 
   function submit(event: FormEvent): void {
@@ -40,8 +40,8 @@ export function NameQuestion({ wanted, onDone }: NameQuestionProps) {
   }
 
   function close(): void {
-    storeText("localStorage", LEFT_OUT, role);
-    leaveOut(true);
+    storeText("localStorage", DECLINED_KEY, role);
+    setDeclined(true);
     onDone();
   }
 

@@ -1,4 +1,4 @@
-/** The links to the pages, and the menu of everything that explains. */
+/** Links to the pages, and the help menu. */
 
 import { Menu } from "@mantine/core";
 import type { IconType } from "react-icons";
@@ -26,16 +26,16 @@ import type { PlantView } from "../wire/types";
 import styles from "./Navigation.module.css";
 import { TEXTS } from "./texts";
 
-/** Everything that explains: docs, glossary, tour, keys. */
+/** Help menu: documents, glossary, tour, keyboard shortcuts. */
 
 function HelpMenu({ onShortcuts }: { onShortcuts: () => void }) {
   const [location, go] = useLocation();
   const { change } = usePreferences();
-  const here = ["/docs", "/glossary"].some((path) => location.startsWith(path));
+  const isCurrent = ["/docs", "/glossary"].some((path) => location.startsWith(path));
   return (
     <Menu position="right-end" width={210} withinPortal>
       <Menu.Target>
-        <button type="button" className={styles.link} aria-label={TEXTS.help} data-here={here}>
+        <button type="button" className={styles.link} aria-label={TEXTS.help} data-here={isCurrent}>
           <TbHelp size={22} strokeWidth={1.6} aria-hidden="true" />
           {TEXTS.help}
         </button>
@@ -63,7 +63,7 @@ interface PageEntry {
   readonly name: string;
   readonly key: string;
   readonly Icon: IconType;
-  /** What is driven where there is something to do on it; on everything where left out. */
+  /** Kinds of plants for which the page exists; all if omitted. */
   readonly only?: readonly PlantView["kind"][];
 }
 
@@ -79,7 +79,7 @@ const PAGES: readonly PageEntry[] = [
   { path: "/system", name: TEXTS.systemPage, key: "s", Icon: TbServerCog },
 ];
 
-/** The pages to be offered now. */
+/** Pages that exist for the current plant. */
 export function usePages(): readonly PageEntry[] {
   const kind = useLive((live) => live.state?.plant.kind);
   return PAGES.filter(({ only }) => only === undefined || (kind !== undefined && only.includes(kind)));
@@ -96,9 +96,9 @@ export function Navigation({ onSetup, onShortcuts }: NavigationProps) {
   return (
     <nav className={styles.nav} aria-label={TEXTS.main}>
       {pages.map(({ path, name, Icon }) => {
-        const here = location === path || location.startsWith(`${path}/`);
+        const isCurrent = location === path || location.startsWith(`${path}/`);
         return (
-          <Link key={path} href={path} className={styles.link} aria-current={here ? "page" : undefined}>
+          <Link key={path} href={path} className={styles.link} aria-current={isCurrent ? "page" : undefined}>
             <Icon size={22} strokeWidth={1.6} aria-hidden="true" />
             {name}
           </Link>

@@ -1,4 +1,4 @@
-/** Room kept free for the reason why a value was refused, so that nothing moves when there is one. */
+/** Reason why a value was refused; its space is reserved, so that the page does not move when it appears. */
 
 import { Button, type ButtonProps } from "@mantine/core";
 import { useMutation } from "@tanstack/react-query";
@@ -14,9 +14,9 @@ import { takeControl } from "../wire/control";
 import styles from "./Refusal.module.css";
 import { TEXTS } from "./texts";
 
-/** Takes control of the actuator for this page, from whoever holds it. */
+/** Takes control for this page, also from its current holder. */
 
-export function TakeControl(look: Pick<ButtonProps, "variant" | "color">) {
+export function TakeControl(style: Pick<ButtonProps, "variant" | "color">) {
   const holder = useLive((live) => live.state?.holder?.name ?? null);
   const take = useMutation({ mutationFn: () => answeredBy(takeControl(true)) });
   const refused = useErrorLifetime(take.error);
@@ -25,7 +25,7 @@ export function TakeControl(look: Pick<ButtonProps, "variant" | "color">) {
       <Button
         size="compact-xs"
         variant="default"
-        {...look}
+        {...style}
         loading={take.isPending}
         title={holder === null ? undefined : fillText(TEXTS.losesControl, { name: holder })}
         onClick={() => take.mutate()}
@@ -38,38 +38,38 @@ export function TakeControl(look: Pick<ButtonProps, "variant" | "color">) {
 }
 
 interface RefusalProps {
-  /** Shown until what caused it is gone. */
+  /** Shown until its cause is gone. */
   readonly error?: Error | null | undefined;
-  /** What the refused request would have changed, as it is in force: once that changes, the refusal is over. */
+  /** Active values that the refused request would have changed; a change of them ends the refusal. */
   readonly about?: unknown;
-  /** For the box that it speaks of. */
+  /** Id that the described input refers to. */
   readonly id?: string;
-  /** What keeps something from being done, found here and now. */
+  /** Reason that the page itself knows. */
   readonly text?: string | null | undefined;
-  /** Whether it speaks for fields that have no room to say so themselves. */
+  /** Whether it shows refusals of fields that have no space for a message. */
   readonly forFields?: boolean;
-  /** Shown while nothing is refused. */
+  /** Shown while there is no refusal. */
   readonly hint?: string;
-  /** What removes the cause of `text`, one press away; an answer of the service has its own. */
+  /** Control that removes the cause of `text`; a response of the service has its own. */
   readonly children?: ReactNode;
 }
 
 export function Refusal({ error, about, id, text, forFields = false, hint = "", children }: RefusalProps) {
-  const standing = useErrorLifetime(error, about);
+  const active = useErrorLifetime(error, about);
   const angles = useAngleUnit();
-  const elsewhere = useShownAtField(standing) && !forFields;
-  const said = standing === null ? text : elsewhere ? null : standing.message;
-  const refused = said !== null && said !== undefined;
+  const isAtField = useShownAtField(active) && !forFields;
+  const message = active === null ? text : isAtField ? null : active.message;
+  const refused = message !== null && message !== undefined;
   const noControl = useWhyNoControl();
-  const offersControl = standing === null ? refused && said === noControl : isAboutControl(standing);
-  const reason = refused ? localizeText(said, angles) : undefined;
+  const offersControl = active === null ? refused && message === noControl : isAboutControl(active);
+  const reason = refused ? localizeText(message, angles) : undefined;
   return (
     <output
       id={id}
       className={styles.refusal}
       aria-label={TEXTS.refusal}
       data-refused={refused}
-      title={refused ? localizeText(standing?.message ?? said, angles) : undefined}
+      title={refused ? localizeText(active?.message ?? message, angles) : undefined}
     >
       {refused ? reason : hint}
       {offersControl && (
@@ -78,7 +78,7 @@ export function Refusal({ error, about, id, text, forFields = false, hint = "", 
           <TakeControl />
         </>
       )}
-      {refused && standing === null && !offersControl && children}
+      {refused && active === null && !offersControl && children}
     </output>
   );
 }

@@ -21,7 +21,7 @@ import { TEXTS } from "./texts";
 import verdictStyles from "./Verdict.module.css";
 import { LocalizedText } from "./values";
 
-/** How a run ended, in words and with an icon. */
+/** State of a run with text and icon. */
 
 const STATES: Record<string, { Icon: IconType; abnormal: boolean }> = {
   running: { Icon: TbPlayerRecord, abnormal: false },
@@ -32,7 +32,7 @@ const STATES: Record<string, { Icon: IconType; abnormal: boolean }> = {
   service_died: { Icon: TbSkull, abnormal: true },
 };
 
-/** `unevaluated` says why a run has no result; undefined where it has one, or is to have none. */
+/** `unevaluated`: reason why a run has no result; undefined if it has one or needs none. */
 export function RunState({
   state,
   reason = "",
@@ -65,17 +65,17 @@ export function RunState({
   );
 }
 
-/** Why a run has no result, for `RunState`. */
+/** Reason why a run has no result, for `RunState`. */
 export function unevaluated(run: Run): string | undefined {
   if (run.evaluation !== "missing") return undefined;
   return run.evaluation_problem === "" ? TEXTS.notEvaluatedInTime : run.evaluation_problem;
 }
 
-/** Good or not, with icon and words, never by colour alone. */
+/** Verdict with icon and text, never by colour alone. */
 
 interface VerdictProps {
   readonly good: boolean;
-  /** What decides it, of the glossary. */
+  /** Glossary entry of the criterion. */
   readonly of?: Meaning;
   readonly children: ReactNode;
 }
@@ -94,7 +94,7 @@ export function Verdict({ good, of, children }: VerdictProps) {
   );
 }
 
-/** What a run came to, in the sentence of its report; only one that passed looks as if it had. */
+/** Outcome of a run in the sentence of its report; only a passed run has the mark of a pass. */
 export function Outcome({ of: { outcome, verdict } }: { of: Pick<Experiment, "outcome" | "verdict"> }) {
   const of = `outcome:${outcome}`;
   if (outcome === "neutral") {

@@ -37,13 +37,13 @@ function mark(stage: string): void {
   frame().contentDocument?.documentElement.setAttribute("data-stage", stage);
 }
 
-/** What backend/scene/proxy.py does: it writes down how far it has come, and says that it has. */
+/** Stub of backend/scene/proxy.py: writes its stage and sends a message. */
 function reaches(stage: string, source: Window | null = frame().contentWindow): void {
   mark(stage);
   act(() => void window.dispatchEvent(new MessageEvent("message", { data: "stage", source })));
 }
 
-it("says what it waits for, step by step, and nothing once there is a picture", () => {
+it("shows each stage, and no text while it draws", () => {
   render(view("about:blank?"));
   expect(words()).toBe(TEXTS.sceneLoadingPage);
   reaches("connecting");
@@ -57,14 +57,14 @@ it("says what it waits for, step by step, and nothing once there is a picture", 
   expect(again()).toBeNull();
 });
 
-it("promises no seconds where there is a graphics processor", () => {
+it("does not mention slow drawing if there is a GPU", () => {
   browser.software = false;
   render(view("about:blank?"));
   reaches("drawing");
   expect(words()).toBe(TEXTS.sceneDrawing);
 });
 
-it("offers to try again when nothing comes, and takes it back when something does", () => {
+it("offers another attempt after a delay, and withdraws it when the view loads", () => {
   render(view("about:blank?"));
   act(() => void vi.advanceTimersByTime(PATIENCE_S * 1000 - 1));
   expect(again()).toBeNull();
@@ -76,7 +76,7 @@ it("offers to try again when nothing comes, and takes it back when something doe
   expect(again()).toBeNull();
 });
 
-it("says when what came is not its page, and asks for another when told to try again", () => {
+it("reports another document, and requests a new one on another attempt", () => {
   render(view("about:blank?"));
   fireEvent.load(frame());
   expect(words()).toBe(TEXTS.sceneFailed);
@@ -87,7 +87,7 @@ it("says when what came is not its page, and asks for another when told to try a
   expect(words()).toBe(TEXTS.sceneLoadingPage);
 });
 
-it("does not take what it showed before for what it shows when its page comes again without the scene", () => {
+it("does not show an earlier stage when another document has loaded", () => {
   render(view("about:blank?"));
   reaches("shown");
   frame().contentDocument?.documentElement.removeAttribute("data-stage");
@@ -95,7 +95,7 @@ it("does not take what it showed before for what it shows when its page comes ag
   expect(words()).toBe(TEXTS.sceneFailed);
 });
 
-it("says that it is cut off until there is a picture again", () => {
+it("reports a lost connection until it draws again", () => {
   render(view("about:blank?"));
   reaches("shown");
   reaches("lost");
@@ -106,7 +106,7 @@ it("says that it is cut off until there is a picture again", () => {
   expect(words()).toBe("");
 });
 
-it("says that the browser has given up drawing", () => {
+it("reports that the browser has stopped drawing", () => {
   render(view("about:blank?"));
   reaches("shown");
   reaches("dropped");
@@ -114,7 +114,7 @@ it("says that the browser has given up drawing", () => {
   expect(again()).not.toBeNull();
 });
 
-it("listens to its own frame only, and to no stage that there is not", () => {
+it("ignores other frames and unknown stages", () => {
   render(view("about:blank?"));
   reaches("shown", window);
   expect(words()).toBe(TEXTS.sceneLoadingPage);
@@ -122,14 +122,14 @@ it("listens to its own frame only, and to no stage that there is not", () => {
   expect(words()).toBe(TEXTS.sceneFailed);
 });
 
-it("says so where the browser cannot draw in 3D", () => {
+it("reports that the browser cannot draw in 3D", () => {
   browser.solid = false;
   render(view("about:blank?"));
   expect(words()).toBe(TEXTS.sceneImpossible);
   expect(again()).toBeNull();
 });
 
-it("hears STOP in the view, after another camera was chosen too", () => {
+it("receives the keys of STOP in the view, also after a change of the camera", () => {
   const asked = vi.fn(() => new Promise<Response>(() => {}));
   vi.stubGlobal("fetch", asked);
   const { rerender } = render(view("about:blank?1"));

@@ -7,15 +7,15 @@ import { watchKeys } from "../stop/stop";
 import styles from "./SceneFrame.module.css";
 import { TEXTS } from "./texts";
 
-/** How far a 3D view has come, and what is said of it until there is a picture. */
+/** Stage of a 3D view, and the text that is shown until it draws. */
 
-/** What backend/scene/proxy.py writes on its document, in the order in which it comes; "dropped" by the browser. */
-const TOLD = ["connecting", "drawing", "shown", "lost", "dropped"] as const;
+/** Stages that backend/scene/proxy.py writes into its document, in order; the browser causes "dropped". */
+const STAGES = ["connecting", "drawing", "shown", "lost", "dropped"] as const;
 
-/** Before its page is there, and when what came is not its page. */
-type Stage = (typeof TOLD)[number] | "page" | "failed";
+/** "page" before the document has loaded, "failed" if another document has loaded. */
+type Stage = (typeof STAGES)[number] | "page" | "failed";
 
-/** Somebody who has waited so long is told so [s]. */
+/** Waiting time after which the view reports a delay [s]. */
 export const PATIENCE_S = 20;
 
 const LOADING = {
@@ -29,13 +29,13 @@ const LATE = {
   drawing: TEXTS.sceneLateDrawing,
 } as const;
 
-/** The stage that the document in a frame tells; another document than the view's, as the browser's own, tells none. */
+/** Stage in the document of a frame; "failed" for any other document, such as the browser's error page. */
 function stageIn(frame: HTMLIFrameElement): Stage {
-  const told = frame.contentDocument?.documentElement.dataset.stage;
-  return TOLD.find((stage) => stage === told) ?? "failed";
+  const current = frame.contentDocument?.documentElement.dataset.stage;
+  return STAGES.find((stage) => stage === current) ?? "failed";
 }
 
-/** Empty once there is a picture. `software`: the browser paints without a graphics processor. */
+/** Text of a stage; empty while the view draws. `software`: the browser renders without a GPU. */
 function describeStage(stage: Stage, late: boolean, software: boolean): string {
   switch (stage) {
     case "shown":
@@ -51,23 +51,25 @@ function describeStage(stage: Stage, late: boolean, software: boolean): string {
   return stage === "drawing" && software ? TEXTS.sceneDrawingSlowly : LOADING[stage];
 }
 
-/** A 3D view of the service in a frame: it says what it waits for, STOP is heard in it, and it leaves the page time to act. */
+/** 3D view of the service in a frame: shows its stage, receives the keys of STOP, and limits its share of time. */
 
-/** Times the length of a slow 3D frame that is left to the loop and the charts. */
+/** Pause after a slow 3D frame, as a multiple of its duration, for the control loop and the charts. */
 const REST = 4;
 
 interface SceneFrameProps {
-  /** With a query. */
+  /** Address with a query. */
   readonly address: string;
   readonly title: string;
 }
 
 export function SceneFrame({ address, title }: SceneFrameProps) {
   const [attempt, setAttempt] = useState(0);
-  // an address of its own for each attempt: what the browser has kept of the one before may be what is wrong
-  const asked = attempt === 0 ? address : `${address}&attempt=${attempt}`;
-  // from another camera it is another page, which has to be listened to from its beginning
-  return <View key={asked} address={asked} title={title} onAgain={() => setAttempt(attempt + 1)} />;
+  // Each attempt has its own address, because the browser's cached response may be the error.
+  const frameAddress = attempt === 0 ? address : `${address}&attempt=${attempt}`;
+  // A new camera loads a new document, so the view starts again.
+  return (
+    <View key={frameAddress} address={frameAddress} title={title} onAgain={() => setAttempt(attempt + 1)} />
+  );
 }
 
 function View({ address, title, onAgain }: SceneFrameProps & { onAgain: () => void }) {
@@ -85,10 +87,10 @@ function View({ address, title, onAgain }: SceneFrameProps & { onAgain: () => vo
     };
     const onLoad = () => {
       unwatch();
-      const told = stageIn(element);
-      setStage(told);
-      if (told === "failed" || element.contentWindow === null) return;
-      // keys pressed while the 3D view has the focus go to its own document: STOP has to listen there too
+      const current = stageIn(element);
+      setStage(current);
+      if (current === "failed" || element.contentWindow === null) return;
+      // While the 3D view has the focus, its own document receives the keys: STOP must listen there too.
       unwatch = watchKeys(element.contentWindow);
       paceWindow(element.contentWindow, new FramePacer(REST));
     };
@@ -107,14 +109,14 @@ function View({ address, title, onAgain }: SceneFrameProps & { onAgain: () => vo
     return () => window.clearTimeout(timer);
   }, [stage]);
 
-  const words = possible ? describeStage(stage, late === stage, paintsInSoftware()) : TEXTS.sceneImpossible;
+  const text = possible ? describeStage(stage, late === stage, paintsInSoftware()) : TEXTS.sceneImpossible;
   const stuck = stage === "failed" || stage === "dropped" || (stage !== "shown" && late === stage);
   return (
     <div className={styles.frame}>
       <iframe ref={frame} src={address} title={title} className={styles.view} data-stage={stage} />
-      <div className={styles.words} data-empty={words === ""}>
-        {/* always there, so that a change of its words is heard */}
-        <output aria-label={fillText(TEXTS.sceneStatus, { title })}>{words}</output>
+      <div className={styles.words} data-empty={text === ""}>
+        {/* always present, so that screen readers announce a change */}
+        <output aria-label={fillText(TEXTS.sceneStatus, { title })}>{text}</output>
         {possible && stuck && (
           <Button size="compact-xs" variant="default" onClick={onAgain}>
             {TEXTS.tryAgain}
@@ -125,10 +127,10 @@ function View({ address, title, onAgain }: SceneFrameProps & { onAgain: () => vo
   );
 }
 
-/** Where the 3D view can be looked at from. Pure. In the scene's units: ten to the metre, z up, the joint at the origin. */
+/** Cameras of the 3D view, in the scene's units: ten per metre, z up, the joint at the origin. Pure. */
 
 interface Camera {
-  /** Stored in the preferences. */
+  /** Name stored in the preferences. */
   readonly name: string;
   readonly label: string;
   readonly position: readonly [number, number, number];
@@ -143,7 +145,7 @@ const CAMERAS: readonly Camera[] = [
   { name: "Springs", label: TEXTS.cameraSprings, position: [0.4, -5, -1.4], lookAt: [0, 0, -1.9] },
 ];
 
-/** The address of the 3D view, at `path`, seen by the camera of this name. */
+/** Address of the 3D view at `path` with the camera of this name. */
 export function sceneAddress(path: string, name: string): string {
   const camera = CAMERAS.find((one) => one.name === name) ?? CAMERAS[0];
   if (camera === undefined) return path;
@@ -151,7 +153,7 @@ export function sceneAddress(path: string, name: string): string {
   return `${path}?initialCameraPosition=${position.join(",")}&initialCameraLookAt=${lookAt.join(",")}`;
 }
 
-/** From where a 3D view is looked at. */
+/** Choice of the camera of a 3D view. */
 
 export function CameraChoice({ camera, onChange }: { camera: string; onChange: (name: string) => void }) {
   return (

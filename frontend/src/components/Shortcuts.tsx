@@ -8,7 +8,7 @@ import { explaining, type Handlers } from "./Explained";
 import { usePages } from "./Navigation";
 import { TEXTS } from "./texts";
 
-/** What the keys do. */
+/** List of the keyboard shortcuts. */
 
 type Keys = readonly (readonly [string[], string])[];
 
@@ -88,9 +88,9 @@ export function Shortcuts({ opened, onClose }: { opened: boolean; onClose: () =>
   );
 }
 
-/** A box says what it is for when it is pointed at or focused, and is silent while something is typed. */
+/** Explanation of an input on hover and focus; typing closes it. */
 
-/** Of the control itself, which keeps its place in the order of the Tab key; nothing without an entry. */
+/** Handlers for the input itself, which remains in the tab order; empty without an entry. */
 export function help(entry: Entry | undefined): Handlers {
   if (entry === undefined) return {};
   return {

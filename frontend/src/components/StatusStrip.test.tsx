@@ -16,7 +16,7 @@ import {
 } from "./StatusStrip";
 import { TEXTS } from "./texts";
 
-// the REST client takes hold of fetch when it is made
+// the REST client stores fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);
@@ -33,7 +33,7 @@ const LOST: StopProof = {
 
 let store: LiveStore;
 
-/** The service tells its state. */
+/** Passes a state of the service to STOP. */
 function told(mode: State["mode"], tick: number, stop_proof: StopProof | null, alive = true): void {
   const state = { mode, tick, stop_proof, link: { alive, silent_s: 0, starts: 1 } } as State;
   act(() => store.setState(state));
@@ -58,18 +58,18 @@ beforeEach(() => {
 
 afterEach(cleanup);
 
-it("shows a proof from the answer until the reset of its stop, and never again", async () => {
+it("shows a proof from the response until the reset of its stop, and not again", async () => {
   told("run", 900, null);
   press();
   await waitFor(() => expect(result()).toContain("(tick 1001)"));
-  // a state from before the stop that was under way says nothing about it
+  // a state from before the stop does not change its proof
   told("run", 990, null);
   expect(result()).toContain("(tick 1001)");
   told("tripped", 1040, FIRST);
   expect(result()).toContain("(tick 1001)");
   told("off", 3000, null);
   expect(result()).toBe("");
-  // pretension, run, and the soft stop of the operator
+  // pretension, run, and the operator's soft stop
   for (const [mode, tick] of [
     ["pretension", 4000],
     ["run", 6000],
@@ -81,7 +81,7 @@ it("shows a proof from the answer until the reset of its stop, and never again",
   }
 });
 
-it("shows the proof of the stop that took place, not of the one before", async () => {
+it("shows the proof of the latest stop, not of the one before", async () => {
   press();
   await waitFor(() => expect(result()).toContain("(tick 1001)"));
   told("tripped", 1040, FIRST);
@@ -90,7 +90,7 @@ it("shows the proof of the stop that took place, not of the one before", async (
   expect(result()).toBe("Zero volts in 420 control steps · 420.31 ms (tick 9420)");
 });
 
-it("says that a stop was not confirmed until the loop says that the motors rest", async () => {
+it("shows an unconfirmed stop until the control loop reports that the motors are off", async () => {
   fetched.mockRejectedValue(new TypeError("no network"));
   told("run", 900, null);
   press();
@@ -143,14 +143,14 @@ describe("status", () => {
   } as const;
 
   describe("currentStatus", () => {
-    it("puts a lost link before everything: what is shown is old", () => {
+    it("shows a lost connection before everything else", () => {
       const status = currentStatus(state({ fault: FAULT }), "down", 4200);
       expect(status.tone).toBe("warn");
       expect(status.text).toContain("4.2 s");
       expect(status.resettable).toBe(false);
     });
 
-    it("shows nothing of the state before a reconnection", () => {
+    it("shows nothing of the state from before a reconnection", () => {
       const before = currentStatus(state({ recording_run: 22 }), "live", 10, true, false);
       expect(before.text).toBe(TEXTS.statusWaiting);
       expect(currentStatus(state({ recording_run: 22 }), "live", 10).text).toBe(
@@ -158,7 +158,7 @@ describe("status", () => {
       );
     });
 
-    it("says what follows while the page in control is not heard, where something moves", () => {
+    it("states the consequence of a missing heartbeat of the page in control, if the joint may move", () => {
       const holder = {
         name: "Mara Stein",
         epoch: 3,
@@ -175,11 +175,11 @@ describe("status", () => {
       expect(currentStatus(state({ mode: "off", holder }), "live", 10).text).toBe(TEXTS.statusOff);
     });
 
-    it("calls what identifies without a task a step of the bring-up", () => {
+    it("shows mode identify without a task as a step of the bring-up", () => {
       expect(currentStatus(state({ mode: "identify" }), "live", 10).text).toBe(TEXTS.statusBringUp);
     });
 
-    it("names the force of a contact that the joint gives way to", () => {
+    it("names the force of a contact in compliance mode", () => {
       const touch = { felt: { F_ext_hat: -6.24 } } as State["touch"];
       const status = currentStatus(state({ mode: "compliance", touch }), "live", 10);
       expect(status).toMatchObject({ tone: "warn", text: fillText(TEXTS.statusContact, { force: "6.2" }) });
@@ -188,7 +188,7 @@ describe("status", () => {
       );
     });
 
-    it("puts a fault before a task, with its remedy", () => {
+    it("shows a fault before a task, with its remedy", () => {
       const status = currentStatus(state({ fault: FAULT, task: TASK }), "live", 10);
       expect(status).toMatchObject({
         tone: "fault",
@@ -198,7 +198,7 @@ describe("status", () => {
       });
     });
 
-    it("shows a planned trip calmly, with a reset where there is one", () => {
+    it("shows a planned trip as calm, with a reset if there is one", () => {
       const played = { ...FAULT, expected: true };
       expect(currentStatus(state({ fault: played }), "live", 10)).toEqual({
         tone: "calm",
@@ -214,12 +214,12 @@ describe("status", () => {
       });
     });
 
-    it("tells a dead loop from a fault", () => {
+    it("distinguishes a dead control loop from a fault", () => {
       const dead = state({ link: { alive: false, silent_s: 2, starts: 1, restarting: "" } });
       expect(currentStatus(dead, "live", 10)).toMatchObject({ tone: "fault", resettable: true });
     });
 
-    it("shows a planned restart of the loop as work under way, with its purpose and its time", () => {
+    it("shows a planned restart of the loop as busy, with its purpose and its time", () => {
       const fault = { code: "watchdog_dead", message: "", remedy: "", tick: 1, expected: false } as const;
       const link = {
         alive: false,
@@ -235,23 +235,23 @@ describe("status", () => {
       }
     });
 
-    it("names the task and how far it is", () => {
+    it("names the task and its progress", () => {
       expect(currentStatus(state({ task: TASK }), "live", 10).text).toBe("Tracking, run 12: program");
       expect(taskProgress(TASK)).toBe(0.25);
     });
 
-    it("says which part is played, and which of several runs", () => {
+    it("names the part that runs, and the number of the run among several", () => {
       const part = { title: "Breaths", number: 2, of: 3, doing: null, left_s: 12.04, t: 20 };
       expect(partOf({ ...TASK, part })).toBe("part 2 of 3, Breaths, 12.0 s left");
       expect(partOf({ ...TASK, part: { ...part, number: 1, of: 1 } })).toBe("Breaths");
       expect(partOf({ ...TASK, phase: "pretension" })).toBe("pretension");
       expect(taskTitle({ ...TASK, number: 2, following: 2 })).toBe("Tracking, run 12, 2 of 4");
       expect(taskTitle({ ...TASK, number: 4, following: 0 })).toBe("Tracking, run 12, 4 of 4");
-      // ended early, in the pause behind the second of four: it is not the last of two
+      // ended early, in the pause after the second of four: it is not the last of two
       expect(taskTitle({ ...TASK, phase: "evaluation", number: 2, following: 0 })).toBe("Tracking, run 12");
     });
 
-    it("says which set point an identification is at, what is done there, and counts over all runs of the order", () => {
+    it("names the operating point and activity of an identification, counted over all runs", () => {
       const part = { title: "20 N", number: 2, of: 4, doing: "exciting", left_s: 12.04, t: 20 } as const;
       expect(taskTitle({ ...TASK, kind: "experiment", title: "Hold at rest" })).toBe("Hold at rest, run 12");
       const task = { ...TASK, kind: "actuator_identification", number: 2, following: 2 };
@@ -262,18 +262,18 @@ describe("status", () => {
       expect(timeLeft({ ...task, part, following: 1 })).toBe("18.0 s left of 24.0 s, then 1 more run");
     });
 
-    it("never says that less than nothing is left", () => {
+    it("never shows a negative remaining time", () => {
       expect(timeLeft(TASK)).toBe("18.0 s left of 24.0 s");
       expect(timeLeft({ ...TASK, elapsed_s: 25.5 })).toBe("1.5 s longer than expected");
       expect(timeLeft({ ...TASK, phase: "evaluation", elapsed_s: 24 })).toBe(TEXTS.computing);
     });
 
-    it("does not hide problems of the service behind a task", () => {
+    it("shows problems of the service before a task", () => {
       const status = currentStatus(state({ task: TASK, problems: ["Disk full."] }), "live", 10);
       expect(status).toMatchObject({ tone: "warn", text: "Disk full.", task: TASK });
     });
 
-    it("tells what to do next only to who may do it", () => {
+    it("shows the next step only to those who may do it", () => {
       const off = state({ mode: "off" });
       expect(currentStatus(off, "live", 10)).toMatchObject({
         text: TEXTS.statusOff,
@@ -282,12 +282,12 @@ describe("status", () => {
       expect(currentStatus(off, "live", 10, false)).toMatchObject({ text: TEXTS.statusOff, remedy: "" });
     });
 
-    it("does not send to Pretension where something has to come before it", () => {
+    it("does not suggest Pretension if another step precedes it", () => {
       const off = state({ mode: "off", unready: "set the zero in the bring-up" });
       expect(currentStatus(off, "live", 10).remedy).toBe("Set the zero in the bring-up.");
     });
 
-    it("says what comes next, and what is recorded", () => {
+    it("states the next step, and the run that is recorded", () => {
       expect(currentStatus(state({ mode: "pretension" }), "live", 10).text).toBe(TEXTS.statusReady);
       expect(currentStatus(state({ recording_run: 7 }), "live", 10).text).toContain(
         fillText(TEXTS.statusRecording, { run: 7 }),
@@ -295,7 +295,7 @@ describe("status", () => {
     });
   });
 
-  describe("a recording that is played", () => {
+  describe("a replay", () => {
     const player = {
       title: "run 12",
       t: 12,
@@ -308,7 +308,7 @@ describe("status", () => {
       speed_max: 4,
     };
 
-    it("is told with its name, how far it is, and whether it goes on", () => {
+    it("is shown with its title, its position, and its state", () => {
       const told = (part: object) =>
         currentStatus(
           state({ mode: "off", unready: "nothing starts", player: { ...player, ...part } }),
@@ -330,7 +330,7 @@ describe("status", () => {
       );
     });
 
-    it("is paused by STOP: no volts are claimed, and nothing is latched", () => {
+    it("is paused by STOP, without a proof of zero volts", () => {
       const proof = { ...PROOF, paused_recording: true };
       for (const stop of [{ kind: "idle" }, { kind: "confirmed", proof }] as const) {
         const told = stopSentence(stop, { mode: "off", stop_proof: proof });
@@ -341,12 +341,12 @@ describe("status", () => {
   });
 
   describe("stopSentence", () => {
-    it("shows the proof of a stop from elsewhere, while the motors are latched", () => {
+    it("shows the proof of a stop from another page until the reset", () => {
       expect(stopSentence({ kind: "idle" }, { mode: "tripped", stop_proof: PROOF })).toContain("0.83 ms");
       expect(stopSentence({ kind: "idle" }, { mode: "run", stop_proof: PROOF })).toBe("");
     });
 
-    it("leaves to STOP itself that a stop is not confirmed", () => {
+    it("is empty for an unconfirmed stop, which STOP itself shows", () => {
       const stop = { kind: "unconfirmed", reason: "No answer." } as const;
       expect(stopSentence(stop, { mode: "tripped", stop_proof: PROOF })).toBe("");
       expect(describeStop(stop)).toBe("STOP NOT CONFIRMED: use the stop at the machine. No answer.");

@@ -30,15 +30,15 @@ import { TakeControl } from "./Refusal";
 import statusStripStyles from "./StatusStrip.module.css";
 import { TEXTS } from "./texts";
 
-/** Commands to the actuator: mode, references, pushes, contact, wall; and what became of STOP. */
+/** Status line: the most important message, control, and the result of STOP. */
 
-/** What became of the last press of STOP, which works without the application. */
+/** Result of the last press of STOP, which works without the application. */
 
 function useStop(): StopState {
   return useSyncExternalStore(listenToStop, stopState);
 }
 
-/** The one sentence that matters most right now. Pure. */
+/** The most important message at the moment. Pure. */
 
 type Tone = "calm" | "busy" | "warn" | "fault";
 
@@ -61,7 +61,7 @@ const HINTS: Record<State["mode"], string> = {
   tripped: TEXTS.statusTripped,
 };
 
-/** Modes in which the loss of the page that holds control ends in a soft stop. */
+/** Modes in which the loss of the page in control causes a soft stop. */
 const MOVABLE: ReadonlySet<State["mode"]> = new Set([
   "pretension",
   "run",
@@ -70,7 +70,7 @@ const MOVABLE: ReadonlySet<State["mode"]> = new Set([
   "experiment",
 ]);
 
-/** What whoever may command does next. */
+/** Next step of a person who may send commands. */
 const NEXT: Partial<Record<State["mode"], string>> = { off: TEXTS.nextOff };
 
 function sentence(tone: Tone, text: string, more: Partial<Status> = {}): Status {
@@ -146,7 +146,7 @@ export function currentStatus(
   });
 }
 
-/** What is played, how far it is, and whether it goes on: "Replay of run 12, 0:12 of 1:42, playing at 2×." */
+/** State of a replay: "Replay of run 12, 0:12 of 1:42, playing at 2×." */
 function playerSentence({ title, t, duration_s, playing, ended, speed }: PlayerPosition): string {
   const pace = speed === 1 ? TEXTS.playing : fillText(TEXTS.playingAt, { speed });
   const doing = playing ? pace : ended ? TEXTS.ended : TEXTS.paused;
@@ -163,8 +163,8 @@ function taskName(task: Task): string {
 }
 
 /**
- * Which run it is, of an order of several too: "Motor identification, run 12, 2 of 4". Set points are counted over all
- * runs of their order, and tell it by themselves. Results are computed of all runs together, and none follows any more.
+ * Title of a run, with its number among the runs of one request: "Motor identification, run 12, 2 of 4". Operating
+ * points count over all runs, so their part contains the number. The evaluation covers all runs together.
  */
 export function taskTitle({ kind, title, run, number, following, part, phase }: Task): string {
   const several = (following > 0 || number > 1) && part?.doing == null && phase !== "evaluation";
@@ -174,7 +174,7 @@ export function taskTitle({ kind, title, run, number, following, part, phase }: 
     : fillText(TEXTS.taskTitle, named);
 }
 
-/** What is being done for it: "part 2 of 3, Breaths, 12 s left", "2 of 4: 20 N, exciting, 12 s left", or "pretension". */
+/** Current activity: "part 2 of 3, Breaths, 12 s left", "2 of 4: 20 N, exciting, 12 s left", or "pretension". */
 export function partOf({ phase, part }: Task): string {
   if (part === null) return spacedName(phase);
   if (part.doing != null) {
@@ -195,7 +195,7 @@ export function partOf({ phase, part }: Task): string {
   });
 }
 
-/** Of the whole run, as it is expected now, and how many of its order follow it. */
+/** Expected remaining time of the run, and the number of runs that follow. */
 export function timeLeft({ phase, elapsed_s, duration_s, following }: Task): string {
   if (phase === "evaluation") return TEXTS.computing;
   const left_s = duration_s - elapsed_s;
@@ -208,14 +208,14 @@ export function timeLeft({ phase, elapsed_s, duration_s, following }: Task): str
   return following === 0 ? fillText(TEXTS.timeLeft, times) : fillText(TEXTS.timeLeftThen, { ...times, runs });
 }
 
-/** Part of a task that is done, 0 to 1. */
+/** Completed share of a task, 0 to 1. */
 export function taskProgress(task: Task): number {
   return task.duration_s > 0 ? Math.min(1, task.elapsed_s / task.duration_s) : 0;
 }
 
 /**
- * What became of the last STOP, in words; a stop that took place is told by the service, from wherever it came. STOP
- * itself says that it was not confirmed, in a place that nothing narrows.
+ * Text of the last STOP; the service reports a confirmed one, wherever it was sent. STOP itself shows an unconfirmed
+ * one, in a place with enough space.
  */
 export function stopSentence(stop: StopState, state: Pick<State, "mode" | "stop_proof"> | null): string {
   if (stop.kind === "unconfirmed") return "";
@@ -224,7 +224,7 @@ export function stopSentence(stop: StopState, state: Pick<State, "mode" | "stop_
   return state?.mode === "tripped" && state.stop_proof !== null ? describeProof(state.stop_proof) : "";
 }
 
-/** What became of STOP: from the answer to the press until the service tells it itself, and then as the service tells it. */
+/** Result of STOP: the response to the press, until the service reports the stop. */
 
 export function StopResult() {
   const state = useLive((live) => live.state);
@@ -240,7 +240,7 @@ export function StopResult() {
   );
 }
 
-/** A line under the header that is always there, so that nothing moves when it has something to say. */
+/** Line below the header that is always present, so that a new message does not move the page. */
 
 const ICONS: Record<Tone, typeof TbInfoCircle> = {
   calm: TbInfoCircle,
@@ -250,7 +250,7 @@ const ICONS: Record<Tone, typeof TbInfoCircle> = {
 };
 
 interface StatusStripProps {
-  /** What the person is about to say of control; null for nothing. */
+  /** Form of the handover that is open; null for none. */
   readonly form: ControlForm | null;
   onForm(form: ControlForm | null): void;
 }
@@ -261,14 +261,14 @@ export function StatusStrip({ form, onForm }: StatusStripProps) {
   const isStateCurrent = useLive((live) => live.isStateCurrent);
   const now_ms = useNow(500);
   const reset = useReset();
-  const may = useMayCommand();
+  const mayCommand = useMayCommand();
   const refused = useErrorLifetime(reset.error);
   const noControl = useWhyNoControl();
   const status = currentStatus(
     state,
     health(link, now_ms),
     age_ms(link, now_ms),
-    may !== false,
+    mayCommand !== false,
     isStateCurrent,
   );
   const Icon = ICONS[status.tone];
@@ -286,10 +286,10 @@ export function StatusStrip({ form, onForm }: StatusStripProps) {
         </>
       )}
       {status.task !== null && <TaskProgress task={status.task} />}
-      {status.resettable && may !== false && (noControl !== null || isAboutControl(refused)) && (
+      {status.resettable && mayCommand !== false && (noControl !== null || isAboutControl(refused)) && (
         <TakeControl />
       )}
-      {status.resettable && may !== false && (
+      {status.resettable && mayCommand !== false && (
         <Button
           size="compact-xs"
           variant="white"
@@ -307,7 +307,7 @@ export function StatusStrip({ form, onForm }: StatusStripProps) {
   );
 }
 
-/** To the seconds around the trip, once they are over and kept. */
+/** Link to the flight record of a trip, once it is stored. */
 function FlightLink() {
   const fault = useLive((live) => live.state?.fault ?? null);
   const { data = [] } = useQuery({ ...flightsQuery, refetchInterval: 1000 });
@@ -323,18 +323,18 @@ function FlightLink() {
 function Message({ status, instead }: { status: Status; instead: string | undefined }) {
   const angles = useAngleUnit();
   const fault = useLive((live) => live.state?.fault ?? null);
-  const told = (text: string) => localizeText(text, angles);
+  const localized = (text: string) => localizeText(text, angles);
   const content = (
     <>
       <strong>
         <Explained of={status.text === fault?.message ? `fault:${fault.code}` : undefined}>
-          {told(status.text)}
+          {localized(status.text)}
         </Explained>
       </strong>{" "}
-      {told(instead ?? status.remedy)}
+      {localized(instead ?? status.remedy)}
     </>
   );
-  const title = told(`${status.text} ${status.remedy}`);
+  const title = localized(`${status.text} ${status.remedy}`);
   if (status.tone === "fault") {
     return (
       <div role="alert" aria-label={TEXTS.fault} className={statusStripStyles.message}>

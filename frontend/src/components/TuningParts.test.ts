@@ -1,7 +1,7 @@
 import { expect, it } from "vitest";
 import { marginsText } from "./TuningParts";
 
-it("tells what is left of gain and phase, and what gain must not fall below", () => {
+it("states gain and phase margin, and the lowest stable gain", () => {
   const margins = { M_s: 1.41265, gain_margin: 24.83, gain_reduction_margin: null, phase_margin_deg: 46.62 };
   expect(marginsText(margins)).toBe("M_s 1.413, gain margin 24.8 (27.9 dB), phase margin 47°");
   expect(marginsText({ ...margins, gain_reduction_margin: 0.0401 })).toBe(

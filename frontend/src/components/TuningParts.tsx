@@ -1,4 +1,4 @@
-/** What several pages show of a tuning: margins of the motor loop, undo and redo. */
+/** Parts of a tuning that several pages show: margins of the motor loop, undo and redo. */
 
 import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
@@ -12,9 +12,9 @@ import type { MotorMargins as Margins } from "../wire/types";
 import { Explained } from "./Explained";
 import { TEXTS } from "./texts";
 
-/** Margins of the motor loop in words. Pure. */
+/** Text of the margins of the motor loop. Pure. */
 
-/** A gain that may not fall is told with the one that it may rise to: the loop is lost at either end. */
+/** If a lower gain makes the loop unstable, the text contains both limits of the gain. */
 export function marginsText({ M_s, gain_margin, gain_reduction_margin, phase_margin_deg }: Margins): string {
   const up =
     gain_margin === null
@@ -31,11 +31,11 @@ export function marginsText({ M_s, gain_margin, gain_reduction_margin, phase_mar
   return fillText(TEXTS.margins, { peak: fixed(M_s, 3), gain, phase });
 }
 
-/** How robust the motor loops are at a λ_motor, as the service computes it of the sampled loop with L/R. */
+/** Robustness of the motor loops at a λ_motor, which the service computes from the sampled loop with L/R. */
 
 interface MotorMarginsProps {
   readonly lam_motor: number;
-  /** In force; null for gains from geometry. */
+  /** Active bank; null for geometric gains. */
   readonly bank: number | null;
   readonly className?: string | undefined;
 }
@@ -51,7 +51,7 @@ export function MotorMargins({ lam_motor, bank, className }: MotorMarginsProps) 
   );
 }
 
-/** Steps back and forward through what was in force, whatever part of it was changed. */
+/** Undo and redo of changes to the active tuning. */
 
 type TuningStep = ReturnType<typeof useTuningStep>;
 

@@ -20,7 +20,7 @@ const press = (key: string) => fireEvent.keyDown(box(), { key });
 
 function openBox({ isInForm = false } = {}) {
   const sent = vi.fn();
-  const told = vi.fn();
+  const onProblem = vi.fn();
   const props = {
     label: "q_ref",
     unit: "°",
@@ -31,21 +31,23 @@ function openBox({ isInForm = false } = {}) {
     messageId: "why",
     isInForm,
   };
-  render(<ValueBox {...props} onCommit={sent} onProblem={told} />, { wrapper: MantineProvider });
-  return { sent, told };
+  render(<ValueBox {...props} onCommit={sent} onProblem={onProblem} />, { wrapper: MantineProvider });
+  return { sent, onProblem };
 }
 
-it.each(NOT_NUMBERS)("commands nothing for %j, says so, and Escape restores", (text) => {
-  const { sent, told } = openBox();
+it.each(NOT_NUMBERS)("sends nothing for %j, shows the error, and Escape restores", (text) => {
+  const { sent, onProblem } = openBox();
   type(text);
   press("Enter");
   expect(sent).not.toHaveBeenCalled();
   expect(box().value).toBe(text);
   expect(box().getAttribute("aria-invalid")).toBe("true");
-  expect(told).toHaveBeenLastCalledWith(fillText(TEXTS.oddNotSent, { problem: `“${text}” is not a number` }));
+  expect(onProblem).toHaveBeenLastCalledWith(
+    fillText(TEXTS.oddNotSent, { problem: `“${text}” is not a number` }),
+  );
   press("Escape");
   expect(box().value).toBe("12.0");
-  expect(told).toHaveBeenLastCalledWith(null);
+  expect(onProblem).toHaveBeenLastCalledWith(null);
   fireEvent.blur(box());
   expect(sent).not.toHaveBeenCalled();
 });
@@ -56,7 +58,7 @@ it.each([
   ["7.26", 7.3],
   ["-0.01", 0],
   ["0,5", 0.5],
-])("sends %j as the number that it is, rounded as it is shown", (text, value) => {
+])("sends %j as a number with the decimals of the box", (text, value) => {
   const { sent } = openBox();
   type(text);
   press("Enter");
@@ -65,26 +67,27 @@ it.each([
 });
 
 it.each(["blur", "Escape"])(
-  "sends nothing of a typed value on %s, restores the one before, and says so",
+  "does not send a typed value on %s, restores the previous one, and reports it",
   (how) => {
     vi.useFakeTimers();
-    const { sent, told } = openBox();
+    const { sent, onProblem } = openBox();
     type("25,04");
     expect(box().dataset.unsent).toBe("true");
-    expect(told).toHaveBeenLastCalledWith(fillText(TEXTS.unsent, { value: "25.0°" }));
+    expect(onProblem).toHaveBeenLastCalledWith(fillText(TEXTS.unsent, { value: "25.0°" }));
     if (how === "blur") fireEvent.blur(box());
     else press("Escape");
     expect(sent).not.toHaveBeenCalled();
     expect(box().value).toBe("12.0");
     expect(box().dataset.unsent).toBeUndefined();
-    if (how === "blur") expect(told).toHaveBeenLastCalledWith(fillText(TEXTS.wasNotSent, { value: "25.0°" }));
+    if (how === "blur")
+      expect(onProblem).toHaveBeenLastCalledWith(fillText(TEXTS.wasNotSent, { value: "25.0°" }));
     vi.advanceTimersByTime(10_000);
-    expect(told).toHaveBeenLastCalledWith(null);
+    expect(onProblem).toHaveBeenLastCalledWith(null);
     vi.useRealTimers();
   },
 );
 
-it("keeps its value in a form, for the button that sends it", () => {
+it("retains its value in a form, for the button that sends it", () => {
   const { sent } = openBox({ isInForm: true });
   type("25");
   expect(box().dataset.unsent).toBeUndefined();
@@ -92,7 +95,7 @@ it("keeps its value in a form, for the button that sends it", () => {
   expect(sent.mock.calls).toEqual([[25]]);
 });
 
-it("sends nothing when it is left as it was, or empty", () => {
+it("sends nothing when it is left unchanged or empty", () => {
   const { sent } = openBox();
   fireEvent.blur(box());
   press("Enter");
@@ -102,7 +105,7 @@ it("sends nothing when it is left as it was, or empty", () => {
   expect(box().value).toBe("12.0");
 });
 
-it("steps with the arrows, and sends on Enter only", () => {
+it("steps with the arrow keys, and sends only on Enter", () => {
   const { sent } = openBox();
   press("ArrowUp");
   press("ArrowUp");
@@ -122,7 +125,7 @@ function openField(seen: (value: number | string) => void) {
   render(<Form />, { wrapper: MantineProvider });
 }
 
-it.each([...NOT_NUMBERS, ""])("hands %j on as the text that it is, and Escape restores", (text) => {
+it.each([...NOT_NUMBERS, ""])("passes %j on as text, and Escape restores", (text) => {
   const seen = vi.fn();
   openField(seen);
   fireEvent.focus(box());
@@ -135,7 +138,7 @@ it.each([...NOT_NUMBERS, ""])("hands %j on as the text that it is, and Escape re
   expect(box().value).toBe("0.5");
 });
 
-it("keeps what is being typed while it means the same number", () => {
+it("retains the typed text while it represents the same number", () => {
   const seen = vi.fn();
   openField(seen);
   for (const text of ["1", "1.", "1.0", "1.05"]) {
@@ -145,7 +148,7 @@ it("keeps what is being typed while it means the same number", () => {
   expect(seen).toHaveBeenLastCalledWith(1.05);
 });
 
-it("keeps a value of a form that is typed when the page is loaded again, and sends none of the others", () => {
+it("retains a typed value of a form over a reload, and sends no other one", () => {
   const form = openBox({ isInForm: true });
   type("25.04");
   window.dispatchEvent(new Event("pagehide"));
@@ -157,7 +160,7 @@ it("keeps a value of a form that is typed when the page is loaded again, and sen
   expect(sent).not.toHaveBeenCalled();
 });
 
-it("keeps a value of a form that is typed when its page goes away, and sends none of the others", () => {
+it("retains a typed value of a form when its page closes, and sends no other one", () => {
   const form = openBox({ isInForm: true });
   type("25.04");
   cleanup();

@@ -1,7 +1,7 @@
 /**
- * A number box. Enter sends the value; Escape and leaving the box restore the one before, so that no click elsewhere
- * moves the joint. A box of a form keeps its value when it is left, and a button of the form sends it. A text that is
- * no number is never sent.
+ * Number box. Enter sends the value; Escape and leaving the box restore the previous one, so that a click elsewhere
+ * does not move the joint. A box of a form retains its value when it is left, and a button of the form sends it. Text
+ * that is not a number is never sent.
  */
 
 import { TextInput } from "@mantine/core";
@@ -14,7 +14,7 @@ import { closeExplanation, type Entry } from "../service/glossary";
 import { help } from "./Shortcuts";
 import { TEXTS } from "./texts";
 
-/** So long the page says that a value that was left was not sent [ms]. */
+/** Time for which the page shows that a value was not sent [ms]. */
 const REMINDER_MS = 8000;
 const UNSENT = { borderStyle: "dashed", borderColor: "var(--warn-text)", borderWidth: 2 } as const;
 
@@ -26,21 +26,21 @@ interface ValueBoxProps {
   readonly step: number;
   readonly width: number;
   readonly disabled?: boolean;
-  /** Whether a button sends the value together with others: leaving the box keeps it. */
+  /** Whether a button sends the value with others; then leaving the box retains it. */
   readonly isInForm?: boolean;
-  /** The element that says why the value is not taken. */
+  /** Id of the element that shows the error. */
   readonly messageId: string;
-  /** Whether the service refused the value, where that is known otherwise than by `place`. */
+  /** Whether the service refused the value, if the refusal does not name `place`. */
   readonly refused?: boolean;
-  /** Where the value stands in what is sent, as refusals name it. */
+  /** Path of the value in the request, as refusals name it. */
   readonly place?: string;
-  /** What it is for. */
+  /** Glossary entry of the input. */
   readonly entry?: Entry | undefined;
-  /** The number that is typed and not sent; undefined where there is none. */
+  /** Typed number that is not sent yet; undefined without one. */
   onDraft?(value: number | undefined): void;
-  /** A number as it is shown: rounded to the decimals of the box. */
+  /** Receives a number as shown: rounded to the decimals of the box. */
   onCommit(value: number): void;
-  /** Why the typed value is not sent; null once it is sent, changed or restored. */
+  /** Reason why the typed value is not sent; null once it is sent, changed or restored. */
   onProblem(problem: string | null): void;
 }
 
@@ -64,31 +64,31 @@ export function ValueBox(props: ValueBoxProps) {
   } = props;
   const { onBlur, ...helped } = help(entry);
   const [typed, setTyped] = useState<string | null>(null);
-  const [odd, setOdd] = useState(false);
+  const [isInvalid, setInvalid] = useState(false);
   const { ref, said } = useRefusedInput<HTMLInputElement>(place, messageId);
   const isUnsent = !isInForm && typed !== null;
-  useDescribedBy(ref, odd || refused || isUnsent ? messageId : undefined);
+  useDescribedBy(ref, isInvalid || refused || isUnsent ? messageId : undefined);
   const reminder = useRef<number | undefined>(undefined);
   useEffect(() => () => window.clearTimeout(reminder.current), []);
-  // a reload, and the way back of the browser, take the box away with the focus in it: no blur is heard then
-  const keep = useEffectEvent(() => isInForm && commit());
+  // A reload or a navigation of the browser removes the focused box without a blur event.
+  const commitInForm = useEffectEvent(() => isInForm && commit());
   useEffect(() => {
-    window.addEventListener("pagehide", keep);
+    window.addEventListener("pagehide", commitInForm);
     return () => {
-      window.removeEventListener("pagehide", keep);
-      keep();
+      window.removeEventListener("pagehide", commitInForm);
+      commitInForm();
     };
   }, []);
 
-  function take(text: string | null, problem: string | null = null): void {
+  function setDraft(text: string | null, problem: string | null = null): void {
     window.clearTimeout(reminder.current);
     setTyped(text);
-    setOdd(problem !== null);
+    setInvalid(problem !== null);
     onProblem(problem ?? (isInForm ? null : unsent(text, TEXTS.unsent)));
     onDraft?.(text === null ? undefined : (numberIn(text) ?? undefined));
   }
 
-  /** The message about a typed number, by its entry of the catalogue; null where the text is none. */
+  /** Message about a typed number, from its text of the catalogue; null if the text is not a number. */
   function unsent(text: string | null, message: "{value}" | `{value}${string}`): string | null {
     const number = text === null ? null : numberIn(text);
     if (number === null) return null;
@@ -98,33 +98,33 @@ export function ValueBox(props: ValueBoxProps) {
   function commit(): void {
     if (typed === null) return;
     const number = numberIn(typed);
-    if (typed.trim() === "") take(null);
-    else if (number === null) take(typed, fillText(TEXTS.oddNotSent, { problem: notANumber(typed) }));
+    if (typed.trim() === "") setDraft(null);
+    else if (number === null) setDraft(typed, fillText(TEXTS.oddNotSent, { problem: notANumber(typed) }));
     else {
-      take(null);
+      setDraft(null);
       onCommit(rounded(number, decimals));
     }
   }
 
-  /** Restore the value before, and say for a while that the typed one was not sent. */
+  /** Restores the previous value, and shows for a while that the typed one was not sent. */
   function leave(): void {
-    const was = unsent(typed, TEXTS.wasNotSent);
+    const message = unsent(typed, TEXTS.wasNotSent);
     if (typed === null) return;
-    take(null);
-    if (was === null) return;
-    onProblem(was);
+    setDraft(null);
+    if (message === null) return;
+    onProblem(message);
     reminder.current = window.setTimeout(() => onProblem(null), REMINDER_MS);
   }
 
   function press(event: KeyboardEvent): void {
     const steps = { ArrowUp: step, ArrowDown: -step }[event.key];
     if (event.key === "Enter") commit();
-    else if (event.key === "Escape") take(null);
+    else if (event.key === "Escape") setDraft(null);
     else if (steps !== undefined) {
       event.preventDefault();
-      closeExplanation(); // Escape gives up what was stepped to, as what was typed
+      closeExplanation(); // Escape discards the stepped value like a typed one
       const from = typed === null ? value : numberIn(typed);
-      if (from !== null) take(shown(from + steps, decimals));
+      if (from !== null) setDraft(shown(from + steps, decimals));
     }
   }
 
@@ -133,7 +133,7 @@ export function ValueBox(props: ValueBoxProps) {
       {...helped}
       aria-label={label}
       value={typed ?? shown(value, decimals)}
-      error={odd || refused || said !== null}
+      error={isInvalid || refused || said !== null}
       ref={ref}
       data-unsent={isUnsent || undefined}
       disabled={disabled}
@@ -142,7 +142,7 @@ export function ValueBox(props: ValueBoxProps) {
       rightSection={<span aria-hidden="true">{unit}</span>}
       rightSectionWidth={unit.length * 7 + 12}
       rightSectionPointerEvents="none"
-      onChange={(event) => take(event.currentTarget.value)}
+      onChange={(event) => setDraft(event.currentTarget.value)}
       onBlur={(event) => {
         if (isInForm) commit();
         else leave();
@@ -161,7 +161,7 @@ function rounded(number: number, decimals: number): number {
   return Number(number.toFixed(decimals)) + 0; // + 0: no negative zero
 }
 
-/** What the box shows; nothing of a value that is not known. */
+/** Text of the box; empty for an unknown value. */
 function shown(number: number, decimals: number): string {
   return Number.isFinite(number) ? rounded(number, decimals).toFixed(decimals) : "";
 }

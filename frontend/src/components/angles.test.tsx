@@ -14,7 +14,7 @@ import type { Criterion, Limits, Metric, Run, Setting } from "../wire/types";
 import { NumberField, SettingField } from "./fields";
 import { LocalizedText } from "./values";
 
-/** π/3, a sixth of the circle. */
+/** π/3, a sixth of a turn. */
 const SIXTH = 1.0471975511965976;
 
 beforeEach(() => {
@@ -39,7 +39,7 @@ function Box({ seen }: { seen: (value: number | string) => void }) {
   return <NumberField label="angle" unit="rad" value={value} onChange={setValue} />;
 }
 
-it("takes degrees in a box, sends radians, and shows again what was typed", () => {
+it("accepts degrees in a box, sends radians, and shows the typed number again", () => {
   const seen = vi.fn();
   open(<Box seen={seen} />);
   expect(box().value).toBe("60");
@@ -55,7 +55,7 @@ it("takes degrees in a box, sends radians, and shows again what was typed", () =
   }
 });
 
-it("takes radians where the person chose them, and shows at most six digits of what nobody typed", () => {
+it("accepts radians if the person chose them, and shows at most six digits of other values", () => {
   const seen = vi.fn();
   open(<Box seen={seen} />, "rad");
   expect(box().value).toBe("1.0472");
@@ -131,7 +131,7 @@ it.each([
   expect(text()).toContain(reason);
 });
 
-it("draws the joint's chart, its limits and its readouts in the person's unit, and no other chart", () => {
+it("draws charts of angles, with limits and readouts, in the person's unit", () => {
   const [degrees, radians] = [readIn(POSITION, "deg"), readIn(POSITION, "rad")];
   expect([degrees.unit, degrees.decimals, radians.unit, radians.decimals]).toEqual(["°", 2, "rad", 4]);
   expect(degrees.factor * SIXTH).toBeCloseTo(60, 12);
@@ -150,7 +150,7 @@ it("draws the joint's chart, its limits and its readouts in the person's unit, a
   expect(lines("deg")[1]).toBeCloseTo(60, 12);
 });
 
-it("reads a text of the service in the person's unit", () => {
+it("shows a text of the service in the person's unit", () => {
   open(<LocalizedText text={"q = 1.602\u202frad, S = 10 N·m/rad"} />);
   expect(text()).toContain("q = 91.79°, S = 10 N·m/rad");
 });

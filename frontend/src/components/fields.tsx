@@ -18,21 +18,21 @@ import { type Entry, settingEntry } from "../service/glossary";
 import type { Setting } from "../wire/types";
 import { help } from "./Shortcuts";
 
-/** A number of a form. Text that is no number stays as it is, marked, and is handed on as text: no form sends it. */
+/** Number of a form. Invalid text remains, with an error mark, and is passed on as text; no form sends it. */
 
 interface NumberFieldProps
   extends Pick<
     TextInputProps,
     "name" | "label" | "aria-label" | "description" | "disabled" | "size" | "w" | "styles"
   > {
-  /** In SI; typed and shown as the person reads that unit. */
+  /** Value in SI; typed and shown in the person's unit. */
   readonly value: number | string;
   readonly unit?: string;
-  /** Where the value stands in what is sent, as refusals name it; the name of the box if left out. */
+  /** Path of the value in the request, as refusals name it; by default the name of the input. */
   readonly place?: string;
-  /** Where there is no room below the box: the element that says why it is refused, or no number. */
+  /** Id of the element that shows the error, if there is no space below the box. */
   readonly messageId?: string;
-  /** What it is for. */
+  /** Glossary entry of the input. */
   readonly entry?: Entry | undefined;
   onChange(value: number | string): void;
 }
@@ -47,7 +47,7 @@ export function NumberField(props: NumberFieldProps) {
   const odd = typeof value === "string" && !rest.disabled ? notANumber(value) : null;
   useDescribedBy(ref, odd === null ? undefined : messageId);
   const problem = odd ?? said;
-  // while "1." is being typed it is the number 1, and its point stays
+  // While a person types "1.", the value is the number 1, and the point remains.
   const mine = typed !== null && (inSI(typed, unit, angles) ?? typed) === value;
   return (
     <TextInput
@@ -80,17 +80,17 @@ export function NumberField(props: NumberFieldProps) {
   );
 }
 
-/** A text of a form, told at the field when it is refused. */
+/** Text of a form; a refusal is shown at the field. */
 
 interface TextFieldProps extends Omit<TextInputProps, "error" | "onChange"> {
   readonly value: string;
-  /** Where the value stands in what is sent, as refusals name it; the name of the box if left out. */
+  /** Path of the value in the request, as refusals name it; by default the name of the input. */
   readonly place?: string;
-  /** Where there is no room below the field: the element that says why it is refused. */
+  /** Id of the element that shows the refusal, if there is no space below the field. */
   readonly messageId?: string;
-  /** What the page itself finds wrong with the text. */
+  /** Error that the page itself found in the text. */
   readonly problem?: string | null;
-  /** What it is for. */
+  /** Glossary entry of the input. */
   readonly entry?: Entry | undefined;
   onChange(text: string): void;
 }
@@ -110,10 +110,10 @@ export function TextField(props: TextFieldProps) {
   );
 }
 
-/** One of a few words, told at the field when it is refused. */
+/** Choice from a list; a refusal is shown at the field. */
 
 interface ChoiceFieldProps extends Omit<NativeSelectProps, "error" | "onChange"> {
-  /** What it is for. */
+  /** Glossary entry of the input. */
   readonly entry?: Entry | undefined;
   onChange(value: string): void;
 }
@@ -133,12 +133,12 @@ export function ChoiceField(props: ChoiceFieldProps) {
   );
 }
 
-/** On or off, told at the switch when it is refused. */
+/** Switch; a refusal is shown at the switch. */
 
 interface SwitchFieldProps extends Omit<SwitchProps, "error" | "onChange"> {
-  /** Also where the value stands in what is sent, as refusals name it. */
+  /** Also the path of the value in the request, as refusals name it. */
   readonly name: string;
-  /** What it is for. */
+  /** Glossary entry of the input. */
   readonly entry?: Entry | undefined;
   onChange(checked: boolean): void;
 }
@@ -157,15 +157,15 @@ function SwitchField({ entry, onChange, ...rest }: SwitchFieldProps) {
   );
 }
 
-/** One declared setting as an input with its unit and bounds. */
+/** Declared setting as an input with its unit and bounds. */
 
 export type SettingValue = boolean | number | string;
 
 interface SettingFieldProps {
   readonly setting: Setting;
-  /** Text where a number is wanted: what was typed is none. */
+  /** Text instead of a number if the typed text is not a number. */
   readonly value: SettingValue;
-  /** Where the value comes from: in force, default, changed here. */
+  /** Origin of the value: active, default, edited. */
   readonly origin?: string;
   onChange(value: SettingValue): void;
 }
@@ -217,12 +217,12 @@ export function SettingField({ setting, value, origin = "", onChange }: SettingF
   return <TextField name={name} label={label} entry={entry} value={String(value)} onChange={onChange} />;
 }
 
-/** Whether a setting takes a number. */
+/** Whether a setting is a number. */
 function isNumeric(setting: Setting): boolean {
   return typeof setting.default === "number";
 }
 
-/** A text that is taken when it is left or with Enter; Escape brings the one before back. */
+/** Text that is committed by Enter or by leaving the box; Escape restores the previous text. */
 
 interface EditedTextProps {
   readonly label: string;
@@ -231,8 +231,8 @@ interface EditedTextProps {
 }
 
 export function CommittedTextInput({ label, text, onDone }: EditedTextProps) {
-  const [typed, type] = useState(text);
-  useEffect(() => type(text), [text]);
+  const [typed, setText] = useState(text);
+  useEffect(() => setText(text), [text]);
   const done = () => {
     if (typed !== text) onDone(typed);
   };
@@ -242,30 +242,30 @@ export function CommittedTextInput({ label, text, onDone }: EditedTextProps) {
       value={typed}
       maxLength={40}
       w={170}
-      onChange={(event) => type(event.currentTarget.value)}
+      onChange={(event) => setText(event.currentTarget.value)}
       onBlur={done}
       onKeyDown={(event) => {
         if (event.key === "Enter") done();
-        if (event.key === "Escape") type(text);
+        if (event.key === "Escape") setText(text);
       }}
     />
   );
 }
 
-/** A number that counts once whoever types has come to rest: each change of it is asked of the service. */
+/** Number that takes effect after a pause in typing, because each change causes a request. */
 
 const RESTED_MS = 400;
 
 interface SettledNumberProps {
   readonly label: string;
-  /** In SI; null where there is none. */
+  /** Value in SI; null without a value. */
   readonly value: number | null;
   readonly unit?: string;
-  /** What stands before the number in its box. */
+  /** Text before the number in its box. */
   readonly before: string;
-  /** What is wrong with a number, "" for nothing. */
+  /** Error of a number; empty if there is none. */
   fits(value: number): string;
-  /** Whether an empty box is no number on purpose. */
+  /** Whether the box may be empty. */
   readonly optional?: boolean;
   onChange(value: number | null): void;
 }

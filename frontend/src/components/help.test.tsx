@@ -1,4 +1,4 @@
-/** A box says what it is for to pointer and keyboard, with what the service accepts, and is silent while it is typed in. */
+/** An input explains itself to pointer and keyboard, with its bounds; typing closes the explanation. */
 import { MantineProvider } from "@mantine/core";
 import { act, cleanup, fireEvent, render, screen } from "@testing-library/react";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
@@ -40,7 +40,7 @@ function box() {
   return screen.getByRole("textbox");
 }
 
-test("pointing at a box tells its meaning and what is accepted now; it goes with the pointer", () => {
+test("hover shows the meaning and the bounds of a box, and leaving hides them", () => {
   const input = box();
   fireEvent.pointerEnter(input, { pointerType: "mouse" });
   act(() => vi.advanceTimersByTime(500));
@@ -51,7 +51,7 @@ test("pointing at a box tells its meaning and what is accepted now; it goes with
   expect(tooltip()).toBeNull();
 });
 
-test("focus tells it too, typing silences it, and what was typed is given up by one Escape", () => {
+test("focus shows them too, typing hides them, and one Escape discards the typed text", () => {
   const input = box() as HTMLInputElement;
   act(() => input.focus());
   expect(tooltip()?.id).toBe(input.getAttribute("aria-describedby"));
@@ -69,7 +69,7 @@ test("focus tells it too, typing silences it, and what was typed is given up by 
   expect([tooltip(), input.value]).toEqual([null, "20000"]);
 });
 
-test("bounds are read as the person reads angles, and an unknown field is no entry", () => {
+test("bounds are in the person's unit, and an unknown field has no entry", () => {
   const q = { minimum: -Math.PI / 2, maximum: Math.PI / 2 };
   expect(fieldEntry("wall.q_wall", "deg", q)?.more).toEqual([["Accepted", "−90 to 90°"]]);
   expect(fieldEntry("wall.nothing", "deg", q)).toBeUndefined();

@@ -3,7 +3,7 @@ import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { cleanup, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 
-// the REST client takes hold of fetch when it is made
+// the REST client stores fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);
@@ -89,22 +89,19 @@ it.each([
   ["virtual_card", "VIRTUAL CARD", "Virtual card", "Virtual NI PCIe-6323, parameters lab", "false"],
   ["replay", "REPLAY", "Replay", "Replay of run 7, parameters lab", "false"],
   ["package", "servo-bench", "Servo-bench", "Servo-bench, parameters lab", "true"],
-] as const)(
-  "has a badge for %s, by which what may be real is told apart",
-  (kind, badge, name, title, real) => {
-    render(<PlantBadge plant={PLANTS[kind]} parameters="lab" />);
-    const shown = screen.getByRole("img", { name });
-    expect([shown.textContent, shown.title, shown.dataset.real]).toEqual([badge, title, real]);
-  },
-);
+] as const)("has a badge for %s that distinguishes real plants", (kind, badge, name, title, real) => {
+  render(<PlantBadge plant={PLANTS[kind]} parameters="lab" />);
+  const shown = screen.getByRole("img", { name });
+  expect([shown.textContent, shown.title, shown.dataset.real]).toEqual([badge, title, real]);
+});
 
-it("claims nothing of a plant that is not known yet", () => {
+it("shows an unknown plant as unknown", () => {
   render(<PlantBadge plant={undefined} parameters={undefined} />);
   const shown = screen.getByRole("img", { name: "Plant unknown" });
   expect([shown.title, shown.dataset.real]).toEqual(["Plant unknown", undefined]);
 });
 
-it.each(KINDS)("offers the bring-up where there are wires: %s", (kind) => {
+it.each(KINDS)("offers the bring-up if there is a card: %s", (kind) => {
   open(<Navigation onSetup={() => undefined} onShortcuts={() => undefined} />, kind);
   const offered = screen.queryByRole("link", { name: "Bring-up" }) !== null;
   expect(offered).toBe(kind === "rig" || kind === "virtual_card");
@@ -123,17 +120,17 @@ it.each([
   await waitFor(() => expect(mend.disabled).toBe(!PLANTS[kind].simulated));
 });
 
-it.each(KINDS)("offers a push by command where the joint is simulated: %s", (kind) => {
+it.each(KINDS)("offers a push by command if the joint is simulated: %s", (kind) => {
   open(<DisturbanceCard />, kind);
   expect(screen.queryByText(OPERATE.simulatedOnly) !== null).toBe(PLANTS[kind].simulated);
 });
 
-it.each(KINDS)("offers a wall where the joint is simulated: %s", (kind) => {
+it.each(KINDS)("offers a wall if the joint is simulated: %s", (kind) => {
   open(<WallCard />, kind);
   expect(screen.queryByRole("button", { name: OPERATE.addWall }) !== null).toBe(PLANTS[kind].simulated);
 });
 
-it("breaks a fault's cause and a part of the card by the same button", async () => {
+it("injects a fault and a failure of the card with the same button", async () => {
   open(<DeveloperPage />, "virtual_card");
   const inject = await screen.findByRole<HTMLButtonElement>("button", {
     name: fillText(SYSTEM.injectNamed, { name: "a sample is lost" }),

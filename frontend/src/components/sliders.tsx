@@ -1,4 +1,4 @@
-/** What a slider of a reference or a tuning parameter needs: targets by key, a lock against scrolling fingers. */
+/** Parts of the sliders for references and tuning parameters: targets by key, and a lock for touch screens. */
 
 import { type KeyboardEvent, type ReactNode, useEffect, useState } from "react";
 import { TbLock } from "react-icons/tb";
@@ -7,8 +7,8 @@ import styles from "./TouchLock.module.css";
 import { TEXTS } from "./texts";
 
 /**
- * Keys that would take a slider to its end in one step: they show the target first, Enter commands it, Escape leaves
- * it. While a target is shown the arrows move it; nothing is commanded by them then.
+ * Keys that would move a slider to its end in one step: they show the target first, Enter sends it, Escape discards
+ * it. While a target is shown, the arrow keys move it and send nothing.
  */
 
 interface TargetKeysProps {
@@ -16,7 +16,7 @@ interface TargetKeysProps {
   readonly max: number;
   readonly step: number;
   readonly value: number;
-  /** Whether a target is shown that was not commanded. */
+  /** Whether the shown target has not been sent. */
   readonly proposed: boolean;
   readonly children: ReactNode;
   onPropose(value: number): void;
@@ -58,7 +58,7 @@ interface Scale {
   readonly value: number;
 }
 
-/** Where a key would put the target; null where it is none of this slider's business. */
+/** Target after a key press; null if the key has no effect here. */
 function targetOf(key: string, { min, max, step, value }: Scale, proposed: boolean): number | null {
   if (key === "Home") return min;
   if (key === "End") return max;
@@ -68,9 +68,9 @@ function targetOf(key: string, { min, max, step, value }: Scale, proposed: boole
   return null;
 }
 
-/** A slider that does not take hold of a finger that only scrolls by: on touch screens it is unlocked by a tap first. */
+/** Lock of a slider on touch screens, so that scrolling does not move it: a tap unlocks it. */
 
-/** Locked again after so long without a touch. */
+/** Time without a touch after which the slider is locked again. */
 const LOCKED_AFTER_MS = 8000;
 
 export function TouchLock({ name, children }: { name: string; children: ReactNode }) {

@@ -2,7 +2,7 @@ import { cleanup, render, screen } from "@testing-library/react";
 import { afterEach, describe, expect, it } from "vitest";
 import { SymbolText, ValueOrReason, writeAbsent, writeValue } from "./values";
 
-/** No value is absent without its reason: by type where a number is written, by reading the source for the rest. */
+/** A missing value always has a reason: types enforce it for numbers, and a search of the source for the rest. */
 describe("absent", () => {
   afterEach(cleanup);
 
@@ -11,7 +11,7 @@ describe("absent", () => {
     import: "default",
     eager: true,
   });
-  /** A dash as all of a text; an empty text as all of a cell. */
+  /** A text that is only a dash, and a table cell without content. */
   const BARE = [
     /(["'`])\s*[–—]\s*\1/,
     />\s*[–—-]\s*</,
@@ -33,11 +33,11 @@ describe("absent", () => {
       "<dd>-</dd>",
       '<td>{value === null ? "" : value}</td>'.replace('? "" : value', '? value : ""'),
       '<Table.Td className={page.number}>{name ?? ""}</Table.Td>',
-    ])("is found out in %j", (source) => {
+    ])("is found in %j", (source) => {
       expect(bareIn(source)).toBeDefined();
     });
 
-    it("has no dash and no empty cell but the one that asks for a reason", () => {
+    it("has no dash and no empty cell without a reason", () => {
       const files = Object.entries(SOURCES).filter(([path]) => !/\.test\.|\/wire\//.test(path));
       expect(files.length).toBeGreaterThan(150);
       const bare = files.filter(([, source]) => bareIn(source) !== undefined).map(([path]) => path);
@@ -45,7 +45,7 @@ describe("absent", () => {
     });
   });
 
-  it.each([null, undefined, Number.NaN])("tells why there is %s, to the eye and to the ear", (value) => {
+  it.each([null, undefined, Number.NaN])("shows the reason for %s, also to screen readers", (value) => {
     render(
       <ValueOrReason value={value} why="nothing is staged">
         {(some) => `${some} s`}
@@ -56,7 +56,7 @@ describe("absent", () => {
     expect(document.body.textContent).toBe("–");
   });
 
-  it.each([0, false, ""])("takes %j for a value", (value) => {
+  it.each([0, false, ""])("shows %j as a value", (value) => {
     render(
       <ValueOrReason<unknown> value={value} why="no">
         {(some) => `has ${some}`}
@@ -65,7 +65,7 @@ describe("absent", () => {
     expect(document.body.textContent).toBe(`has ${value}`);
   });
 
-  it("writes the reason into the page and takes it away with the next value", () => {
+  it("writes the reason into the page and removes it with the next value", () => {
     const place = document.body.appendChild(document.createElement("span"));
     writeAbsent(place, "no sample");
     writeAbsent(place, "none in force");
@@ -83,7 +83,7 @@ describe("signal name", () => {
     ["q_ref", "qref"],
     ["F_A", "FA"],
     ["theta_A - theta_A_ref", "θA − θA,ref"],
-  ])("writes %s as the paper does", (name, read) => {
+  ])("writes %s in the paper's notation", (name, read) => {
     const { container } = render(<SymbolText name={name} />);
     expect(container.textContent).toBe(read);
   });

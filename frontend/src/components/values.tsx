@@ -7,18 +7,18 @@ import { Explained } from "./Explained";
 import styles from "./Metric.module.css";
 import { TEXTS } from "./texts";
 
-/** A text of the service, with the angles in it as this person reads them. */
+/** Text of the service with quantities in the person's units. */
 
 export function LocalizedText({ text }: { text: string }) {
   return <>{localizeText(text, useAngleUnit())}</>;
 }
 
-/** A signal's name as it is written in the paper: q_ref with a lowered "ref"; it says what it means when asked. */
+/** Name of a signal in the paper's notation: q_ref with a lowered "ref", and its explanation. */
 
-/** Letters that a column's name has to spell out. */
+/** Letters that the names of columns spell out. */
 const GREEK: Record<string, string> = { theta: "θ", lam: "λ" };
 
-/** The name alone, where something around it explains it, or is a control; of a difference those of both. */
+/** Symbol without explanation, within a control or an explained element; a difference has both symbols. */
 export function SymbolText({ name }: { name: string }) {
   const [of, taken] = name.split(" - ");
   if (taken === undefined) return <Single name={name} />;
@@ -47,12 +47,12 @@ export function SignalName({ name }: { name: string }) {
   );
 }
 
-/** What stands where there is no value: the one dash of the page, which cannot be had without its reason. */
+/** Dash for a missing value, which always has a reason. */
 
 const DASH = "–";
 
 interface AbsentProps {
-  /** Why there is none, for who points at it or has it read out: "nothing is staged". */
+  /** Reason, for the title and for screen readers: "nothing is staged". */
   readonly why: string;
 }
 
@@ -69,13 +69,13 @@ interface ShownProps<Value> extends AbsentProps {
   readonly children: (value: Value) => ReactNode;
 }
 
-/** A value as `children` write it, or that there is none; a number that is none counts as absent. */
+/** Value as `children` format it, or the dash with the reason; NaN counts as missing. */
 export function ValueOrReason<Value>({ value, why, children }: ShownProps<Value>) {
   const absent = value === null || value === undefined || Number.isNaN(value);
   return absent ? <Absent why={why} /> : children(value);
 }
 
-/** The same for what is written straight into the page. */
+/** The same for text that code writes directly into an element. */
 export function writeAbsent(into: HTMLElement, why: string): void {
   if (into.title === why) return;
   into.textContent = DASH;
@@ -84,29 +84,29 @@ export function writeAbsent(into: HTMLElement, why: string): void {
   into.setAttribute("aria-label", why);
 }
 
-/** Takes the reason away again, with what stood for it. */
+/** Writes a text, and removes the reason of a missing value. */
 export function writeValue(into: HTMLElement, text: string): void {
   if (into.hasAttribute("role"))
     for (const name of ["title", "role", "aria-label"]) into.removeAttribute(name);
   if (into.textContent !== text) into.textContent = text;
 }
 
-/** The unit of a row, as this person reads it. */
+/** Unit of a row in the person's units. */
 
-/** `near` is the figure of the row in SI, whose prefix the unit takes. */
+/** `near`: value of the row in SI, which determines the prefix of the unit. */
 export function Unit({ unit, near = 1 }: { unit: string; near?: number | undefined }) {
   const angles = useAngleUnit();
   return unit === "1" || unit === "" ? <Absent why={TEXTS.noUnit} /> : readingNear(near, unit, angles).unit;
 }
 
-/** A small reading: what above, how much below, in a width that does not change with the digits. */
+/** Small reading: label above, value below, in a width that does not depend on the digits. */
 
 interface MetricProps {
-  /** What is measured: a key of the glossary, which also says what it is called. */
+  /** Key of the glossary, whose entry also contains the label. */
   readonly of: string;
   readonly value: ReactNode;
   readonly width: string;
-  /** Left out where there is little room. */
+  /** Hidden if there is little space. */
   readonly optional?: boolean;
 }
 

@@ -1,4 +1,4 @@
-/** The way from slack tendons to a report, with what is done, missing and out of date. */
+/** Setup steps from slack tendons to a report, each with its state: done, missing or out of date. */
 
 import { Drawer } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
@@ -25,7 +25,7 @@ interface StepText {
   readonly title: string;
   readonly path: string;
   readonly action: string;
-  /** The part of the document about the first hour that tells how, and why. */
+  /** Anchor of the section of the tutorial that explains the step. */
   readonly told: string;
 }
 
@@ -67,7 +67,12 @@ export const STEPS: Record<string, StepText> = {
     action: TEXTS.experimentAction,
     told: "run-an-experiment",
   },
-  report: { title: TEXTS.report, path: "/experiments", action: TEXTS.reportAction, told: "read-the-report" },
+  report: {
+    title: TEXTS.report,
+    path: "/experiments",
+    action: TEXTS.reportAction,
+    told: "read-the-report",
+  },
 };
 
 export function SetupDrawer({ opened, onClose }: { opened: boolean; onClose: () => void }) {
@@ -98,7 +103,12 @@ export function SetupDrawer({ opened, onClose }: { opened: boolean; onClose: () 
 
 function Step({ step, onFollowed }: { step: ChecklistStep; onFollowed: () => void }) {
   const { word, Icon } = STATES[step.state];
-  const about = STEPS[step.name] ?? { title: step.name, path: "/operate", action: TEXTS.setupOpen, told: "" };
+  const about = STEPS[step.name] ?? {
+    title: step.name,
+    path: "/operate",
+    action: TEXTS.setupOpen,
+    told: "",
+  };
   return (
     <li
       className={styles.step}

@@ -3,7 +3,7 @@ import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 
-// the REST client takes hold of fetch when it is made
+// the REST client stores fetch when it is created
 const fetched = vi.hoisted(() => {
   const replacement = vi.fn<(request: Request) => Promise<Response>>();
   vi.stubGlobal("fetch", replacement);
@@ -42,7 +42,7 @@ afterEach(cleanup);
 const tour = () => screen.queryByRole("region", { name: "Tour" });
 const isToured = () => queries.getQueryData(preferencesQuery.queryKey)?.toured;
 
-it("stays ended for whoever takes a name after it, and begins anew where it is asked for", async () => {
+it("remains ended when a person takes a name, and restarts on request", async () => {
   expect(tour()).not.toBeNull();
   fireEvent.click(screen.getByRole("button", { name: "Skip tour" }));
   await waitFor(() => expect(tour()).toBeNull());
@@ -58,7 +58,7 @@ it("stays ended for whoever takes a name after it, and begins anew where it is a
   await waitFor(() => expect(tour()).not.toBeNull());
 });
 
-it("is followed by the question for a name, one bar at a time", async () => {
+it("precedes the question for a name, one bar at a time", async () => {
   const question = () => screen.queryByRole("form", { name: "Your name" });
   act(() => {
     const session = { name: "operator", role: "operator", asks_name: true };

@@ -1,4 +1,4 @@
-/** First steps for somebody new, in a line of their own so that nothing is covered; what is meant is outlined. */
+/** Tour for new people in a separate line, so that it covers nothing; it outlines the current element. */
 
 import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
@@ -42,7 +42,7 @@ export function Tour() {
   const [at, setAt] = useState(0);
   const [, go] = useLocation();
   const name = useQuery(sessionQuery).data?.name;
-  // whoever ends the tour and takes a name afterwards has new preferences, and has seen the tour
+  // A person who takes a name after the tour has new preferences, but has seen the tour.
   const [endedAs, setEndedAs] = useState<string>();
   const isRenamed = endedAs !== undefined && name !== undefined && name !== endedAs;
   const shown = known && !preferences.toured && !isRenamed;
