@@ -1,4 +1,4 @@
-/** The chart workspace: panels over one time axis and over signals, legends that read out values, cursors, tools below. */
+/** Chart workspace: panels over time and over signals, legends with values, cursors, and tools. */
 
 import { ActionIcon, Button, Menu, Tooltip, useComputedColorScheme } from "@mantine/core";
 import { useDisclosure, useElementSize, useHotkeys } from "@mantine/hooks";
@@ -36,12 +36,12 @@ import {
   zoomed,
 } from "./viewport";
 
-/** What can be done with the stretch in sight: measure, figures, spectrum, picture, data. */
+/** Tools for the visible range: cursors, statistics, spectrum, picture, data. */
 
 interface ChartToolsProps {
   readonly measuring: boolean;
   readonly figures: boolean;
-  /** Of what the service has every sample; null where the page has all that there is. */
+  /** Source whose every sample the service has; null if the page has all samples. */
   readonly dataOf: string | null;
   onMeasure(): void;
   onFigures(): void;
@@ -125,28 +125,28 @@ interface ChartsProps {
   readonly panels: readonly Panel[];
   readonly source: PlotSource;
   readonly control: ViewControl;
-  /** Where a double click leads. */
+  /** View after a double click. */
   readonly home: Viewport;
   readonly longest_s?: number;
   readonly limits: readonly LimitLine[];
   readonly marks: readonly PlacedMark[];
-  /** Values are old: shown grey. */
+  /** Whether values are old and shown in grey. */
   readonly stale: boolean;
-  /** Of a recording: follows the pointer, and shows where it stands otherwise. */
+  /** Position in a recording: follows the pointer, and is shown without it. */
   readonly playhead?: Playhead;
-  /** What is drawn, for the foot of pictures. */
+  /** Source of the data, for the foot of pictures. */
   readonly origin: Origin;
-  /** Begin of the names of saved files. */
+  /** First part of the names of saved files. */
   readonly name: string;
-  /** Time of day at time 0 [s since 1970]; left out where there is no one such time. */
+  /** Time of day at time 0 [s since 1970]; omitted if there is none in common. */
   readonly epoch_s?: () => number;
-  /** What the service has every sample of; left out where the page has all that there is. */
+  /** Data of the service with every sample; omitted if the page has all samples. */
   readonly stored?: StoredData;
-  /** What is drawn is not the person's to choose. */
+  /** Whether the person cannot choose the panels. */
   readonly fixed?: boolean;
   /** Buttons before the tools. */
   readonly children?: ReactNode;
-  /** At the end of the row of buttons. */
+  /** Content at the end of the row of buttons. */
   readonly remark?: ReactNode;
 }
 
@@ -168,15 +168,15 @@ export function Charts(props: ChartsProps) {
   const [measuring, measure] = useDisclosure(false);
   const [spectrum, setSpectrum] = useState<SpectrumOrder | null>(null);
   useHotkeys([["m", measure.toggle]]);
-  const told = useCallback((time_s: number) => timeText(time_s, 0.001, epoch()), [epoch]);
+  const formatTime = useCallback((time_s: number) => timeText(time_s, 0.001, epoch()), [epoch]);
   const readout = useMemo(
-    () => new Readout(source, [...timed, ...planes], told, stored, playhead),
-    [source, timed, planes, told, stored, playhead],
+    () => new Readout(source, [...timed, ...planes], formatTime, stored, playhead),
+    [source, timed, planes, formatTime, stored, playhead],
   );
   useEffect(() => () => readout.close(), [readout]);
   useEffect(() => readout.setMarks(marks), [readout, marks]);
   const seen = useCallback(() => visibleRange(current.current, source.now_s()), [current, source]);
-  const looked = useCallback(() => readout.looked(seen()), [readout, seen]);
+  const readoutTime = useCallback(() => readout.readoutTime(seen()), [readout, seen]);
   const stack = useRef<ChartStack | null>(null);
   const [wheelHint, explainWheel] = useWheelHint();
 
@@ -228,7 +228,7 @@ export function Charts(props: ChartsProps) {
     };
   }, [timed, source, current, readout, epoch, scheme]);
 
-  // biome-ignore lint/correctness/useExhaustiveDependencies: the size, or that of a legend, is the reason to measure again
+  // biome-ignore lint/correctness/useExhaustiveDependencies: a new size, also of a legend, requires a resize
   useEffect(() => stack.current?.resize(), [size.width, size.height, measuring]);
 
   // biome-ignore lint/correctness/useExhaustiveDependencies: a rebuilt stack needs everything again
@@ -260,8 +260,8 @@ export function Charts(props: ChartsProps) {
   const selected = useCallback(() => source.table(names, range()), [source, names, range]);
 
   function toggle(signal: string): void {
-    const kept = preferences.hidden.filter((one) => one !== signal);
-    remember({ hidden: kept.length < preferences.hidden.length ? kept : [...kept, signal] });
+    const others = preferences.hidden.filter((one) => one !== signal);
+    remember({ hidden: others.length < preferences.hidden.length ? others : [...others, signal] });
   }
 
   const { savePicture, saveData, unsaved } = useSaving({
@@ -272,7 +272,7 @@ export function Charts(props: ChartsProps) {
     table: selected,
     sheet: () => {
       const drawn = { panels: timed, planes, hidden, source, limits, marks };
-      return sheetNow({ ...drawn, seen: seen(), looked_s: looked(), epoch_s: epoch() }, props.origin);
+      return sheetNow({ ...drawn, seen: seen(), readout_s: readoutTime(), epoch_s: epoch() }, props.origin);
     },
   });
 
@@ -341,7 +341,7 @@ export function Charts(props: ChartsProps) {
                 source={source}
                 hidden={hidden}
                 seen={seen}
-                looked={looked}
+                readoutTime={readoutTime}
                 onToggle={toggle}
               />
             ))}
@@ -355,7 +355,7 @@ export function Charts(props: ChartsProps) {
             range={range}
             table={selected}
             stored={stored}
-            timeText={told}
+            timeText={formatTime}
           />
         )}
       </Terms>
@@ -378,7 +378,12 @@ export function Charts(props: ChartsProps) {
           {props.remark}
         </span>
       </div>
-      <SpectrumDialog panels={panels} order={spectrum} timeText={told} onClose={() => setSpectrum(null)} />
+      <SpectrumDialog
+        panels={panels}
+        order={spectrum}
+        timeText={formatTime}
+        onClose={() => setSpectrum(null)}
+      />
     </section>
   );
 }

@@ -1,4 +1,4 @@
-/** A still drawing of curves and points that need not share their x, in the theme's colours. */
+/** Static plot of curves and points, which may have different x values, in the theme's colours. */
 
 import { useComputedColorScheme } from "@mantine/core";
 import { useElementSize } from "@mantine/hooks";
@@ -16,11 +16,11 @@ export interface Curve {
   readonly label: string;
   readonly x: readonly number[];
   readonly y: readonly (number | null)[];
-  /** A hue, or "text" and "limit" for the theme's own. */
+  /** A hue, or "text" and "limit" for the theme's colours. */
   readonly colour: string;
   readonly line?: "solid" | "dashed" | "none";
   readonly points?: boolean;
-  /** Left out of the key below the title, where another curve stands for it. */
+  /** Whether the key below the title omits the curve, because another curve represents it. */
   readonly quiet?: boolean;
 }
 
@@ -32,7 +32,7 @@ interface CurvePlotProps {
   readonly height?: number;
   readonly xLog?: boolean;
   readonly yLog?: boolean;
-  /** What the drawing shows, for those who cannot see it. */
+  /** Description of the plot for screen readers. */
   readonly summary: string;
 }
 

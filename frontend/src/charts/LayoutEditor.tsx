@@ -1,4 +1,4 @@
-/** Editing of a layout and of the derived signals in it. */
+/** Editor of a layout and of its derived signals. */
 
 import { ActionIcon, Button, NativeSelect, Tooltip } from "@mantine/core";
 import { useDisclosure } from "@mantine/hooks";
@@ -14,9 +14,9 @@ import { isPlainRecord, isText, useDraft } from "../service/forms/drafts";
 import { RefusedFields } from "../service/forms/refusals";
 import {
   allowedShare,
+  BUILT_IN_LAYOUTS,
   type Edited,
   moved,
-  READY,
   renamed,
   withPanel,
   withShare,
@@ -30,7 +30,7 @@ import { PanelRow } from "./PanelRow";
 import { SignalTree } from "./SignalTree";
 import { TEXTS } from "./texts";
 
-/** Derived signals: an expression over signals under a name, to draw, measure, compare and export. */
+/** Derived signals: named expressions over signals, to draw, measure, compare and export. */
 
 const EMPTY = { name: "", expression: "", unit: "1", meaning: "" };
 
@@ -40,7 +40,7 @@ function isFormula(value: unknown): value is typeof EMPTY {
 
 export function FormulaEditor() {
   const formulas = useFormulas();
-  const put = useSaveFormula();
+  const save = useSaveFormula();
   const remove = useRemoveFormula();
   const draft = useDraft("formula", EMPTY, isFormula);
   const text = draft.value;
@@ -51,7 +51,7 @@ export function FormulaEditor() {
   function submit(event: FormEvent): void {
     event.preventDefault();
     if (!ready) return;
-    put.mutate(
+    save.mutate(
       {
         name: text.name.trim(),
         expression: text.expression.trim(),
@@ -98,7 +98,7 @@ export function FormulaEditor() {
         ))}
       </ul>
       <OperatorsOnly>
-        <RefusedFields error={put.error ?? remove.error} about={text}>
+        <RefusedFields error={save.error ?? remove.error} about={text}>
           <form className={styles.formulaForm} aria-label={TEXTS.formula} onSubmit={submit}>
             <TextField
               size="xs"
@@ -137,11 +137,11 @@ export function FormulaEditor() {
               value={text.meaning}
               onChange={(meaning) => set({ meaning })}
             />
-            <Button type="submit" size="compact-sm" disabled={!ready} loading={put.isPending}>
+            <Button type="submit" size="compact-sm" disabled={!ready} loading={save.isPending}>
               {changes ? TEXTS.changeFormula : TEXTS.saveFormula}
             </Button>
           </form>
-          <Refusal error={put.error ?? remove.error} about={text} forFields hint={TEXTS.formulaHint} />
+          <Refusal error={save.error ?? remove.error} about={text} forFields hint={TEXTS.formulaHint} />
         </RefusedFields>
       </OperatorsOnly>
     </section>
@@ -153,7 +153,7 @@ function factsOf(unit: string, meaning: string, person: string): string {
     ? fillText(TEXTS.formulaFacts, { unit, person })
     : fillText(TEXTS.formulaFactsWithMeaning, { unit, meaning, person });
 }
-/** The panels of the layout in use, one row each; every change is drawn and kept at once. */
+/** Panels of the selected layout, one row each; every edit is drawn and stored at once. */
 
 function LayoutEditor() {
   const { used, own, edit, remove } = useLayouts();
@@ -211,7 +211,7 @@ function LayoutEditor() {
       <ol className={styles.panels}>
         {used.panels.map((panel, place) => (
           <PanelRow
-            // biome-ignore lint/suspicious/noArrayIndexKey: a row stays where it is, and with it the focus; panels move
+            // biome-ignore lint/suspicious/noArrayIndexKey: rows and their focus remain while panels move
             key={place}
             layout={used}
             panel={panel}
@@ -226,10 +226,10 @@ function LayoutEditor() {
   );
 }
 
-/** Which panels the charts have: a layout by name, its editor in place, and how the time axis tells time. */
+/** Panels of the charts: choice of a layout, its editor, and the kind of the time axis. */
 
 interface LayoutToolsProps {
-  /** There is a time of day to tell. */
+  /** Whether the time of day is available. */
   readonly clock: boolean;
 }
 
@@ -246,7 +246,7 @@ export function LayoutTools({ clock }: LayoutToolsProps) {
         value={used.name}
         onChange={(event) => choose(event.currentTarget.value)}
         data={[
-          { group: TEXTS.builtIn, items: names(READY) },
+          { group: TEXTS.builtIn, items: names(BUILT_IN_LAYOUTS) },
           ...(own.length > 0 ? [{ group: TEXTS.custom, items: names(own) }] : []),
         ]}
         w={100}

@@ -12,7 +12,7 @@ import colourChoiceStyles from "./ColourChoice.module.css";
 import { TraceLine } from "./PanelRow";
 import { TEXTS } from "./texts";
 
-/** The line of a signal in the legend; opens the choice of its colour, which is remembered for the person. */
+/** Line of a signal in the legend, with a choice of its colour, which the preferences store. */
 
 function ColourChoice({ trace }: { trace: Trace }) {
   const [opened, setOpened] = useState(false);
@@ -60,18 +60,18 @@ function ColourChoice({ trace }: { trace: Trace }) {
   );
 }
 
-/** Head of a chart: what it shows, in which unit, and a switch with the value of each signal. */
+/** Head of a chart: title, unit, and for each signal a switch with its value. */
 
-/** While it is measured: the values at the cursors and their difference, in place of the one value. */
+/** Roles during measuring: values at the cursors and their difference, instead of the single value. */
 const CURSORS = ["cursor-0", "cursor-1", "delta"] as const;
 
 interface LegendProps {
   readonly panel: Panel;
   readonly hidden: ReadonlySet<string>;
   readonly onToggle: (name: string) => void;
-  /** Pointed at or focused; null when left. */
+  /** Called on hover and focus with the signal, and with null when they end. */
   readonly onHighlight: (name: string | null) => void;
-  /** Whether this panel is the only one shown; left out where it cannot be. */
+  /** Whether only this panel is shown; omitted if the panel cannot be enlarged. */
   readonly enlarged?: boolean;
   readonly onEnlarge?: () => void;
 }

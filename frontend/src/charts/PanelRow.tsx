@@ -26,7 +26,7 @@ import type { Readout } from "./readout";
 import { signalChoices } from "./SignalTree";
 import { TEXTS } from "./texts";
 
-/** One panel of a layout in its editor. */
+/** Row of one panel in the layout editor. */
 
 interface PanelRowProps {
   readonly layout: ChartLayout;
@@ -36,27 +36,27 @@ interface PanelRowProps {
   onMove(by: 1 | -1): void;
 }
 
-/** Row and direction of the move that was just made: the focus goes along. */
-let followed: { readonly place: number; readonly by: 1 | -1 } | null = null;
+/** Target row and direction of the last move; the focus moves with the panel. */
+let lastMove: { readonly place: number; readonly by: 1 | -1 } | null = null;
 
 export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps) {
   const { title, signals, over, share } = panel;
   const row = useRef<HTMLLIElement>(null);
   const derived = useDerived();
-  // biome-ignore lint/correctness/useExhaustiveDependencies: a panel that has come here is the reason to look
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the effect runs when another panel is in this row
   useEffect(() => {
-    if (followed?.place !== place) return;
-    const [wanted, other] = followed.by < 0 ? ["up", "down"] : ["down", "up"];
-    followed = null;
+    if (lastMove?.place !== place) return;
+    const [direction, other] = lastMove.by < 0 ? ["up", "down"] : ["down", "up"];
+    lastMove = null;
     const button = (name = "") =>
       row.current?.querySelector<HTMLElement>(`[data-move=${name}]:not(:disabled)`);
-    (button(wanted) ?? button(other))?.focus();
+    (button(direction) ?? button(other))?.focus();
   }, [title, place]);
 
   function move(by: 1 | -1): void {
     const to = neighbour(layout, place, by);
     if (to === null) return;
-    followed = { place: to, by };
+    lastMove = { place: to, by };
     onMove(by);
   }
 
@@ -167,7 +167,7 @@ function Tool({ name, idle, move, children, onClick }: ToolProps) {
   );
 }
 
-/** The line under the pointer, and the two measuring cursors, moved by mouse or arrow keys. */
+/** Line under the pointer, and two measuring cursors, which mouse and arrow keys move. */
 
 interface MeasureCursorsProps {
   readonly readout: Readout;
@@ -206,7 +206,7 @@ export function MeasureCursors({ readout, measuring, span_s }: MeasureCursorsPro
   );
 }
 
-/** A short piece of a curve, as the chart draws it. */
+/** Short line in the style of a trace. */
 
 export function TraceLine({ trace }: { trace: Trace }) {
   return (

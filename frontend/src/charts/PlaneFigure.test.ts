@@ -34,7 +34,7 @@ function recorded(raw: boolean, of = S): RecordedSource {
 const trace = PLANE.traces[0] as Plane["traces"][number];
 
 describe("points of one signal over another", () => {
-  it("are samples of one moment each, the newest among them, however many there are", () => {
+  it("are samples of one time each, including the newest, for any number of samples", () => {
     const { x, y } = pointsOf(live(10_000), PLANE, trace, { from_s: 0, to_s: 9.9995 });
     expect(x.length).toBeLessThanOrEqual(3001);
     expect(x.length).toBeGreaterThan(1500);
@@ -44,13 +44,13 @@ describe("points of one signal over another", () => {
     });
   });
 
-  it("stay the same while a view scrolls over them", () => {
+  it("are the same while a view scrolls over them", () => {
     const source = live(10_000);
     const [a, b] = [0, 0.0013].map((from_s) => pointsOf(source, PLANE, trace, { from_s, to_s: from_s + 8 }));
     expect([...(b?.x.slice(0, 1900) ?? [])]).toEqual([...(a?.x.slice(1, 1901) ?? [])]);
   });
 
-  it("are those of the recording, single samples or the middles of buckets", () => {
+  it("are single samples of the recording, or the middles of buckets", () => {
     for (const raw of [true, false]) {
       const { x, y } = pointsOf(recorded(raw), PLANE, trace, { from_s: 0.2, to_s: 0.6 });
       expect(x).toHaveLength(raw ? 401 : 41);
@@ -62,7 +62,7 @@ describe("points of one signal over another", () => {
     }
   });
 
-  it("are of one recording where two are compared", () => {
+  it("are from one recording when two are compared", () => {
     const other = (tick: number) => Math.fround(20 + Math.sin(tick / 50));
     const both = new ComparedSource(recorded(true), recorded(true, other));
     const { x, y } = pointsOf(both, PLANE, { ...trace, name: "S′" }, { from_s: 0.2, to_s: 0.6 });

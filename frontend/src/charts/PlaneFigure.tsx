@@ -10,15 +10,15 @@ import { Legend } from "./Legend";
 import { AXIS_WIDTH, RIGHT_MARGIN } from "./plot";
 import type { Pairs, PlotSource } from "./sources";
 
-/** One signal over another: the points of a stretch, the axes for them, and their drawing. */
+/** One signal over another: points of a time range, their axes, and the drawing. */
 
 export type Plane = Panel & { readonly over: NonNullable<Panel["over"]> };
 
-/** A curve of more points says no more on a few hundred pixels. */
+/** Maximum number of points of a curve, sufficient for a few hundred pixels. */
 const POINTS = 3000;
 const TOP = 8;
 const FOOT = 22;
-const TICK_ROOM_PX = { x: 70, y: 26 } as const;
+const TICK_SPACE_PX = { x: 70, y: 26 } as const;
 const LINE_WIDTH = 1.4;
 const DOT_PX = 3.5;
 const FONT = "11px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
@@ -27,7 +27,7 @@ export function isPlane(panel: Panel): panel is Plane {
   return panel.over !== undefined;
 }
 
-/** The points of one trace, in the units shown. */
+/** Points of one trace, in the units shown. */
 export function pointsOf(source: PlotSource, plane: Plane, trace: Trace, seen: TimeRange): Pairs {
   const mark = /[′⁰¹²³⁴-⁹]*$/.exec(trace.name)?.[0] ?? "";
   const over = plane.over.name + mark;
@@ -36,7 +36,7 @@ export function pointsOf(source: PlotSource, plane: Plane, trace: Trace, seen: T
   return { x: x.map((value) => value * plane.over.factor), y: y.map((value) => value * plane.factor) };
 }
 
-/** Where a source has no pairs: its curves on the times that they share. */
+/** Pairs from the curves of a source without `pairs`, at their common times. */
 function fromCurves(source: PlotSource, x: string, y: string, seen: TimeRange): Pairs {
   const traces = [x, y].map((name): Trace => ({ name, hue: "", dashed: false }));
   const plain = { title: "", unit: "1", factor: 1, decimals: 0, narrowest: 1, traces };
@@ -47,7 +47,7 @@ function fromCurves(source: PlotSource, x: string, y: string, seen: TimeRange): 
   return { x: ofX.filter(inside), y: ofY.filter(inside) };
 }
 
-/** What has to be in sight of all the points that are drawn. */
+/** Extent of all points that are drawn. */
 export function extentOf(values: readonly ArrayLike<number>[]): Extent {
   const extent: Extent = { minimum: Number.POSITIVE_INFINITY, maximum: Number.NEGATIVE_INFINITY };
   for (const column of values) {
@@ -65,7 +65,7 @@ interface PlaneRanges {
   readonly y: ValueRange;
 }
 
-/** Axes that hold still as those of the charts over time do. */
+/** Steady axis ranges, like those of charts over time. */
 export function rangesFor(before: PlaneRanges | null, plane: Plane, curves: readonly Pairs[]): PlaneRanges {
   const empty = (narrowest: number) => ({ min: -narrowest / 2, max: narrowest / 2 });
   const { x, y } = before ?? { x: empty(plane.over.narrowest), y: empty(plane.narrowest) };
@@ -76,8 +76,8 @@ export function rangesFor(before: PlaneRanges | null, plane: Plane, curves: read
 }
 
 /** Lines of an axis with their labels. */
-export function gridOf({ min, max }: ValueRange, length_px: number, room_px: number): [number, string][] {
-  const step = roundStep(((max - min) * room_px) / Math.max(length_px, 1));
+export function gridOf({ min, max }: ValueRange, length_px: number, space_px: number): [number, string][] {
+  const step = roundStep(((max - min) * space_px) / Math.max(length_px, 1));
   const first = Math.ceil(min / step - 1e-9);
   const count = Math.floor(max / step + 1e-9) - first + 1;
   const splits = Array.from({ length: Math.max(0, count) }, (_, n) => (first + n) * step);
@@ -91,7 +91,7 @@ interface Frame {
   readonly height: number;
 }
 
-/** The part of a drawing in which the curves are. */
+/** Plotting area of a drawing. */
 function frameOf(width: number, height: number): Frame {
   return {
     left: AXIS_WIDTH,
@@ -104,7 +104,7 @@ function frameOf(width: number, height: number): Frame {
 export interface DrawnPlane {
   readonly traces: readonly Trace[];
   readonly curves: readonly Pairs[];
-  /** Where each trace is now. */
+  /** Current point of each trace. */
   readonly dots: readonly { readonly x: number; readonly y: number }[];
   readonly ranges: PlaneRanges;
 }
@@ -122,7 +122,7 @@ function paintPlane({ context: pen, width, height, colours }: Surface, drawn: Dr
   pen.beginPath();
   pen.textAlign = "center";
   pen.textBaseline = "top";
-  for (const [value, label] of gridOf(x, frame.width, TICK_ROOM_PX.x)) {
+  for (const [value, label] of gridOf(x, frame.width, TICK_SPACE_PX.x)) {
     const at = Math.round(px(value)) + 0.5;
     pen.moveTo(at, frame.top);
     pen.lineTo(at, frame.top + frame.height);
@@ -130,7 +130,7 @@ function paintPlane({ context: pen, width, height, colours }: Surface, drawn: Dr
   }
   pen.textAlign = "right";
   pen.textBaseline = "middle";
-  for (const [value, label] of gridOf(y, frame.height, TICK_ROOM_PX.y)) {
+  for (const [value, label] of gridOf(y, frame.height, TICK_SPACE_PX.y)) {
     const at = Math.round(py(value)) + 0.5;
     pen.moveTo(frame.left, at);
     pen.lineTo(frame.left + frame.width, at);
@@ -167,24 +167,24 @@ function paintPlane({ context: pen, width, height, colours }: Surface, drawn: Dr
   }
 }
 
-/** Signals over signals, over the stretch that the charts above show. */
+/** Chart of signals over a signal, for the time range of the charts above. */
 
 interface PlaneProps {
   readonly plane: Plane;
-  /** Place among all panels. */
+  /** Index among all panels. */
   readonly place: number;
   readonly source: PlotSource;
   readonly hidden: ReadonlySet<string>;
   seen(): TimeRange;
-  /** The moment that the legends tell. */
-  looked(): number;
+  /** Time of the legends' values. */
+  readoutTime(): number;
   onToggle(name: string): void;
 }
 
-export function PlaneFigure({ plane, place, source, hidden, seen, looked, onToggle }: PlaneProps) {
+export function PlaneFigure({ plane, place, source, hidden, seen, readoutTime, onToggle }: PlaneProps) {
   const drawing = useMemo(
-    () => drawingOf(plane, source, hidden, seen, looked),
-    [plane, source, hidden, seen, looked],
+    () => drawingOf(plane, source, hidden, seen, readoutTime),
+    [plane, source, hidden, seen, readoutTime],
   );
   const canvas = useCanvas(drawing);
   return (
@@ -202,36 +202,36 @@ function drawingOf(
   source: PlotSource,
   hidden: ReadonlySet<string>,
   seen: () => TimeRange,
-  looked: () => number,
+  readoutTime: () => number,
 ): Drawing {
   let ranges: PlaneRanges | null = null;
   return {
     signature: () => {
       const { from_s, to_s } = seen();
-      return [source.version(), from_s, to_s, looked()].map((part) => fixed(part, 3)).join(" ");
+      return [source.version(), from_s, to_s, readoutTime()].map((part) => fixed(part, 3)).join(" ");
     },
     paint: (surface) => {
-      const drawn = drawnNow(plane, source, hidden, seen(), looked(), ranges);
+      const drawn = drawnNow(plane, source, hidden, seen(), readoutTime(), ranges);
       ranges = drawn.ranges;
       paintPlane(surface, drawn);
     },
   };
 }
 
-/** What is to be drawn of a stretch. */
+/** Contents of the chart for a time range. */
 export function drawnNow(
   plane: Plane,
   source: PlotSource,
   hidden: ReadonlySet<string>,
   seen: TimeRange,
-  looked_s: number,
+  readout_s: number,
   before: PlaneRanges | null,
 ): DrawnPlane {
   const traces = plane.traces.filter(({ name }) => !hidden.has(name));
   const curves = traces.map((trace) => pointsOf(source, plane, trace, seen));
   const dots = traces.map(({ name }) => ({
-    x: source.at(plane.over.name, looked_s) * plane.over.factor,
-    y: source.at(name, looked_s) * plane.factor,
+    x: source.at(plane.over.name, readout_s) * plane.over.factor,
+    y: source.at(name, readout_s) * plane.factor,
   }));
   return { traces, curves, dots, ranges: rangesFor(before, plane, curves) };
 }

@@ -4,7 +4,7 @@ import { found, signalChoices } from "./SignalTree";
 const names = (words: string) =>
   found(signalChoices(null), words).flatMap(({ items }) => items.map(({ value }) => value));
 
-it("finds signals by name, meaning and unit, all words together", () => {
+it("finds signals by name, meaning and unit that contain all words", () => {
   expect(names("")).toContain("q");
   expect(names("f_a")).toContain("F_A");
   expect(names("f_a")).not.toContain("u_A");

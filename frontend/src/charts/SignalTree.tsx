@@ -10,14 +10,14 @@ import { DRAGGED } from "./gestures";
 import styles from "./LayoutEditor.module.css";
 import { TEXTS } from "./texts";
 
-/** Signals to choose from, by unit; those of one unit first. Pure. */
+/** Signals to choose from, grouped by unit, with one unit first. Pure. */
 
 interface Choices {
   readonly group: string;
   readonly items: { readonly value: string; readonly label: string }[];
 }
 
-/** `first` is the unit that a panel has already, null where any will do; `derived` are offered besides. */
+/** `first`: unit of the panel, null for any unit; `derived`: additional derived signals. */
 export function signalChoices(first: string | null, derived: readonly DerivedSignal[] = []): Choices[] {
   const all = [...DRAWN, ...derived.map(({ name, unit }) => ({ name, unit, meaning: meaningOf(name) }))];
   const units = [...new Set(all.map(({ unit }) => unit))];
@@ -33,7 +33,7 @@ export function signalChoices(first: string | null, derived: readonly DerivedSig
   }));
 }
 
-/** Those whose name, meaning or unit holds every word that is searched for. */
+/** Choices whose name, meaning or unit contain every word of the search. */
 export function found(choices: readonly Choices[], words: string): Choices[] {
   const wanted = words.toLowerCase().split(/\s+/).filter(Boolean);
   return choices
@@ -47,7 +47,7 @@ export function found(choices: readonly Choices[], words: string): Choices[] {
     .filter(({ items }) => items.length > 0);
 }
 
-/** All signals by unit with a search: drag one onto a panel to add it, press + for a panel of its own. */
+/** All signals by unit, with a search: dragging adds one to a panel, + creates a panel for it. */
 
 export function SignalTree({ onPress }: { onPress: (name: string) => void }) {
   const [words, search] = useState("");
@@ -68,7 +68,7 @@ export function SignalTree({ onPress }: { onPress: (name: string) => void }) {
       {groups.length === 0 && <span className={styles.note}>{fillText(TEXTS.noSignal, { words })}</span>}
       <div className={styles.groups}>
         {groups.map(({ group, items }) => (
-          // biome-ignore lint/a11y/useSemanticElements: a fieldset would be of a form
+          // biome-ignore lint/a11y/useSemanticElements: a fieldset belongs to a form
           <div
             key={group}
             role="group"
@@ -77,7 +77,7 @@ export function SignalTree({ onPress }: { onPress: (name: string) => void }) {
           >
             <span className={styles.note}>{group}</span>
             {items.map(({ value, label }) => (
-              // biome-ignore lint/a11y/noStaticElementInteractions: who does not drag has the button, and the lists of the panels
+              // biome-ignore lint/a11y/noStaticElementInteractions: the button and the lists of the panels do the same
               <span
                 key={value}
                 draggable

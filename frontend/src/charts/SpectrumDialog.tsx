@@ -16,12 +16,12 @@ import { describeBasis, grouped } from "./StatisticsTable";
 import type { StoredData } from "./storedRuns";
 import { TEXTS } from "./texts";
 
-/** Spectra of a range: of the page's own samples at once, or computed by the service, which takes a moment. */
+/** Spectra of a range: computed at once from the page's samples, or by the service. */
 
-/** What the spectrum is to be of: what was in sight, or between the cursors, when it was asked for. */
+/** Request for a spectrum: the visible range, or that between the cursors, at the time of the request. */
 export interface SpectrumOrder {
   readonly range: TimeRange;
-  /** Null where the service has every sample. */
+  /** Null if the service has every sample. */
   readonly table: SampleTable | null;
   readonly stored: StoredData | null;
 }
@@ -34,7 +34,7 @@ interface ShownSpectra {
 
 const NOTHING: ShownSpectra = { spectra: null, share: 0, problem: "" };
 
-/** `names` has to be the same array as long as it says the same. What is under way ends when nobody shows it any more. */
+/** `names` must keep its identity while its content is the same. Unmounting aborts the request. */
 function useSpectra({ range, table, stored }: SpectrumOrder, names: readonly string[]): ShownSpectra {
   const [shown, setShown] = useState(NOTHING);
   useEffect(() => {
@@ -43,29 +43,29 @@ function useSpectra({ range, table, stored }: SpectrumOrder, names: readonly str
       return;
     }
     if (stored === null) return;
-    const leave = new AbortController();
-    const tell = (told: Partial<ShownSpectra>) => {
-      if (!leave.signal.aborted) setShown((before) => ({ ...before, ...told }));
+    const request = new AbortController();
+    const update = (part: Partial<ShownSpectra>) => {
+      if (!request.signal.aborted) setShown((before) => ({ ...before, ...part }));
     };
     setShown(NOTHING);
     stored
-      .spectra(names, range, { signal: leave.signal, onShare: (share) => tell({ share }) })
-      .then((spectra) => tell({ spectra, share: 1 }))
-      .catch((error: Error) => tell({ problem: error.message }));
-    return () => leave.abort();
+      .spectra(names, range, { signal: request.signal, onShare: (share) => update({ share }) })
+      .then((spectra) => update({ spectra, share: 1 }))
+      .catch((error: Error) => update({ problem: error.message }));
+    return () => request.abort();
   }, [range, table, stored, names]);
   return shown;
 }
 
-/** Power density or amplitude over frequency of what was in sight, or between the cursors, when it was opened. */
+/** Power density or amplitude over frequency of the range at the time when the dialog was opened. */
 
 type Quantity = "density" | "amplitude";
 
 interface SpectrumDialogProps {
   readonly panels: readonly Panel[];
-  /** Taken when the dialog was opened; null while it is closed. */
+  /** Request of the dialog; null while it is closed. */
   readonly order: SpectrumOrder | null;
-  /** A moment as the time axis tells it. */
+  /** Formats a time like the time axis. */
   timeText(time_s: number): string;
   onClose(): void;
 }
@@ -141,7 +141,7 @@ function Content({ panels, order, timeText }: ContentProps) {
   );
 }
 
-/** How the spectra were made, from which samples, and what they lack. `unit` is null where there are none. */
+/** Text of the method of the spectra, their data basis and omissions. `unit` is null without spectra. */
 function factsOf(
   found: Spectra,
   names: readonly string[],
@@ -150,7 +150,7 @@ function factsOf(
 ): string {
   const basis = fillText(TEXTS.from, { basis: describeBasis(found.basis, timeText) });
   if (unit === null) return basis;
-  const excluded = leftOut(found, names);
+  const excluded = excludedText(found, names);
   const reasons = reasonsOf(found, names);
   return [
     fillText(TEXTS.spectrumMethod, { unit, method: methodOf(found, names) }),
@@ -161,7 +161,7 @@ function factsOf(
     .filter((one) => one !== "")
     .join(" ");
 }
-/** The spectrum of a signal in the unit shown. */
+/** Spectrum of a signal in the unit shown. */
 function scaled(found: Spectra | null, name: string, { factor }: Panel): SignalSpectrum | null {
   const spectrum = found?.signals.get(name);
   if (spectrum === undefined) return null;
@@ -172,7 +172,7 @@ function scaled(found: Spectra | null, name: string, { factor }: Panel): SignalS
   };
 }
 
-/** How the spectra were made. */
+/** Text of the windows of the spectra. */
 function methodOf({ signals }: Spectra, names: readonly string[]): string {
   return together(names, (name) => {
     const spectrum = signals.get(name);
@@ -182,8 +182,8 @@ function methodOf({ signals }: Spectra, names: readonly string[]): string {
   });
 }
 
-/** Samples of the range that no spectrum is of, and signals without any power. */
-function leftOut({ signals }: Spectra, names: readonly string[]): string {
+/** Text of the samples that no spectrum contains, and of signals without power. */
+function excludedText({ signals }: Spectra, names: readonly string[]): string {
   return together(names, (name) => {
     const spectrum = signals.get(name);
     if (spectrum === undefined) return [];
@@ -196,12 +196,12 @@ function leftOut({ signals }: Spectra, names: readonly string[]): string {
   });
 }
 
-/** What is said of signals; what is said of all is said once, without their names. */
-function together(names: readonly string[], saying: (name: string) => readonly string[]): string {
-  const said = new Map<string, string[]>();
+/** Texts of signals; a text of all signals appears once, without their names. */
+function together(names: readonly string[], textsOf: (name: string) => readonly string[]): string {
+  const signalsByText = new Map<string, string[]>();
   for (const name of names)
-    for (const words of saying(name)) said.set(words, [...(said.get(words) ?? []), name]);
-  return [...said]
+    for (const words of textsOf(name)) signalsByText.set(words, [...(signalsByText.get(words) ?? []), name]);
+  return [...signalsByText]
     .map(([words, of]) =>
       of.length === names.length ? words : fillText(TEXTS.ofSignals, { signals: of.join(", "), words }),
     )
@@ -277,7 +277,7 @@ function SpectrumPlot({ panel, spectra, quantity }: SpectrumPlotProps) {
   );
 }
 
-/** Spectra on one frequency axis, which they share unless one had a gap; zeros cannot be drawn on a log axis. */
+/** Spectra on a common frequency axis, which differs only after gaps; a log axis omits zeros. */
 function aligned(spectra: readonly Spectrum[], quantity: Quantity): uPlot.AlignedData {
   const tables = spectra.map(
     (spectrum): uPlot.AlignedData => [

@@ -10,74 +10,78 @@ import styles from "./Statistics.module.css";
 import type { StoredData } from "./storedRuns";
 import { TEXTS } from "./texts";
 
-/** Statistics of what is in sight, or between the cursors: from the page's own samples, or computed by the service. */
+/** Statistics of the visible range, or between the cursors: from the page's samples, or from the service. */
 
 const EVERY_MS = 500;
-/** How often it is looked whether the range has changed, and has come to rest since. */
-const LOOK_MS = 200;
+/** Interval of the checks whether the range has changed and is stable. */
+const CHECK_MS = 200;
 
 interface ShownStatistics {
-  /** Null before the first ones are there. */
+  /** Null before the first result. */
   readonly figures: Figures | null;
-  /** How far those of the range asked for now are, 0 to 1; null where they are there. */
+  /** Progress of the current request, 0 to 1; null when it is complete. */
   readonly share: number | null;
-  /** Why there are none, "" where there are. */
+  /** Reason for missing statistics; empty if there are any. */
   readonly problem: string;
 }
 
-interface Asked {
+interface StatisticsRequest {
   readonly names: readonly string[];
-  /** The stretch in sight, or between the cursors. */
+  /** Visible range, or the range between the cursors. */
   range(): TimeRange;
   table(): SampleTable;
 }
 
-/** `asked` and `stored` have to be the same objects as long as they say the same. */
-export function useStatistics({ names, range, table }: Asked, stored: StoredData | null): ShownStatistics {
+/** Statistics of a range. `names` and `stored` must keep their identity while their content is the same. */
+export function useStatistics(
+  { names, range, table }: StatisticsRequest,
+  stored: StoredData | null,
+): ShownStatistics {
   const [shown, setShown] = useState<ShownStatistics>({ figures: null, share: null, problem: "" });
   const latest = useRef({ range, table });
   latest.current = { range, table };
   useEffect(() => {
     if (stored === null) {
-      const renew = () => setShown({ figures: figuresOf(latest.current.table()), share: null, problem: "" });
-      renew();
-      const timer = window.setInterval(renew, EVERY_MS);
+      const refresh = () =>
+        setShown({ figures: figuresOf(latest.current.table()), share: null, problem: "" });
+      refresh();
+      const timer = window.setInterval(refresh, EVERY_MS);
       return () => window.clearInterval(timer);
     }
-    let [seen, asked] = ["", ""];
-    let leave = new AbortController();
-    const look = () => {
+    let [seen, requested] = ["", ""];
+    let request = new AbortController();
+    const check = () => {
       const now = latest.current.range();
       const key = `${now.from_s} ${now.to_s}`;
-      const rested = key === seen || asked === "";
+      const isStable = key === seen || requested === "";
       seen = key;
-      if (key === asked || !rested) return;
-      asked = key;
-      leave.abort();
-      leave = new AbortController();
-      const { signal } = leave;
-      const tell = (told: Partial<ShownStatistics>) => {
-        if (!signal.aborted) setShown((before) => ({ ...before, problem: "", ...told }));
+      if (key === requested || !isStable) return;
+      requested = key;
+      request.abort();
+      request = new AbortController();
+      const { signal } = request;
+      const update = (part: Partial<ShownStatistics>) => {
+        if (!signal.aborted) setShown((before) => ({ ...before, problem: "", ...part }));
       };
-      tell({ share: 0 });
+      update({ share: 0 });
       stored
-        .statistics(names, now, { signal, onShare: (share) => tell({ share }) })
-        .then((figures) => tell({ figures, share: null }))
-        .catch((error: Error) => tell({ figures: null, share: null, problem: error.message }));
+        .statistics(names, now, { signal, onShare: (share) => update({ share }) })
+        .then((figures) => update({ figures, share: null }))
+        .catch((error: Error) => update({ figures: null, share: null, problem: error.message }));
     };
-    look();
-    const timer = window.setInterval(look, LOOK_MS);
+    check();
+    const timer = window.setInterval(check, CHECK_MS);
     return () => {
       window.clearInterval(timer);
-      leave.abort();
+      request.abort();
     };
   }, [names, stored]);
   return shown;
 }
 
-/** What figures were computed from, in words. Pure. */
+/** Text of the data basis of statistics. Pure. */
 
-/** "every sample between 0:00.000 and 9:59.999: 599 988 samples, 12 missing"; of several recordings, of each. */
+/** "every sample between 0:00.000 and 9:59.999: 599 988 samples, 12 missing"; one text per recording. */
 export function describeBasis(basis: readonly Basis[], timeText: (time_s: number) => string): string {
   if (basis.length === 0) return TEXTS.noSampleInRange;
   return basis.map((one) => wordsOf(one, timeText)).join("; ");
@@ -99,18 +103,18 @@ function wordsOfOne(
     : fillText(TEXTS.everySampleBut, { ...fields, missing: grouped(missing) });
 }
 
-/** A whole number with its digits in threes. */
+/** An integer with its digits in groups of three. */
 export function grouped(count: number): string {
   return fixed(count, 0).replaceAll(/\B(?=(\d{3})+$)/g, "\u202f");
 }
 
-/** Peaks with their times, mean and deviation of every signal in sight, with what they were computed from. */
+/** Extremes with their times, mean and deviation of every visible signal, with their data basis. */
 
 interface StatisticsTableProps {
   readonly panels: readonly Panel[];
   readonly hidden: ReadonlySet<string>;
   readonly shown: ShownStatistics;
-  /** A moment as the time axis tells it. */
+  /** Formats a time like the time axis. */
   timeText(time_s: number): string;
 }
 
@@ -204,7 +208,7 @@ function StatisticsTable({ panels, hidden, shown, timeText }: StatisticsTablePro
   );
 }
 
-/** Statistics of the visible range, or between the cursors, as long as they are shown. */
+/** Statistics of the visible range, or between the cursors, while they are shown. */
 
 interface RangeStatisticsProps {
   readonly panels: readonly Panel[];

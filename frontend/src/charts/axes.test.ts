@@ -18,25 +18,25 @@ describe("range", () => {
   const BEFORE = { min: -10, max: 10 };
 
   describe("steadyRange", () => {
-    it("holds still while the curves fit and use enough of it", () => {
+    it("does not change while the curves fit and use enough of it", () => {
       expect(steadyRange(BEFORE, { minimum: -4, maximum: 7 }, 1)).toBe(BEFORE);
     });
 
-    it("widens at once and covers everything", () => {
+    it("widens at once and includes all values", () => {
       const range = steadyRange(BEFORE, { minimum: -4, maximum: 33 }, 1);
       expect(range.min).toBeLessThanOrEqual(-4);
       expect(range.max).toBeGreaterThanOrEqual(33);
     });
 
-    it("narrows when most of it is unused, but not below the least height", () => {
+    it("narrows when most of it is unused, but not below the minimum height", () => {
       const range = steadyRange(BEFORE, { minimum: 1, maximum: 1.001 }, 2);
       expect(range.max - range.min).toBeGreaterThanOrEqual(2);
       expect(range.max - range.min).toBeLessThan(6);
       expect(steadyRange(range, { minimum: 1, maximum: 1.002 }, 2)).toBe(range);
     });
 
-    it("takes a flat curve off the edge, and then holds still", () => {
-      // 30 degrees held, on an axis that was made for a step from 22
+    it("moves a flat curve away from the edge, and then does not change", () => {
+      // 30 degrees held, on an axis that a step from 22 produced
       const before = { min: 22, max: 30 };
       const range = steadyRange(before, { minimum: 30, maximum: 30 }, 4);
       const share = (30 - range.min) / (range.max - range.min);
@@ -47,7 +47,7 @@ describe("range", () => {
       expect(steadyRange(before, { minimum: 22, maximum: 30 }, 4)).toBe(before);
     });
 
-    it("keeps what it had when there is nothing to show", () => {
+    it("does not change without values", () => {
       const nothing = { minimum: Number.POSITIVE_INFINITY, maximum: Number.NEGATIVE_INFINITY };
       expect(steadyRange(BEFORE, nothing, 1)).toBe(BEFORE);
     });
@@ -58,12 +58,12 @@ describe("range", () => {
   });
 
   describe("the decades of a logarithmic axis", () => {
-    it("take in all values, in whole powers of ten", () => {
+    it("include all values, in whole powers of ten", () => {
       const [low, high] = decadeRange(0.02, 3);
       expect([low, high]).toEqual([0.01, 10]);
     });
 
-    it("leave out what is rounding, and are there when nothing is", () => {
+    it("omit rounding errors, and exist without values", () => {
       const [low, high] = decadeRange(1e-40, 1);
       expect(high / low).toBeCloseTo(1e12, -3);
       for (const [min, max] of [
@@ -81,7 +81,7 @@ describe("range", () => {
 });
 
 describe("ticks", () => {
-  /** What somebody reads off a label. */
+  /** Value of a label as a person reads it. */
   function read(label: string): number {
     return Number(label.replaceAll("−", "-"));
   }
@@ -92,7 +92,7 @@ describe("ticks", () => {
   );
 
   describe("labels of an axis", () => {
-    it("say where the grid line is, at every distance of the lines", () => {
+    it("state the value of the grid line, for every distance of the lines", () => {
       for (const step of STEPS) {
         for (const first of [-12, -3, 0, 1, 39]) {
           const splits = [0, 1, 2, 3, 4].map((index) => (first + index) * step);
@@ -106,7 +106,7 @@ describe("ticks", () => {
       }
     });
 
-    it("have as many decimals as their neighbours, and no more than they need", () => {
+    it("have equal and minimal numbers of decimals", () => {
       expect(tickLabels([6.25, 6.5, 6.75, 7, 7.25, 7.5], 0.25)).toEqual([
         "6.25",
         "6.50",
@@ -119,12 +119,12 @@ describe("ticks", () => {
       expect(tickLabels([8, 10], 2)).toEqual(["8", "10"]);
     });
 
-    it("stay short where the numbers are very small or very large", () => {
+    it("are short for very small and very large numbers", () => {
       expect(tickLabels([2.5e-7, 5e-7], 2.5e-7)).toEqual(["2.5e−7", "5.0e−7"]);
       expect(tickLabels([1.25e8, 1.5e8], 2.5e7)).toEqual(["1.25e8", "1.50e8"]);
     });
 
-    it("of a logarithmic axis say where the line is, and leave out what the chart leaves out", () => {
+    it("state the value of a logarithmic grid line, and omit lines that the chart omits", () => {
       expect(logLabels([0.001, null, 0.1, 0.2, 1, 10, 1000, 1e5, 2e-6])).toEqual([
         "0.001",
         "",
@@ -144,7 +144,7 @@ describe("ticks", () => {
     });
   });
 
-  it("writes instants as finely as the lines are apart", () => {
+  it("writes times with the resolution of the lines", () => {
     for (const step of [0.001, 0.0025, 0.025, 0.05, 0.25, 0.5, 2.5, 15]) {
       for (const count of [1, 2, 3, 5, 41]) {
         const [minutes, seconds] = clockTime(count * step, step)
@@ -157,12 +157,12 @@ describe("ticks", () => {
 });
 
 describe("time axis", () => {
-  it("has its lines at round times since the start", () => {
+  it("has lines at round times since the start", () => {
     expect(splitsOf(-0.5, 10.2, 5, null)).toEqual([0, 5, 10]);
     expect(splitsOf(2, 2.001, 5, null)).toEqual([]);
   });
 
-  it.each([1, 5, 15, 60, 300])("has its lines at round times of the day, %d s apart", (step_s) => {
+  it.each([1, 5, 15, 60, 300])("has lines at round times of the day, %d s apart", (step_s) => {
     const epoch_s = new Date(2026, 2, 1, 14, 5, 9, 370).getTime() / 1000;
     const splits = splitsOf(0, 5 * step_s, step_s, epoch_s);
     expect(splits.length).toBeGreaterThanOrEqual(5);
@@ -174,7 +174,7 @@ describe("time axis", () => {
     }
   });
 
-  it("tells a moment in the one way or the other", () => {
+  it("formats a time as time since the start, or as time of day", () => {
     const epoch_s = new Date(2026, 2, 1, 14, 5, 9).getTime() / 1000;
     expect(timeText(61.5, 0.1, null)).toBe("1:01.5");
     expect(timeText(61.5, 0.1, epoch_s)).toBe("14:06:10.5");
@@ -187,7 +187,7 @@ describe("time axis", () => {
     expect([printedTime(61.5, 0.1, epoch_s), timeTitle(epoch_s)]).toEqual(["14:06:10.5", TEXTS.timeOfDay]);
   });
 
-  it("takes the finest distance for which there is room", () => {
+  it("takes the smallest distance with space for the labels", () => {
     expect(stepFor(20, 700, 70)).toBe(2);
     expect(stepFor(20, 690, 70)).toBe(5);
   });

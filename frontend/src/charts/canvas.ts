@@ -1,11 +1,11 @@
-/** Canvases in the colours of the theme: the colours, and a hook that paints when something has changed. */
+/** Canvases in the theme's colours: the colours, and a hook that repaints after changes. */
 
 import { useComputedColorScheme } from "@mantine/core";
 import { type RefObject, useEffect, useRef } from "react";
 import { paintsInSoftware } from "../drawing/canvas";
 import { variableOf } from "../theme/signals";
 
-/** Colours of what the charts draw beside the curves, read from the theme's variables. */
+/** Colours of everything in a chart except the curves, from the theme's CSS variables. */
 
 export interface ChartColours {
   grid: string;
@@ -16,17 +16,17 @@ export interface ChartColours {
   panel: string;
   accent: string;
   accentSoft: string;
-  /** A hue as this theme draws it. */
+  /** Returns the colour of a hue in this theme. */
   drawn(hue: string): string;
 }
 
 export function readColours(element: Element): ChartColours {
   const style = getComputedStyle(element);
   const variable = (name: string) => style.getPropertyValue(name).trim();
-  const asked = new Map<string, string>(); // to ask the style anew for each frame would have it computed anew
+  const hues = new Map<string, string>(); // each query of the style would recompute it
   const drawn = (hue: string) => {
-    const known = asked.get(hue) ?? (variable(variableOf(hue)) || hue);
-    asked.set(hue, known);
+    const known = hues.get(hue) ?? (variable(variableOf(hue)) || hue);
+    hues.set(hue, known);
     return known;
   };
   return {
@@ -42,25 +42,25 @@ export function readColours(element: Element): ChartColours {
   };
 }
 
-/** A small drawing that follows the samples, painted only when something in it has changed. */
+/** Small drawing of the samples, repainted only after changes. */
 
 const EVERY_MS = 66;
 
 export interface Surface {
   readonly context: CanvasRenderingContext2D;
-  /** Size in CSS pixels; the context is scaled to them and cleared. */
+  /** Size in CSS pixels; the context is scaled accordingly and cleared. */
   readonly width: number;
   readonly height: number;
   readonly colours: ChartColours;
 }
 
 export interface Drawing {
-  /** Tells one picture from another: the drawing is painted when it changes. */
+  /** Identifies the picture: the drawing is repainted when the signature changes. */
   signature(): string;
   paint(surface: Surface): void;
 }
 
-/** Keep `drawing` painted on the canvas of the returned reference, as large as the canvas is laid out. */
+/** Repaints `drawing` on the canvas of the returned reference, in the size of its layout. */
 export function useCanvas(drawing: Drawing): RefObject<HTMLCanvasElement | null> {
   const canvas = useRef<HTMLCanvasElement>(null);
   const scheme = useComputedColorScheme("light");
@@ -72,12 +72,12 @@ export function useCanvas(drawing: Drawing): RefObject<HTMLCanvasElement | null>
     if (element === null || context === null) return;
     const colours = readColours(element);
     let painted = "";
-    let looked_ms = 0;
+    let checked_ms = 0;
     let request = 0;
     const frame = (now_ms: number) => {
       request = requestAnimationFrame(frame);
-      if (now_ms - looked_ms < EVERY_MS) return;
-      looked_ms = now_ms;
+      if (now_ms - checked_ms < EVERY_MS) return;
+      checked_ms = now_ms;
       const { clientWidth: width, clientHeight: height } = element;
       const signature = `${width} ${height} ${drawing.signature()}`;
       if (signature === painted || width === 0 || height === 0) return;

@@ -5,12 +5,12 @@ import type { Panel } from "../theme/signals";
 import type { ChartColours } from "./canvas";
 
 export interface LimitLine {
-  /** Signals that it limits: it stands in the panels that show one of them. */
+  /** Limited signals; panels with one of them show the line. */
   readonly of: readonly string[];
-  /** In the unit of the chart. */
+  /** Value in the unit of the chart. */
   readonly value: number;
   readonly label: string;
-  /** The value axis always reaches this line. */
+  /** Whether the value axis always includes this line. */
   readonly alwaysInSight: boolean;
 }
 
@@ -18,22 +18,22 @@ export interface PlacedMark {
   readonly time_s: number;
   readonly text: string;
   readonly fault: boolean;
-  /** A change of the mode, which is named before what else happened with it. */
+  /** Whether the mark is a change of the mode, which takes precedence over other marks at that time. */
   readonly mode?: boolean;
 }
 
-/** Those of the lines that belong into a panel. */
+/** The limit lines of a panel. */
 export function linesOf(panel: Panel, limits: readonly LimitLine[]): readonly LimitLine[] {
   return limits.filter(({ of }) => panel.traces.some(({ name }) => of.includes(name)));
 }
 
-/** Height above the first chart that is kept free for the labels of marks [CSS px]. */
+/** Height above the first chart for the labels of marks [CSS px]. */
 export const MARK_LANE_PX = 14;
 const FONT_PX = 10;
-/** How much of a curve the ground of a limit's label hides. */
+/** Opacity of the background of a limit's label. */
 const LABEL_GROUND = 0.85;
 const LABEL_GAP_PX = 8;
-/** Room that a label has at least, however much of its text that is. */
+/** Text whose width is the minimum width of a label. */
 const LEAST_LABEL = "mode ru… +1";
 
 export function drawLimits(plot: uPlot, limits: readonly LimitLine[], colours: ChartColours): void {
@@ -54,7 +54,7 @@ export function drawLimits(plot: uPlot, limits: readonly LimitLine[], colours: C
   ctx.restore();
 }
 
-/** Over the curves, on ground of their own: a curve that passes there leaves them legible. */
+/** Draws labels over the curves, on a background, so that they are legible. */
 export function drawLimitLabels(plot: uPlot, limits: readonly LimitLine[], colours: ChartColours): void {
   const { ctx, bbox } = plot;
   const ratio = devicePixelRatio;
@@ -80,7 +80,7 @@ export function drawLimitLabels(plot: uPlot, limits: readonly LimitLine[], colou
   ctx.restore();
 }
 
-/** Where a limit lies on the canvas, null out of sight. */
+/** Height of a limit on the canvas; null outside the visible range. */
 function heightOf(plot: uPlot, { value }: LimitLine): number | null {
   const { min, max } = plot.scales.y as uPlot.Scale;
   return value < (min ?? 0) || value > (max ?? 0) ? null : Math.round(plot.valToPos(value, "y", true));
@@ -111,7 +111,7 @@ export function drawMarks(
   ctx.restore();
 }
 
-/** Names of the marks above the chart. */
+/** Draws the labels of the marks above the chart. */
 function drawLabels(plot: uPlot, marks: readonly PlacedMark[], colours: ChartColours): void {
   const { ctx, bbox } = plot;
   const ratio = devicePixelRatio;
@@ -134,9 +134,9 @@ interface Label {
 }
 
 /**
- * Labels that do not run over each other, from left to right. Of marks with too little room between them the first
- * fault is named, else the first change of the mode, else the first mark, with the number of the others: "trip +2".
- * `right` is where the last label ends.
+ * Labels without overlap, from left to right. Marks that are too close share a label: the first fault, otherwise the
+ * first change of the mode, otherwise the first mark, with the number of the others: "trip +2". `right` is the right
+ * end of the last label.
  */
 export function labelsOf(
   placed: readonly { readonly mark: PlacedMark; readonly x: number }[],
@@ -159,15 +159,15 @@ export function labelsOf(
   const begins = groups.map(({ x }) => x);
   const last = groups.at(-1);
   if (last !== undefined) {
-    // it moves to the left as far as the one before it leaves room
+    // The last label moves to the left as far as the previous one permits.
     const wanted = right - widthOf(last.lead.text + more.at(-1));
     const leftmost = (begins.at(-2) ?? Number.NEGATIVE_INFINITY) + least + gap;
     begins[begins.length - 1] = Math.min(last.x, Math.max(wanted, leftmost));
   }
   return groups.map(({ lead }, index) => {
     const x = begins[index] as number;
-    const room = (begins[index + 1] ?? right + gap) - gap - x;
-    return { text: cut(lead.text, more[index] as string, room, widthOf), x, fault: lead.fault };
+    const width = (begins[index + 1] ?? right + gap) - gap - x;
+    return { text: cut(lead.text, more[index] as string, width, widthOf), x, fault: lead.fault };
   });
 }
 
@@ -175,15 +175,15 @@ function rank({ fault, mode }: PlacedMark): number {
   return fault ? 2 : mode ? 1 : 0;
 }
 
-/** A text and what follows it within so much room: as much of the text as fits. */
-function cut(text: string, more: string, room: number, widthOf: (text: string) => number): string {
-  if (widthOf(text + more) <= room) return text + more;
+/** A text and its suffix within a width: the text is shortened to fit. */
+function cut(text: string, more: string, width: number, widthOf: (text: string) => number): string {
+  if (widthOf(text + more) <= width) return text + more;
   let length = text.length;
-  while (length > 1 && widthOf(`${text.slice(0, length)}…${more}`) > room) length -= 1;
+  while (length > 1 && widthOf(`${text.slice(0, length)}…${more}`) > width) length -= 1;
   return `${text.slice(0, length).trimEnd()}…${more}`;
 }
 
-/** The marks within so much of a moment, in the order of time. */
+/** The marks within `within_s` of a time, sorted by time. */
 export function marksNear(marks: readonly PlacedMark[], at_s: number, within_s: number): PlacedMark[] {
   return marks
     .filter(({ time_s }) => Math.abs(time_s - at_s) <= within_s)

@@ -13,9 +13,9 @@ import type { PlotSource } from "./sources";
 import type { StoredData } from "./storedRuns";
 import { TEXTS } from "./texts";
 
-/** What the charts show as one drawing at print size: vectors, with its axes, readings and where it comes from. Pure. */
+/** Exports the charts as a vector drawing in print size, with axes, values and origin. Pure. */
 
-/** Width in print, and of the drawing's own units, in which letters are as large as in a caption. */
+/** Width in print and in drawing units; text has the size of a caption. */
 const WIDTH_MM = 180;
 const WIDTH = 900;
 const LEFT = 70;
@@ -28,8 +28,8 @@ const VALUES = 26;
 const TIME_AXIS = VALUES + 18;
 const MARGIN = 16;
 const FOOT_LINE = 18;
-const LABEL_ROOM = { x: 90, y: 30 } as const;
-/** Of 180 mm that are a dot and a half for each at 300 to the inch. */
+const LABEL_SPACE = { x: 90, y: 30 } as const;
+/** Points of a curve: at 300 dpi, 180 mm are one and a half pixels per point. */
 const POINTS = 1400;
 const GRID = "#d9dde2";
 const INK = "#1b1f24";
@@ -45,7 +45,7 @@ interface Sheet {
   readonly limits: readonly LimitLine[];
   readonly marks: readonly PlacedMark[];
   readonly epoch_s: number | null;
-  /** Lines below: what it is of, with which tuning, when. */
+  /** Lines below the charts: origin, tuning and time. */
   readonly foot: readonly string[];
 }
 
@@ -67,7 +67,7 @@ function heightOf({ panels, planes, foot }: Sheet): number {
   );
 }
 
-/** The drawing as an SVG file. */
+/** Returns the drawing as SVG. */
 function svgOf(sheet: Sheet): string {
   const { panels, planes, seen, epoch_s, foot } = sheet;
   const height = heightOf(sheet);
@@ -88,7 +88,7 @@ function svgOf(sheet: Sheet): string {
     top = box.top + box.height + GAP;
     if (index < panels.length - 1) continue;
     const at = (time_s: number) => LEFT + ((time_s - seen.from_s) / (seen.to_s - seen.from_s)) * box.width;
-    const step = stepFor(seen.to_s - seen.from_s, box.width, LABEL_ROOM.x);
+    const step = stepFor(seen.to_s - seen.from_s, box.width, LABEL_SPACE.x);
     for (const split of splitsOf(seen.from_s, seen.to_s, step, epoch_s))
       parts.push(
         text(at(split), box.top + box.height + 18, printedTime(split, step, epoch_s), PALE, "middle"),
@@ -142,7 +142,7 @@ function timedPanel(sheet: Sheet, panel: Panel, box: Box, labels: boolean): stri
 
 function planePanel(plane: Plane, drawn: DrawnPlane, box: Box): string[] {
   const { x, y } = drawn.ranges;
-  const grid = gridOf(x, box.width, LABEL_ROOM.x).flatMap(([value, label]) => {
+  const grid = gridOf(x, box.width, LABEL_SPACE.x).flatMap(([value, label]) => {
     const at = place(value, x, box.left, box.width);
     const line = `<path d="M${round(at)} ${box.top}v${box.height}" stroke="${GRID}"/>`;
     return [line, text(at, box.top + box.height + 18, label, PALE, "middle")];
@@ -173,7 +173,7 @@ function planePanel(plane: Plane, drawn: DrawnPlane, box: Box): string[] {
   ];
 }
 
-/** What is shown, in which unit; of each signal its line, its name and between what it was in sight. */
+/** Title and unit, and for each signal its line, its name and its visible range. */
 function heading(panel: Panel, box: Box, columns: readonly ArrayLike<number>[]): string[] {
   const middle = box.top - 10;
   const unit = panel.unit === "1" ? "" : ` [${panel.unit}]`;
@@ -183,14 +183,14 @@ function heading(panel: Panel, box: Box, columns: readonly ArrayLike<number>[]):
   let right = box.left + box.width;
   for (const [index, trace] of [...panel.traces.entries()].reverse()) {
     const { minimum, maximum } = extentOf([columns[index] as ArrayLike<number>]);
-    const told =
+    const range =
       maximum < minimum
         ? TEXTS.noValue
         : fillText(TEXTS.range, {
             from: fixed(minimum, panel.decimals),
             to: fixed(maximum, panel.decimals),
           });
-    const words = `${trace.name.replace(" - ", " − ")}  ${told}`;
+    const words = `${trace.name.replace(" - ", " − ")}  ${range}`;
     const signal = `data-signal="${escaped(trace.name)}"`;
     parts.push(text(right, middle, words, INK, "end", signal));
     const from = right - 7 * words.length - 26;
@@ -203,7 +203,7 @@ function heading(panel: Panel, box: Box, columns: readonly ArrayLike<number>[]):
 }
 
 function valueAxis(y: ValueRange, box: Box): string[] {
-  const lines = gridOf(y, box.height, LABEL_ROOM.y).flatMap(([value, label]) => {
+  const lines = gridOf(y, box.height, LABEL_SPACE.y).flatMap(([value, label]) => {
     const at = box.top + box.height - place(value, y, 0, box.height);
     return [
       `<path d="M${box.left} ${round(at)}h${box.width}" stroke="${GRID}"/>`,
@@ -248,7 +248,7 @@ function markLine(mark: PlacedMark, x: ValueRange, box: Box, label: boolean): st
   const at = place(mark.time_s, x, box.left, box.width);
   const colour = mark.fault ? FAULT : PALE;
   const line = `<path d="M${round(at)} ${box.top}v${box.height}" stroke="${colour}" stroke-width="0.8"/>`;
-  // words that would run over each other are left to whoever points at the line
+  // The mark's text is a tooltip, because printed texts would overlap.
   return label ? `<g><title>${escaped(mark.text)}</title>${line}</g>` : line;
 }
 
@@ -273,9 +273,9 @@ function escaped(words: string): string {
   return words.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll('"', "&quot;");
 }
 
-/** Hands a file to the browser's downloads, and makes pictures of drawings. */
+/** Saves files through the browser, and converts drawings to pictures. */
 
-/** Vectors, the same with its letters for print, or dots at print size. */
+/** Kind of a picture: SVG, PDF with embedded fonts, or PNG at print resolution. */
 export type PictureKind = "svg" | "pdf" | "png";
 
 function save(content: Blob, name: string): void {
@@ -283,11 +283,11 @@ function save(content: Blob, name: string): void {
   link.href = URL.createObjectURL(content);
   link.download = name;
   link.click();
-  // the download has begun once this task has ended
+  // The download has begun when this task ends.
   setTimeout(() => URL.revokeObjectURL(link.href));
 }
 
-/** Let the browser download what the service writes, under the name that it gives; however long, nothing is held here. */
+/** Downloads a file of the service under the service's name; the page does not buffer it. */
 function saveFrom(address: string): void {
   const link = document.createElement("a");
   link.href = address;
@@ -295,7 +295,7 @@ function saveFrom(address: string): void {
   link.click();
 }
 
-/** The moment as part of a file name: 2026-03-01-14-05-09, in the person's own zone. */
+/** A time as part of a file name, in the person's time zone: 2026-03-01-14-05-09. */
 function stamp(when: Date): string {
   const parts = [
     when.getMonth() + 1,
@@ -307,12 +307,12 @@ function stamp(when: Date): string {
   return [when.getFullYear(), ...parts].join("-");
 }
 
-/** Dots to the inch in print. */
+/** Print resolution, in dots per inch. */
 const DPI = 300;
 
 const MM_PER_INCH = 25.4;
 
-/** A drawing as a picture of so many millimetres in width. Rejects where the browser cannot draw it. */
+/** Converts a drawing to a PNG of a width in millimetres. Rejects if the browser cannot draw it. */
 async function pngOf(svg: string, width_mm: number): Promise<Blob> {
   const image = new Image();
   const address = URL.createObjectURL(new Blob([svg], { type: "image/svg+xml" }));
@@ -331,14 +331,14 @@ async function pngOf(svg: string, width_mm: number): Promise<Blob> {
   }
 }
 
-/** A drawing as a file. Rejects, with words that can be shown, where it cannot be made. */
+/** Converts a drawing to a file. Rejects with a message for the person on failure. */
 export async function picture(svg: string, kind: PictureKind): Promise<Blob> {
   const plain = withPlainColours(svg);
   if (kind === "pdf") return await pdfOf(plain);
   return kind === "svg" ? new Blob([plain], { type: "image/svg+xml" }) : await pngOf(plain, WIDTH_MM);
 }
 
-/** A drawing as a PDF of its size, which the service makes. Throws Error, with words that can be shown. */
+/** PDF of a drawing in its size, which the service creates. Throws Error with a message for the person. */
 async function pdfOf(svg: string): Promise<Blob> {
   const body = { svg: withShortPaths(svg) };
   try {
@@ -346,12 +346,12 @@ async function pdfOf(svg: string): Promise<Blob> {
   } catch (error) {
     const status = error instanceof RequestError ? error.status : null;
     if (status === 413) throw new Error(TEXTS.tooLarge);
-    // the service waits a limited time for a body; a connection too slow for it ends without an answer
+    // The service limits the time for a request body; a slow connection ends without a response.
     throw status === 0 || status === 408 ? new Error(TEXTS.notSent) : error;
   }
 }
 
-/** A drawing whose colours every program knows: what only browsers reckon with, as they show it. */
+/** Replaces colours that only browsers support with their RGB values. */
 function withPlainColours(svg: string): string {
   return svg.replaceAll(/oklch\([^)]*\)/g, shown);
 }
@@ -366,15 +366,15 @@ function shown(colour: string): string {
   return `#${parts.map((part) => part.toString(16).padStart(2, "0")).join("")}`;
 }
 
-/** Saving what the charts show: a picture of it, and its data. */
+/** Saves a picture of the charts, and their data. */
 
 interface Saving {
-  /** Begin of the names of files. */
+  /** First part of file names. */
   readonly name: string;
   readonly names: readonly string[];
   readonly stored: StoredData | null;
   sheet(): Sheet;
-  /** The visible range, or that between the cursors. */
+  /** The visible range, or the range between the cursors. */
   range(): TimeRange;
   table(): SampleTable;
 }
@@ -391,7 +391,7 @@ export function useSaving({ name, names, stored, sheet, range, table }: Saving) 
     }
   }
 
-  /** Of a recording the service writes every sample; else the page writes what it has. */
+  /** The service writes every sample of a recording; without one, the page writes its own samples. */
   function saveData(): void {
     setUnsaved(null);
     if (stored === null) {
@@ -407,12 +407,12 @@ export function useSaving({ name, names, stored, sheet, range, table }: Saving) 
   return { savePicture, saveData, unsaved };
 }
 
-/** What a picture of the charts says of itself: run, plant, tuning and time. Pure but for the clock. */
+/** Origin of a picture: run, plant, tuning and time. Pure except for the clock. */
 
 export interface Origin {
-  /** "run 12", or what else is drawn. */
+  /** "run 12", or another source. */
   readonly of: string;
-  /** SIM, RIG, or another word for what moved; "" for what lies between runs, which has no tuning either. */
+  /** SIM, RIG, or another plant; empty for comparisons of runs, which have no single tuning. */
   readonly plant: string;
   readonly bank: string;
 }
@@ -421,17 +421,17 @@ const TUNING = { lam_q: "λ_q", lam_S: "λ_S" } as const;
 
 interface Drawn extends Omit<Sheet, "planes" | "foot"> {
   readonly planes: readonly Plane[];
-  readonly looked_s: number;
+  readonly readout_s: number;
 }
 
-/** All that is on a sheet of what is drawn now. */
-export function sheetNow({ planes, looked_s, ...drawn }: Drawn, { of, plant, bank }: Origin): Sheet {
+/** Contents of an exported drawing of the current charts. */
+export function sheetNow({ planes, readout_s, ...drawn }: Drawn, { of, plant, bank }: Origin): Sheet {
   const { source, hidden, seen, epoch_s } = drawn;
   const [from, to] = [seen.from_s, seen.to_s].map((time_s) => timeText(time_s, 0.001, epoch_s));
   const times = { from: String(from), to: String(to), time: dateTime(new Date().toISOString()) };
   return {
     ...drawn,
-    planes: planes.map((plane) => ({ plane, drawn: drawnNow(plane, source, hidden, seen, looked_s, null) })),
+    planes: planes.map((plane) => ({ plane, drawn: drawnNow(plane, source, hidden, seen, readout_s, null) })),
     foot: [
       [of, plant, ...(plant === "" ? [] : lambdas(source, seen)), bank]
         .filter((part) => part !== "")
@@ -441,7 +441,7 @@ export function sheetNow({ planes, looked_s, ...drawn }: Drawn, { of, plant, ban
   };
 }
 
-/** λ as the samples in sight have it: two numbers where it was changed meanwhile. */
+/** λ of the visible samples: two numbers if it changed. */
 function lambdas(source: PlotSource, seen: TimeRange): string[] {
   const { t, raw, columns } = source.table(Object.keys(TUNING), seen);
   return Object.entries(TUNING).map(([name, symbol]) => {

@@ -15,22 +15,22 @@ describe("gestures", () => {
     move: vi.fn(),
   };
   let area: HTMLElement;
-  let leave: () => void;
+  let stop: () => void;
 
   beforeEach(() => {
     vi.clearAllMocks();
     area = document.createElement("div");
     area.setPointerCapture = vi.fn();
     document.body.append(area);
-    leave = listen(area, target);
+    stop = listen(area, target);
   });
 
   afterEach(() => {
-    leave();
+    stop();
     area.remove();
   });
 
-  /** Turn the wheel; true where the page may scroll by it. */
+  /** Turns the wheel; returns true if the page may scroll. */
   function turn(how: WheelEventInit = {}): boolean {
     return area.dispatchEvent(
       new WheelEvent("wheel", { deltaY: 100, bubbles: true, cancelable: true, ...how }),
@@ -39,19 +39,19 @@ describe("gestures", () => {
 
   const pointer = (kind: string) => area.dispatchEvent(new PointerEvent(kind, { button: 0, pointerId: 1 }));
 
-  it("leaves the wheel to the page, and says so", () => {
+  it("does not handle the wheel without a key, and reports it", () => {
     expect(turn()).toBe(true);
     expect(target.zoomTime).not.toHaveBeenCalled();
     expect(target.leftToScroll).toHaveBeenCalledTimes(1);
   });
 
-  it("zooms with Ctrl or Cmd, and the page does not", () => {
+  it("zooms with Ctrl or Cmd, and prevents the page from zooming", () => {
     for (const how of [{ ctrlKey: true }, { metaKey: true }]) expect(turn(how)).toBe(false);
     expect(target.zoomTime).toHaveBeenCalledTimes(2);
     expect(target.leftToScroll).not.toHaveBeenCalled();
   });
 
-  it("leaves the wheel to the page after a click as before it", () => {
+  it("does not handle the wheel after a click either", () => {
     pointer("pointerdown");
     pointer("pointerup");
     expect(turn()).toBe(true);
@@ -76,7 +76,7 @@ describe("signal drop", () => {
     return <div ref={editor} />;
   }
 
-  /** A panel from y = top on, 100 px high, as what takes the gestures lies over it. */
+  /** A panel from y = top on, 100 px high, below the area that receives the gestures. */
   function place(title: string, top: number): HTMLElement {
     const panel = screen.getByLabelText(title);
     panel.getBoundingClientRect = () => new DOMRect(0, top, 400, 100);
@@ -96,7 +96,7 @@ describe("signal drop", () => {
     return event.defaultPrevented;
   }
 
-  it("gives a dragged signal to the panel below the pointer, and leaves other drags alone", () => {
+  it("adds a dragged signal to the panel below the pointer, and ignores other drags", () => {
     const onDrop = vi.fn();
     render(
       <section aria-label="Charts">
@@ -120,7 +120,7 @@ describe("signal drop", () => {
   });
 });
 
-describe("use height drag", () => {
+describe("useHeightDrag", () => {
   afterEach(cleanup);
 
   function Editor({ onDrag }: { onDrag: (title: string, ratio: number, begins: boolean) => void }) {
@@ -142,7 +142,7 @@ describe("use height drag", () => {
     fireEvent(target, event);
   }
 
-  it("drags the lower edge of a panel and leaves a press elsewhere to the charts", () => {
+  it("drags the lower edge of a panel, and does not handle a press elsewhere", () => {
     const onDrag = vi.fn();
     const onPan = vi.fn();
     render(

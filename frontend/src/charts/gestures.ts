@@ -1,20 +1,20 @@
 import { type RefObject, useCallback, useEffect, useRef, useState } from "react";
 
-/** Mouse, touch and keyboard on a stack of charts, told as intentions. */
+/** Translates mouse, touch and keyboard events on a stack of charts into actions. */
 
 export interface GestureTarget {
-  /** Wheel over the time axis; `at` is the place in the plotting area, 0 left to 1 right. */
+  /** Wheel over the time axis; `at` is the position in the plotting area, 0 (left) to 1 (right). */
   zoomTime(factor: number, at: number): void;
-  /** Wheel with V held; the pointer's height on the page tells the chart. */
+  /** Wheel with V held; `clientY` of the pointer selects the chart. */
   zoomValues(factor: number, clientY: number): void;
   /** Drag by a fraction of the plotting area, positive to the right. */
   pan(by: number): void;
   reset(): void;
-  /** The wheel turned without Ctrl over a chart: the page scrolls, nothing zooms. */
+  /** Wheel without Ctrl over a chart: the page scrolls, and the chart does not zoom. */
   leftToScroll(): void;
-  /** Follow the pointer, or null when it has left. */
+  /** Position of the pointer; null outside the area. */
   hover(at: number | null): void;
-  /** Take hold of a measuring cursor near `at`, if there is one. */
+  /** Index of a measuring cursor near `at`; null if there is none. */
   grab(at: number): number | null;
   move(cursor: number, at: number): void;
 }
@@ -23,7 +23,7 @@ const ZOOM_PER_PIXEL = 0.0016;
 const DRAG_STARTS_PX = 3;
 const AXIS_KEYS: ReadonlySet<string> = new Set(["v", "b"]);
 
-/** Listen on `area`, whose edges are those of the plotting area; returns how to stop. */
+/** Listens on `area`, whose edges are those of the plotting area; returns a function that stops listening. */
 export function listen(area: HTMLElement, target: GestureTarget): () => void {
   const abort = new AbortController();
   const held = new Set<string>();
@@ -79,7 +79,7 @@ export function listen(area: HTMLElement, target: GestureTarget): () => void {
   function onKey(event: KeyboardEvent): void {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const key = event.key.toLowerCase();
-    // over a chart V and B choose the axis of the wheel; elsewhere letters navigate
+    // Over a chart, V and B select the axis of the wheel; elsewhere letters navigate.
     if (over && AXIS_KEYS.has(key) && !isTyping(event.target)) event.stopPropagation();
     if (event.type === "keydown") held.add(key);
     else held.delete(key);
@@ -117,7 +117,7 @@ function isTyping(target: EventTarget | null): boolean {
   return target instanceof HTMLElement && target.matches("input, textarea, select, [contenteditable]");
 }
 
-/** What the arrow keys do on a chart that has the focus; true when the key was used. */
+/** Handles a key on the focused chart; returns whether the key has an action. */
 export function steer(key: string, target: GestureTarget): boolean {
   const actions: Record<string, () => void> = {
     ArrowLeft: () => target.pan(0.1),
@@ -131,24 +131,24 @@ export function steer(key: string, target: GestureTarget): boolean {
   return action !== undefined;
 }
 
-/** Whether a pointer at this height is over the element. */
+/** Whether the pointer's height is within the element. */
 export function inside(element: HTMLElement, clientY: number): boolean {
   const box = element.getBoundingClientRect();
   return clientY >= box.top && clientY <= box.bottom;
 }
 
-/** Says once for each opening of the page how the wheel zooms. */
+/** Hint about zooming with the wheel, once per load of the page. */
 
 const SHOWN_MS = 5000;
 
-let told = false;
+let isHintShown = false;
 
-/** Whether the hint is in sight, and what asks for it. */
+/** Whether the hint is visible, and the function that shows it. */
 export function useWheelHint(): [boolean, () => void] {
   const [shown, show] = useState(false);
   const ask = useCallback(() => {
-    if (told) return;
-    told = true;
+    if (isHintShown) return;
+    isHintShown = true;
     show(true);
   }, []);
   useEffect(() => {
@@ -159,10 +159,10 @@ export function useWheelHint(): [boolean, () => void] {
   return [shown, ask];
 }
 
-/** While a layout is edited, the lower edge of a panel in the charts is dragged to change the panel's height. */
+/** Dragging the lower edge of a panel changes its height while a layout is edited. */
 
 const PANELS = "figure[data-panel]";
-/** How near to the edge a press begins a drag [CSS px]. */
+/** Distance from the edge within which a press starts a drag [CSS px]. */
 const REACH_PX = 5;
 
 interface Edge {
@@ -173,9 +173,9 @@ interface Edge {
 
 /**
  * Args:
- *   editor: lies within the charts.
- *   onDrag: gets the title of the panel and its wanted height over its height at the begin of the drag; called at each
- *     movement, the first one with `begins`.
+ *   editor: element within the charts.
+ *   onDrag: receives the panel's title and the ratio of its new height to that at the start of the drag, on each
+ *     movement; `begins` is true for the first one.
  */
 export function useHeightDrag(
   editor: RefObject<HTMLElement | null>,
@@ -187,7 +187,7 @@ export function useHeightDrag(
     const charts = editor.current?.closest("section[aria-label=Charts]");
     if (!(charts instanceof HTMLElement)) return;
     const abort = new AbortController();
-    // before the charts, which pan when they are dragged
+    // Capture the events before the charts, which pan when they are dragged.
     const options = { capture: true, signal: abort.signal };
     let drag: { edge: Edge; pointer: number; moved: boolean } | null = null;
 
@@ -236,13 +236,13 @@ function edgeAt(charts: HTMLElement, { clientX, clientY }: PointerEvent): Edge |
   return null;
 }
 
-/** A dragged signal is dropped onto a panel: in the charts themselves, or in the rows of their editor. */
+/** Dropping a dragged signal adds it to a panel: in the charts, or in the rows of the editor. */
 
-/** What a dragged signal is told by; other things that are dragged are left alone. */
+/** Data type of a dragged signal; other drags are ignored. */
 export const DRAGGED = "application/x-sinew-signal";
 const DROP_TARGETS = "figure[data-panel], li[data-panel-row]";
 
-/** `editor` lies within the charts; `onDrop` gets the signal and the title of the panel. */
+/** `editor`: element within the charts; `onDrop` receives the signal and the title of the panel. */
 export function useSignalDrop(
   editor: RefObject<HTMLElement | null>,
   onDrop: (name: string, title: string) => void,
@@ -276,15 +276,15 @@ export function useSignalDrop(
       newest.current(event.dataTransfer?.getData(DRAGGED) ?? "", title);
     }
 
-    const leave = () => mark(null);
+    const unmark = () => mark(null);
     charts.addEventListener("dragover", over);
     charts.addEventListener("drop", drop);
-    document.addEventListener("dragend", leave);
+    document.addEventListener("dragend", unmark);
     return () => {
-      leave();
+      unmark();
       charts.removeEventListener("dragover", over);
       charts.removeEventListener("drop", drop);
-      document.removeEventListener("dragend", leave);
+      document.removeEventListener("dragend", unmark);
     };
   }, [editor]);
 }
@@ -293,7 +293,7 @@ function isSignal(event: DragEvent): boolean {
   return event.dataTransfer?.types.includes(DRAGGED) ?? false;
 }
 
-/** By place: what takes the gestures lies over the panels. */
+/** Finds the panel by position, because the area that receives gestures covers the panels. */
 function panelAt(charts: HTMLElement, { clientX, clientY }: DragEvent): Element | null {
   const holds = (one: Element) => {
     const { left, right, top, bottom } = one.getBoundingClientRect();

@@ -31,11 +31,11 @@ describe("line path", () => {
       expect(steps([10, 20, 15])).toBe("M0,90 L1,80 L2,85");
     });
 
-    it("lifts the pen over missing samples", () => {
+    it("interrupts the line at missing samples", () => {
       expect(steps([10, Number.NaN, Number.NaN, 30, 40])).toBe("M0,90 M3,70 L4,60");
     });
 
-    it("keeps only the ends of a level stretch", () => {
+    it("draws only the ends of a horizontal section", () => {
       expect(steps([10, 10, 10, 10, 50, 50, 50])).toBe("M0,90 L3,90 L4,50 L6,50");
       expect(steps([10, 10, 10, Number.NaN, 20])).toBe("M0,90 L2,90 M4,80");
     });
@@ -43,7 +43,7 @@ describe("line path", () => {
 });
 
 describe("short paths", () => {
-  /** Where a path of M, l, h and v leads, point by point. */
+  /** Points of a path of M, l, h and v. */
   function points(d: string): [number, number][] {
     let [x, y] = [0, 0];
     return [...d.matchAll(/([Mlhv])([^Mlhv]*)/g)].map(([, letter, rest = ""]) => {
@@ -61,7 +61,7 @@ describe("short paths", () => {
   }
 
   describe("withShortPaths", () => {
-    it("leads through the same points to a twentieth of a unit, however many there are", () => {
+    it("passes through the same points within a twentieth of a unit, for any number of points", () => {
       const wave = Array.from({ length: 4000 }, (_, n) => [70 + n * 0.2031, 200 + 99 * Math.sin(n)] as const);
       const plain = wave.map(([x, y], n) => `${n === 0 ? "M" : "L"}${x.toFixed(2)} ${y.toFixed(2)}`).join("");
       const short = pathOf(withShortPaths(`<path d="${plain}"/>`));
@@ -74,12 +74,12 @@ describe("short paths", () => {
       }
     });
 
-    it("makes one step of what goes on level, leaves out what does not move, and keeps gaps", () => {
+    it("joins horizontal steps, omits steps of zero, and preserves gaps", () => {
       const svg = '<path d="M1 2L2 2L3.5 2L3.51 2.01L3 2L3 1.5M5 -4L5.04 -3.96L6 -3"/>';
       expect(pathOf(withShortPaths(svg))).toBe("M1 2h2.5h-.5v-.5M5 -4l1 1");
     });
 
-    it("leaves alone what is no curve", () => {
+    it("does not change other elements than curves", () => {
       const svg = '<path d="M70 26v130"/><path d="M70 26h20"/><text>d="M1 2L3 4x"</text>';
       expect(withShortPaths(svg)).toBe(svg);
     });

@@ -1,4 +1,4 @@
-/** Draws charts on uPlot: paths of curves, one chart, and the stack of charts on one time axis. */
+/** Draws charts with uPlot: paths of curves, one chart, and the stack of charts on one time axis. */
 
 import uPlot from "uplot";
 import { paintsInSoftware, withMemoryCanvases } from "../drawing/canvas";
@@ -19,7 +19,7 @@ import {
 import type { Curves, PlotSource } from "./sources";
 import { type Viewport, visibleRange } from "./viewport";
 
-/** Path of a curve straight from typed arrays; NaN lifts the pen, so that missing samples show as holes. */
+/** Path of a curve from typed arrays; NaN interrupts the line, so that missing samples are gaps. */
 
 const NO_FLAGS = 0;
 
@@ -41,7 +41,7 @@ export function linePath(plot: uPlot, series: number, first: number, last: numbe
   for (let index = Math.max(0, first - 1); index <= end; index++) {
     const value = values[index] as number;
     const px = originX + (times[index] as number) * perSecond;
-    // along a level stretch only its two ends matter; dashes and strokes cost by the point
+    // For a horizontal section only its ends are drawn, because each point costs time.
     if (value === level) {
       skipped = px;
       continue;
@@ -62,12 +62,12 @@ export function linePath(plot: uPlot, series: number, first: number, last: numbe
   return { stroke, fill: null, clip: null, flags: NO_FLAGS };
 }
 
-/** Curves of a drawing in fewer letters, for sending: steps from point to point, to a tenth of a unit. Pure. */
+/** Shortens the paths of a drawing before it is sent: relative steps, with a resolution of a tenth of a unit. Pure. */
 
-/** A curve as a sheet has it: points, each with its letter. */
+/** Curve of an exported drawing: points, each with its command letter. */
 const CURVE = / d="(M[ML\d .-]*)"/g;
 const POINT = /([ML])(-?[\d.]+) (-?[\d.]+)/g;
-/** Steps to the unit, which is a fifth of a millimetre in print. */
+/** Steps per unit; a unit is a fifth of a millimetre in print. */
 const FINE = 10;
 
 export function withShortPaths(svg: string): string {
@@ -77,25 +77,25 @@ export function withShortPaths(svg: string): string {
 function shortened(points: string): string {
   const parts: string[] = [];
   let [x, y, level] = [0, 0, 0];
-  /** What goes on level becomes one step. */
-  function levelled(): void {
+  /** Writes a horizontal section as one step. */
+  function endLevel(): void {
     if (level !== 0) parts.push(`h${written(level)}`);
     level = 0;
   }
   for (const [, letter, ...place] of points.matchAll(POINT)) {
-    // of whole steps, so that roundings do not add up
+    // integer steps, so that rounding errors do not add up
     const [toX, toY] = place.map((part) => Math.round(Number(part) * FINE)) as [number, number];
     const [dx, dy] = [toX - x, toY - y];
-    const goesOn = letter === "L" && dy === 0 && level * dx >= 0;
-    if (!goesOn) levelled();
+    const continuesLevel = letter === "L" && dy === 0 && level * dx >= 0;
+    if (!continuesLevel) endLevel();
     if (letter === "M") parts.push(`M${toX / FINE} ${toY / FINE}`);
-    else if (goesOn) level += dx;
+    else if (continuesLevel) level += dx;
     else if (dy === 0) level = dx;
     else if (dx === 0) parts.push(`v${written(dy)}`);
     else parts.push(`l${written(dx)}${dy < 0 ? "" : " "}${written(dy)}`);
     [x, y] = [toX, toY];
   }
-  levelled();
+  endLevel();
   return parts.join("");
 }
 
@@ -103,33 +103,33 @@ function written(steps: number): string {
   return String(steps / FINE).replace(/^(-?)0\./, "$1.");
 }
 
-/** One chart of the stack on uPlot: curves of a panel over a stretch of time, limit lines, event marks. */
+/** One chart of the stack: curves of a panel over a time range, limit lines and event marks. */
 
 export const AXIS_WIDTH = 52;
 export const RIGHT_MARGIN = 10;
 const TIME_AXIS_HEIGHT = 24;
 const FONT = "11px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
 const LINE_WIDTH = 1.6;
-/** As wide as that the line above it leaves an edge in sight on both sides. */
+/** Line width at which both edges are visible under the line drawn above it. */
 const BROAD = 3;
-/** Lines of one pixel are painted several times faster in software. */
+/** Software rendering paints lines of one pixel several times faster. */
 const HAIRLINE = 1;
 const LABEL_CLEARANCE_PX = 5;
-/** Least height of a value axis scaled by hand, as a share of the usual least: labels stay within their margin. */
+/** Minimum height of a manually scaled value axis, as a share of `narrowest`; the labels still fit their margin. */
 const FINEST = 1e-3;
 
 interface PlotOptions {
   readonly panel: Panel;
   readonly timeAxis: boolean;
   readonly markLabels: boolean;
-  /** Time of day at time 0 [s since 1970]; null for an axis that tells the time since the start. */
+  /** Time of day at time 0 [s since 1970]; null for an axis with the time since the start. */
   epoch_s(): number | null;
 }
 
 class SignalPlot {
   limits: readonly LimitLine[] = [];
   marks: readonly PlacedMark[] = [];
-  /** Set when a person scaled the value axis by hand; null lets it follow the curves. */
+  /** Range of a manually scaled value axis; null if it follows the curves. */
   manualRange: ValueRange | null = null;
 
   private readonly plot: uPlot;
@@ -167,7 +167,7 @@ class SignalPlot {
     if (index >= 0) this.plot.setSeries(index + 1, { show: shown });
   }
 
-  /** Bring one curve forward by fading the others, or none. */
+  /** Highlights one curve by fading the others; null for none. */
   highlight(name: string | null): void {
     const index = this.panel.traces.findIndex((trace) => trace.name === name);
     this.plot.setSeries(index < 0 ? (null as unknown as number) : index + 1, { focus: true });
@@ -177,7 +177,7 @@ class SignalPlot {
     return this.plot.ctx.canvas;
   }
 
-  /** Scale the value axis by `factor` about the height `fraction` of it (0 bottom, 1 top). */
+  /** Scales the value axis by `factor` about the relative height `fraction` (0 bottom, 1 top). */
   scaleValues(factor: number, fraction: number): void {
     const { min, max } = this.manualRange ?? this.range;
     const fixedPoint = min + fraction * (max - min);
@@ -220,8 +220,8 @@ class SignalPlot {
       cursor: { show: false, focus: { prox: -1 } },
       focus: { alpha: 0.2 },
       scales: {
-        x: { time: false, auto: false, range: asAsked },
-        // asked for nothing (a curve was switched on or off), uPlot would leave the axis empty
+        x: { time: false, auto: false, range: asSet },
+        // When a curve is switched on or off, uPlot passes null, which would leave the axis empty.
         y: {
           auto: false,
           range: (_plot, min, max) => (min === null ? [this.range.min, this.range.max] : [min, max]),
@@ -269,7 +269,7 @@ class SignalPlot {
           space: 20,
           gap: 6,
           size: AXIS_WIDTH,
-          values: (plot, splits, _axis, _space, step) => clearOfHead(plot, splits, tickLabels(splits, step)),
+          values: (plot, splits, _axis, _space, step) => hideTopLabel(plot, splits, tickLabels(splits, step)),
         },
       ],
       hooks: {
@@ -283,21 +283,21 @@ class SignalPlot {
   }
 }
 
-/** uPlot ranges scales itself while there are no data; here they are always as asked. */
-function asAsked(_plot: uPlot, min: number | null, max: number | null): uPlot.Range.MinMax {
+/** uPlot chooses ranges itself while it has no data; here they are always as set. */
+function asSet(_plot: uPlot, min: number | null, max: number | null): uPlot.Range.MinMax {
   return [min, max];
 }
 
-/** No label at the very top, where it would run into the head of the chart. */
-function clearOfHead(plot: uPlot, splits: readonly number[], labels: readonly string[]): string[] {
+/** Removes a label at the very top, where it would overlap the head of the chart. */
+function hideTopLabel(plot: uPlot, splits: readonly number[], labels: readonly string[]): string[] {
   return labels.map((label, index) =>
     plot.valToPos(splits[index] as number, "y") < LABEL_CLEARANCE_PX ? "" : label,
   );
 }
 
-/** Several charts on one time axis, redrawn on the browser's own frames and only when there is something to see. */
+/** Charts on one time axis, redrawn on animation frames and only after visible changes. */
 
-/** A following view is redrawn once it has moved on by a pixel of the screen: in between nothing could be seen. */
+/** Shift after which a following view is redrawn [device px]; smaller shifts are invisible. */
 const LEAST_SHIFT_PX = 1;
 
 export class ChartStack {
@@ -334,7 +334,7 @@ export class ChartStack {
     return Math.max(1, this.width - AXIS_WIDTH - RIGHT_MARGIN);
   }
 
-  /** The stretch in sight now. */
+  /** The visible time range. */
   seen(): TimeRange {
     return visibleRange(this.view(), this.source.now_s());
   }
@@ -396,7 +396,7 @@ export class ChartStack {
     this.request = requestAnimationFrame(this.frame);
     const seen = this.seen();
     const now_ms = performance.now();
-    if (this.pacer.due(now_ms) && this.worthDrawing(seen)) {
+    if (this.pacer.due(now_ms) && this.hasVisibleChange(seen)) {
       this.pacer.drew(now_ms);
       for (const [index, plot] of this.plots.entries()) {
         plot.draw(this.source.curves(this.panels[index] as Panel, seen, this.plotWidth), seen);
@@ -407,7 +407,7 @@ export class ChartStack {
     this.afterFrame(seen);
   };
 
-  private worthDrawing(seen: TimeRange): boolean {
+  private hasVisibleChange(seen: TimeRange): boolean {
     if (this.dirty || this.drawn === null) return true;
     const perPixel_s = (seen.to_s - seen.from_s) / (this.plotWidth * devicePixelRatio);
     const shift_s = Math.max(
@@ -415,7 +415,7 @@ export class ChartStack {
       Math.abs(seen.from_s - this.drawn.from_s),
     );
     if (shift_s >= LEAST_SHIFT_PX * perPixel_s) return true;
-    // a view that follows is redrawn when it has moved on by enough; one that is held, when its samples change
+    // A following view is redrawn after a sufficient shift; a held one after changes of its samples.
     return this.view().end_s !== null && this.source.changedWithin(seen, this.drawn.version);
   }
 }

@@ -1,4 +1,4 @@
-/** Numbers and cursors that follow the charts, written straight into the page about ten times a second. */
+/** Writes numbers and cursors of the charts directly into the page, about ten times per second. */
 
 import { writeAbsent, writeValue } from "../components/values";
 import { fixed } from "../samples/format";
@@ -12,19 +12,22 @@ import type { Playhead } from "./viewport";
 
 const EVERY_MS = 100;
 const GRAB_FRACTION = 0.015;
-/** Why there is no value: nothing was sampled then, or what is sampled beside it is followed by no loop. */
+/** Reasons for a missing value: no sample at this time, or a signal that no loop currently follows. */
 const NO_SAMPLE = TEXTS.noSample;
-const NOT_IN_FORCE = TEXTS.notActive;
+const NOT_ACTIVE = TEXTS.notActive;
 const NOT_AT_BOTH = TEXTS.notAtBoth;
-const UNDER_WAY = TEXTS.loading;
-/** How near to the pointer a mark has to be to be told in full [CSS px]. */
+const LOADING = TEXTS.loading;
+/** Distance from the pointer within which the text of a mark is shown [CSS px]. */
 const NEAR_PX = 6;
-/** Beyond this share of the width what stands beside a line stands to its left; the time under the pointer stays off those of the cursors. */
+/**
+ * Shares of the width beyond which a text is left of its line; the time under the pointer avoids those of the
+ * cursors.
+ */
 const TO_THE_LEFT = { hover: 0.1, cursor: 0.85, marks: 0.7 };
-/** The middle of the smallest and the largest value of a bucket, of which no single sample is here. */
+/** Prefix of the middle of a bucket's smallest and largest value, when the sample is not loaded. */
 const ABOUT = "≈ ";
 
-/** A value as it can be told: of one sample, of about that time, or none, and why. */
+/** Value of one sample or approximate value, or the reason why there is none. */
 interface CursorValue {
   readonly value: number;
   readonly about: boolean;
@@ -74,14 +77,14 @@ export class Readout {
     this.written_ms = 0;
   }
 
-  /** The stretch between the measuring cursors, null while there are none. */
+  /** Range between the measuring cursors; null without them. */
   selection(): TimeRange | null {
     if (this.cursors === null) return null;
     const [a, b] = this.cursors;
     return { from_s: Math.min(a, b), to_s: Math.max(a, b) };
   }
 
-  /** Move a cursor by a share of the stretch in sight. */
+  /** Moves a cursor by a share of the visible range. */
   nudge(cursor: number, by: number, span_s: number): void {
     const at_s = this.cursors?.[cursor];
     if (at_s !== undefined) this.move(cursor, at_s + by * span_s);
@@ -105,8 +108,10 @@ export class Readout {
     this.written_ms = 0;
   }
 
-  /** The moment that the legends tell: under the pointer, or else the newest in sight or where a recording is looked at. */
-  looked(seen: TimeRange): number {
+  /**
+   * Time of the legends' values: under the pointer, otherwise the newest visible one, or the playhead of a recording.
+   */
+  readoutTime(seen: TimeRange): number {
     if (this.hovered === null) return this.newest(seen);
     return seen.from_s + this.hovered * (seen.to_s - seen.from_s);
   }
@@ -118,9 +123,9 @@ export class Readout {
     const resting = this.playhead === undefined ? null : (this.playhead.at_s - seen.from_s) / span_s;
     const line = this.place("hover", this.hovered ?? resting);
     if (line !== null) {
-      this.beside(line, "hover-time", this.timeText(this.looked(seen)), TO_THE_LEFT.hover);
-      const near = this.hovered === null ? "" : this.marksTold(line, this.looked(seen), span_s);
-      this.beside(line, "marks", near, TO_THE_LEFT.marks);
+      this.label(line, "hover-time", this.timeText(this.readoutTime(seen)), TO_THE_LEFT.hover);
+      const near = this.hovered === null ? "" : this.nearbyMarks(line, this.readoutTime(seen), span_s);
+      this.label(line, "marks", near, TO_THE_LEFT.marks);
     }
     for (const index of [0, 1] as const) {
       const cursor = this.cursors?.[index];
@@ -130,7 +135,7 @@ export class Readout {
       );
       if (cursor === undefined || line === null) continue;
       line.setAttribute("aria-valuenow", cursor.toFixed(3));
-      this.beside(line, `cursor-${index}-time`, `${index + 1}  ${this.timeText(cursor)}`, TO_THE_LEFT.cursor);
+      this.label(line, `cursor-${index}-time`, `${index + 1}  ${this.timeText(cursor)}`, TO_THE_LEFT.cursor);
     }
     const now_ms = performance.now();
     if (now_ms - this.written_ms < EVERY_MS) return;
@@ -138,15 +143,15 @@ export class Readout {
     this.write(seen);
   }
 
-  /** The events near the pointer in full, each with its time. */
-  private marksTold(line: HTMLElement, at_s: number, span_s: number): string {
+  /** Texts of the events near the pointer, each with its time. */
+  private nearbyMarks(line: HTMLElement, at_s: number, span_s: number): string {
     const perPixel_s = span_s / Math.max(1, line.parentElement?.clientWidth ?? 1);
     return marksNear(this.marks, at_s, NEAR_PX * perPixel_s)
       .map(({ time_s, text }) => `${this.timeText(time_s)}  ${text}`)
       .join("\n");
   }
 
-  private beside(line: HTMLElement, role: string, text: string, leftFrom: number): void {
+  private label(line: HTMLElement, role: string, text: string, leftFrom: number): void {
     const element = line.querySelector<HTMLElement>(`[data-role="${role}"]`);
     if (element === null) return;
     if (element.textContent !== text) element.textContent = text;
@@ -156,14 +161,14 @@ export class Readout {
   }
 
   private write(seen: TimeRange): void {
-    const at_s = this.looked(seen);
+    const at_s = this.readoutTime(seen);
     this.moments?.want([at_s, ...(this.cursors ?? [])].filter((time_s) => !this.isHere(time_s)));
     for (const [place, panel] of this.panels.entries()) {
       const own = this.frame?.querySelector<HTMLElement>(`[data-panel="${place}"]`) ?? null;
       for (const { name } of panel.traces) this.writeTrace(own, panel, name, at_s);
       if (panel.over === undefined) continue;
       const { name, factor, decimals } = panel.over;
-      this.tell(own, "over", scaled(this.valueAt(panel, name, at_s), factor), decimals);
+      this.writeValueAt(own, "over", scaled(this.valueAt(panel, name, at_s), factor), decimals);
     }
     if (this.cursors !== null)
       this.text(this.frame, "delta-t", `Δt ${fixed(this.cursors[1] - this.cursors[0], 3)} s`);
@@ -172,46 +177,46 @@ export class Readout {
   private writeTrace(own: HTMLElement | null, panel: Panel, name: string, at_s: number): void {
     const { factor, decimals } = panel;
     if (this.cursors === null) {
-      this.tell(own, `value-${name}`, scaled(this.valueAt(panel, name, at_s), factor), decimals);
+      this.writeValueAt(own, `value-${name}`, scaled(this.valueAt(panel, name, at_s), factor), decimals);
       return;
     }
     const [a, b] = this.cursors.map((time_s) => scaled(this.cursorValue(panel, name, time_s), factor)) as [
       CursorValue,
       CursorValue,
     ];
-    this.tell(own, `cursor-0-${name}`, a, decimals, "1: ");
-    this.tell(own, `cursor-1-${name}`, b, decimals, "2: ");
-    const why = [a.why, b.why].find((reason) => reason === UNDER_WAY) ?? NOT_AT_BOTH;
-    const apart = { value: b.value - a.value, about: a.about || b.about, why };
-    this.tell(own, `delta-${name}`, apart, decimals, "Δ ");
+    this.writeValueAt(own, `cursor-0-${name}`, a, decimals, "1: ");
+    this.writeValueAt(own, `cursor-1-${name}`, b, decimals, "2: ");
+    const why = [a.why, b.why].find((reason) => reason === LOADING) ?? NOT_AT_BOTH;
+    const difference = { value: b.value - a.value, about: a.about || b.about, why };
+    this.writeValueAt(own, `delta-${name}`, difference, decimals, "Δ ");
   }
 
-  /** The sample at or before a time; of a recording whose samples are not all here, about it until it has come. */
+  /** Sample at or before a time; for a recording an approximate value until the sample is loaded. */
   private valueAt(panel: Panel, name: string, time_s: number): CursorValue {
     const here = this.isHere(time_s);
     const exact = here ? null : (this.moments?.at(name, time_s) ?? null);
-    return this.told(panel, time_s, exact ?? this.source.at(name, time_s), !here && exact === null);
+    return this.withReason(panel, time_s, exact ?? this.source.at(name, time_s), !here && exact === null);
   }
 
-  /** The same at a cursor, whose value is to be read off: it is not told before it is there. */
+  /** Value at a measuring cursor: shows no approximate value while the sample loads. */
   private cursorValue(panel: Panel, name: string, time_s: number): CursorValue {
     if (this.isHere(time_s) || this.moments === null) return this.valueAt(panel, name, time_s);
     const value = this.moments.at(name, time_s);
-    if (value !== null) return this.told(panel, time_s, value, false);
-    return { value: Number.NaN, about: false, why: this.moments.problem || UNDER_WAY };
+    if (value !== null) return this.withReason(panel, time_s, value, false);
+    return { value: Number.NaN, about: false, why: this.moments.problem || LOADING };
   }
 
-  private told(panel: Panel, time_s: number, value: number, about: boolean): CursorValue {
+  private withReason(panel: Panel, time_s: number, value: number, about: boolean): CursorValue {
     if (!Number.isNaN(value)) return { value, about, why: "" };
     const measured = panel.traces.some(({ name }) => !Number.isNaN(this.source.at(name, time_s)));
-    return { value, about, why: measured ? NOT_IN_FORCE : NO_SAMPLE };
+    return { value, about, why: measured ? NOT_ACTIVE : NO_SAMPLE };
   }
 
   private isHere(time_s: number): boolean {
     return this.source.exactAt?.(time_s) ?? true;
   }
 
-  private tell(
+  private writeValueAt(
     own: HTMLElement | null,
     role: string,
     { value, about, why }: CursorValue,
@@ -222,7 +227,9 @@ export class Readout {
     this.text(own, role, text, why);
   }
 
-  /** Where a recording is looked at, or the newest sample in sight; the edge of a following view may be a little ahead of it. */
+  /**
+   * Playhead of a recording, or the newest visible sample; the edge of a following view may be slightly ahead of it.
+   */
   private newest(seen: TimeRange): number {
     if (this.playhead !== undefined) return this.playhead.at_s;
     return Math.min(seen.to_s, this.source.newest_s());
@@ -237,7 +244,7 @@ export class Readout {
     return line;
   }
 
-  /** `text` is null where there is none; `why` says why. */
+  /** Writes `text`; null writes the dash with the reason `why`. */
   private text(own: HTMLElement | null, role: string, text: string | null, why = ""): void {
     const element = own?.querySelector<HTMLElement>(`[data-role="${role}"]`) ?? null;
     if (element === null) return;
@@ -246,6 +253,6 @@ export class Readout {
   }
 }
 
-function scaled({ value, ...told }: CursorValue, factor: number): CursorValue {
-  return { ...told, value: factor * value };
+function scaled({ value, ...rest }: CursorValue, factor: number): CursorValue {
+  return { ...rest, value: factor * value };
 }

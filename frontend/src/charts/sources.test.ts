@@ -16,20 +16,20 @@ describe("compared source", () => {
   const row = (...values: number[]) => Float64Array.from(values);
 
   describe("merged", () => {
-    it("keeps both rows in order and each time once", () => {
+    it("sorts both arrays and contains each time once", () => {
       expect(Array.from(merged(row(0, 1, 3), row(0.5, 1, 4)))).toEqual([0, 0.5, 1, 3, 4]);
       expect(Array.from(merged(row(), row(2)))).toEqual([2]);
     });
   });
 
   describe("resampled", () => {
-    it("holds the last value and draws nothing outside its own times", () => {
+    it("holds the last value, and is NaN outside its own times", () => {
       const values = resampled(row(1, 2), row(10, 20), row(0, 1, 1.5, 2, 3));
       expect(Array.from(values)).toEqual([Number.NaN, 10, 10, 20, Number.NaN]);
     });
   });
 
-  /** A source with one constant signal at times of its own. */
+  /** Source with one constant signal at its own times. */
   function constant(value: number, times: number[]): PlotSource {
     return {
       now_s: () => times.at(-1) ?? 0,
@@ -50,7 +50,7 @@ describe("compared source", () => {
   }
 
   describe("several recordings", () => {
-    it("have a mark each, by which each signal is read from its own", () => {
+    it("have a mark each, which selects the recording of a signal", () => {
       const sources = Array.from({ length: 12 }, (_, index) => constant(index, [0, 1 + index]));
       const source = new ComparedSource(...sources);
       expect([1, 2, 3, 4, 11].map(markOf)).toEqual(["′", "′′", "′′′", "′⁴", "′¹¹"]);
@@ -71,7 +71,7 @@ describe("compared source", () => {
       });
     });
 
-    it("read the signals of one recording from it alone, in whatever order they are drawn", () => {
+    it("read the signals of one recording only from it, in any order of the traces", () => {
       const source = new ComparedSource(constant(0, [0, 1]), constant(1, [0, 1]), constant(2, [0, 1]));
       const [panel] = comparedPanels([FORCE], 2);
       if (panel === undefined) throw new Error("there is one panel");
@@ -82,22 +82,22 @@ describe("compared source", () => {
       expect(extents.map(({ maximum }) => maximum)).toEqual([0, 1, 2, 0, 1, 2]);
     });
 
-    it("keep the hues of the signals where there are two, the further one dotted", () => {
+    it("have the hues of the signals if there are two, the second dotted", () => {
       const further = comparedPanels([POSITION], 1)[0]?.traces.at(-1);
       expect(further?.hue).toBe(POSITION.traces[1]?.hue);
       expect(further && dashOf(further)).toEqual([2, 3]);
     });
 
-    it("look different from each other in every panel, however many there are", () => {
+    it("have different lines in every panel, for any number of recordings", () => {
       for (let further = 1; further < 20; further += 1) {
         for (const { traces } of comparedPanels(PANELS, further)) {
-          const looks = traces.map((trace) => `${trace.hue} ${dashOf(trace)}`);
-          expect(new Set(looks).size, `${further} further ones: ${looks.join("; ")}`).toBe(traces.length);
+          const styles = traces.map((trace) => `${trace.hue} ${dashOf(trace)}`);
+          expect(new Set(styles).size, `${further} further ones: ${styles.join("; ")}`).toBe(traces.length);
         }
       }
     });
 
-    it("have a hue each where there are more than two, the same in all panels and of the first too", () => {
+    it("have a hue each if there are more than two, the same in all panels", () => {
       for (let further = 2; further < 20; further += 1) {
         const traces = comparedPanels(PANELS, further).flatMap((panel) => panel.traces);
         const hues = Array.from({ length: further + 1 }, (_, n) => {
@@ -109,13 +109,13 @@ describe("compared source", () => {
       }
     });
 
-    it("are told apart without hues by their dashes and widths, up to eight", () => {
+    it("differ in dashes and widths without hues, up to eight", () => {
       for (const { traces } of comparedPanels(PANELS, 7)) {
         expect(new Set(traces.map((trace) => `${dashOf(trace)} ${trace.broad}`)).size).toBe(traces.length);
       }
     });
 
-    it("are told apart by hue and lightness, and stand out from light and dark ground", () => {
+    it("differ in hue and lightness, and have contrast with light and dark backgrounds", () => {
       for (let count = 7; count <= 20; count += 1) {
         const traces = comparedPanels([STIFFNESS], count - 1)[0]?.traces.slice(1) ?? [];
         const colours = traces.map(({ hue }) => {
@@ -153,7 +153,7 @@ describe("shifted source", () => {
     return source;
   }
 
-  it("tells of each moment what the recording tells of its own, and nothing before or after it", () => {
+  it("returns the values of the recording at shifted times, and NaN before and after it", () => {
     const shifted = new ShiftedSource(recording(), -1.5);
     expect([shifted.first_s(), shifted.now_s()]).toEqual([-1.5, 2.5]);
     expect(shifted.at("q", 0.5)).toBe(2);

@@ -14,12 +14,12 @@ import { HUES, type Panel, type Trace } from "../theme/signals";
 import type { Excerpt } from "../wire/curves";
 import { PERIOD_S } from "../wire/sample.gen";
 
-/** What a stack of charts draws from, be it the live window or a recording. */
+/** Sources of samples for a stack of charts: the live window or a recording. */
 
-/** The curves of one chart over a stretch, in the unit shown. The arrays are reused by the next call. */
+/** Curves of one chart over a time range, in the unit shown. The next call reuses the arrays. */
 export interface Curves {
   readonly times: Float64Array;
-  /** One per trace of the panel. */
+  /** One array per trace of the panel. */
   readonly values: readonly Float64Array[];
   readonly extents: readonly Extent[];
 }
@@ -31,28 +31,30 @@ export interface Pairs {
 }
 
 export interface PlotSource {
-  /** Where the newest sample is on the time axis [s]. */
+  /** Time of the right edge while following [s]. */
   now_s(): number;
-  /** The newest sample itself; `now_s` may run a little ahead of it [s]. */
+  /** Time of the newest sample; `now_s` may be slightly ahead of it [s]. */
   newest_s(): number;
-  /** Where the oldest sample is [s]. */
+  /** Time of the oldest sample [s]. */
   first_s(): number;
-  /** A number that changes whenever samples are added or replaced. */
+  /** Number that changes whenever samples are added or replaced. */
   version(): number;
   /** Whether samples within `seen` were added or replaced since `version`. */
   changedWithin(seen: TimeRange, version: number): boolean;
   curves(panel: Panel, stretch: TimeRange, pixels: number): Curves;
-  /** About `points` pairs at most, each of one moment, or of the middles of one bucket where single samples are not here. */
+  /**
+   * About `points` pairs at most, each of one time, or of the middles of one bucket if single samples are not loaded.
+   */
   pairs?(x: string, y: string, seen: TimeRange, points: number): Pairs;
-  /** The sample at or before an instant, in SI; the middle of a bucket where single samples are not here; NaN where there is none. */
+  /** Sample at or before a time, in SI; the middle of a bucket if samples are not loaded; NaN without one. */
   at(name: string, time_s: number): number;
-  /** Whether `at` tells a sample then, not the middle of a bucket; left out where it always does. */
+  /** Whether `at` returns a sample at this time, not the middle of a bucket; omitted if it always does. */
   exactAt?(time_s: number): boolean;
-  /** What is known of a stretch, every sample where the source has them; a copy. */
+  /** Copy of the loaded data of a time range, with every sample if available. */
   table(names: readonly string[], stretch: TimeRange): SampleTable;
 }
 
-/** The live window as a source of curves. */
+/** Live window as a source of curves. */
 
 class Buffers {
   times = new Float64Array(0);
@@ -66,11 +68,11 @@ class Buffers {
   }
 }
 
-/** Share of a period by which a time may miss its tick: 0.3 / 0.001 is a little less than 300. */
+/** Tolerance of a time as a share of the period, for rounding: 0.3 / 0.001 is slightly less than 300. */
 const EXACT = 1e-3;
 
-/** How far the way of the samples to this page may carry the time of day astray before it is set anew. */
-const ASTRAY_S = 0.25;
+/** Deviation of the time of day, from changes of the delay, after which it is set again. */
+const MAX_DRIFT_S = 0.25;
 
 export class LiveSource implements PlotSource {
   private epoch = Number.NaN;
@@ -129,7 +131,7 @@ export class LiveSource implements PlotSource {
     const window = this.store.window;
     const from = Math.max(window.startTick, Math.ceil(from_s / PERIOD_S));
     const to = Math.min(window.endTick - 1, Math.floor(to_s / PERIOD_S));
-    // every so many ticks, counted from tick 0, so that the points stay while the view scrolls
+    // every n-th tick, counted from tick 0, so that the points are the same while the view scrolls
     const every = 2 ** Math.max(0, Math.ceil(Math.log2((to - from + 1) / points)));
     const first = Math.ceil(from / every);
     const ticks = Array.from(
@@ -141,10 +143,13 @@ export class LiveSource implements PlotSource {
     return { x: values(x), y: values(y) };
   }
 
-  /** Time of day at sample time 0, by this machine's clock [s since 1970]; held until it is off by more than a jitter. */
+  /**
+   * Time of day at sample time 0, by this machine's clock [s since 1970]; constant unless it is off by more than
+   * jitter.
+   */
   epoch_s(): number {
     const epoch_s = Date.now() / 1000 - this.store.clock.at(performance.now() / 1000);
-    if (!(Math.abs(epoch_s - this.epoch) < ASTRAY_S)) this.epoch = epoch_s;
+    if (!(Math.abs(epoch_s - this.epoch) < MAX_DRIFT_S)) this.epoch = epoch_s;
     return this.epoch;
   }
 
@@ -166,7 +171,7 @@ export class LiveSource implements PlotSource {
   }
 }
 
-/** A stored run as a source of curves: an overview of all of it, and detail where the view has come to rest. */
+/** Stored run as a source of curves: an overview of the whole run, and detail of the view once it is stable. */
 
 interface Sheet {
   readonly stretch: TimeRange;
@@ -290,26 +295,26 @@ function sheet(stretch: TimeRange, samples: Excerpt): Sheet {
   return { stretch, samples, times: pointTimes(samples) };
 }
 
-/** Recordings on the same axes: the signals of each after the first carry its mark. Pure but for its sources. */
+/** Recordings on the same axes: signals of each after the first have its mark. Pure except for the sources. */
 
 const PRIME = "′";
 const RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 const PRIMES = 3;
 
-/** What the signals of the n-th further recording carry: ′, ″ as ′′, and from the fourth on its number. */
+/** Mark of the signals of the n-th further recording: ′, ″ as ′′, and from the fourth on its number. */
 export function markOf(n: number): string {
   if (n <= PRIMES) return PRIME.repeat(n);
   return PRIME + [...String(n)].map((digit) => RAISED[Number(digit)]).join("");
 }
 
-/** Dashes and gaps of as many recordings as can be told apart without hues; [6, 4] is that of references [px]. */
+/** Dash patterns that distinguish recordings without hues; [6, 4] is that of references [px]. */
 const DASHES = [[], [2, 3], [10, 4], [8, 3, 2, 3], [2, 7], [8, 2, 2, 2, 2, 2], [4, 6], [1, 2]] as const;
 const DOTTED = DASHES[1];
 const LIGHTNESSES = [0.52, 0.7, 0.61] as const;
 const CHROMA = 0.13;
 const FIRST_HUE_DEG = 250;
 
-/** The hue of the n-th of so many recordings: Okabe and Ito's, or else evenly around in steps of lightness. */
+/** Hue of the n-th recording: from the Okabe-Ito palette, or evenly spaced with several lightnesses. */
 function hueOf(n: number, count: number): string {
   const known = Object.values(HUES);
   if (count <= known.length) return known[n] as string;
@@ -319,9 +324,9 @@ function hueOf(n: number, count: number): string {
 }
 
 /**
- * The curve of a signal in the n-th of so many recordings, 0 for the first. Of two the further one is dotted and the
- * hues stay those of the signals; of more the hue is that of the recording, and the two sides of a recording differ by
- * their dashes.
+ * Trace of a signal in the n-th of `count` recordings, 0 for the first. Of two recordings the second is dotted, and
+ * the signals have their own hues; of more, each recording has a hue, and the two sides of a recording have different
+ * dashes.
  */
 export function traceOf(trace: Trace, n: number, count: number): Trace {
   const named = { ...trace, name: `${trace.name}${markOf(n)}` };
@@ -331,7 +336,7 @@ export function traceOf(trace: Trace, n: number, count: number): Trace {
   return trace.dashed ? coloured : { ...coloured, dash: DASHES[place % DASHES.length] ?? DOTTED };
 }
 
-/** The panels with the traces of `further` recordings beside those of the first, the narrow over the broad. */
+/** Panels with the traces of `further` recordings added to those of the first; narrow traces are above broad ones. */
 export function comparedPanels(panels: readonly Panel[], further = 1): Panel[] {
   return panels.map((panel) => {
     const traces = Array.from({ length: further + 1 }, (_, n) =>
@@ -344,8 +349,8 @@ export function comparedPanels(panels: readonly Panel[], further = 1): Panel[] {
   });
 }
 
-/** The name of a signal and the recording it is of: 0 for the first. */
-export function parted(name: string): { signal: string; of: number } {
+/** Signal and recording of a name; 0 is the first recording. */
+export function splitName(name: string): { signal: string; of: number } {
   const at = name.indexOf(PRIME);
   if (at < 0) return { signal: name, of: 0 };
   const mark = name.slice(at);
@@ -383,14 +388,14 @@ export class ComparedSource implements PlotSource {
   curves(panel: Panel, stretch: TimeRange, pixels: number): Curves {
     const parts = this.sources.map((source, index) => {
       const traces = panel.traces
-        .filter((trace) => parted(trace.name).of === index)
-        .map((trace) => ({ ...trace, name: parted(trace.name).signal }));
+        .filter((trace) => splitName(trace.name).of === index)
+        .map((trace) => ({ ...trace, name: splitName(trace.name).signal }));
       return source.curves({ ...panel, traces }, stretch, pixels);
     });
     const times = parts.map((part) => part.times).reduce(merged);
     const taken = parts.map(() => 0);
     const drawn = panel.traces.map((trace) => {
-      const { of } = parted(trace.name);
+      const { of } = splitName(trace.name);
       const [part, place] = [parts[of] as Curves, taken[of] as number];
       taken[of] = place + 1;
       return {
@@ -406,7 +411,7 @@ export class ComparedSource implements PlotSource {
   }
 
   at(name: string, time_s: number): number {
-    const { signal, of } = parted(name);
+    const { signal, of } = splitName(name);
     return this.sources[of]?.at(signal, time_s) ?? Number.NaN;
   }
 
@@ -414,14 +419,14 @@ export class ComparedSource implements PlotSource {
     return this.sources.every((source) => source.exactAt?.(time_s) ?? true);
   }
 
-  /** Of the first recording only: files and figures of several are taken one by one. */
+  /** Table of the first recording only: data and statistics of several are requested one by one. */
   table(names: readonly string[], stretch: TimeRange): SampleTable {
-    const own = names.filter((name) => parted(name).of === 0);
+    const own = names.filter((name) => splitName(name).of === 0);
     return (this.sources[0] as PlotSource).table(own, stretch);
   }
 }
 
-/** Both ascending rows of times as one. */
+/** Merges two ascending arrays of times. */
 export function merged(a: Float64Array, b: Float64Array): Float64Array {
   const both = new Float64Array(a.length + b.length);
   let [i, j, count] = [0, 0, 0];
@@ -435,7 +440,7 @@ export function merged(a: Float64Array, b: Float64Array): Float64Array {
   return both.subarray(0, count);
 }
 
-/** Values on a denser row of times, each as it was last; NaN outside their own times. */
+/** Values at other times, each the last one before; NaN outside the range of its own times. */
 export function resampled(from: Float64Array, values: Float64Array, to: Float64Array): Float64Array {
   let index = -1;
   const last = from.at(-1) ?? Number.NEGATIVE_INFINITY;
@@ -445,7 +450,7 @@ export function resampled(from: Float64Array, values: Float64Array, to: Float64A
   });
 }
 
-/** A recording on another time axis: shifted onto that of the run that it is compared with. */
+/** Recording shifted onto the time axis of the run that it is compared with. */
 
 export class ShiftedSource implements PlotSource {
   constructor(
@@ -478,7 +483,7 @@ export class ShiftedSource implements PlotSource {
     return { ...curves, times: curves.times.map((time) => time + this.offset_s) };
   }
 
-  /** What is before its begin or after its end it does not know. */
+  /** Value within the recording; NaN before its start and after its end. */
   at(name: string, time_s: number): number {
     return time_s < this.first_s() || time_s > this.now_s()
       ? Number.NaN

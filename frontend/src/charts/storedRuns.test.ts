@@ -11,7 +11,7 @@ const ranges = vi.hoisted(() => ({
 }));
 vi.mock("../service/api/recordings", () => ranges);
 
-// Tests that only compute share their modules: another one may have loaded this one without the stand-in.
+// Tests without a DOM share their modules: another one may have loaded this one without the stub.
 vi.resetModules();
 const { StoredRuns } = await import("./storedRuns");
 
@@ -27,13 +27,13 @@ const NUMBERS = {
 };
 const MORE = { mean: 1, deviation: null };
 
-/** Run 7 of 10 s, and run 9 of 4 s that begins 6.5 s later on the axis. */
+/** Run 7 of 10 s, and run 9 of 4 s that starts 6.5 s later on the axis. */
 const runs = new StoredRuns([
   { id: 7, duration_s: 10 },
   { id: 9, duration_s: 4, offset_s: 6.5 },
 ]);
 
-it("asks each run for its own part of the range, on its own axis, one after the other", async () => {
+it("requests the part of the range of each run, on its own axis, one after the other", async () => {
   const answers = (run: number, { from_s, to_s }: { from_s: number; to_s: number }, names: string[]) => ({
     run,
     from_s,
@@ -48,8 +48,8 @@ it("asks each run for its own part of the range, on its own axis, one after the 
   });
   const waiting = quiet();
   const found = await runs.statistics(["q", "S", "q′"], { from_s: -1, to_s: 20 }, waiting);
-  const asked = ranges.rangeStatistics.mock.calls.map(([run, range, names]) => [run, range, names]);
-  expect(asked).toEqual([
+  const calls = ranges.rangeStatistics.mock.calls.map(([run, range, names]) => [run, range, names]);
+  expect(calls).toEqual([
     [7, { from_s: 0, to_s: 9.999 }, ["q", "S"]],
     [9, { from_s: 0, to_s: 3.999 }, ["q"]],
   ]);
@@ -62,7 +62,7 @@ it("asks each run for its own part of the range, on its own axis, one after the 
   expect(found.signals.get("q")?.deviation).toBeNaN();
 });
 
-it("leaves out a run that is not in the range, and its file", async () => {
+it("omits a run outside the range, and its file", async () => {
   ranges.rangeStatistics.mockClear();
   const found = await runs.statistics(["q", "q′"], { from_s: 1, to_s: 2 }, quiet());
   expect(ranges.rangeStatistics).toHaveBeenCalledTimes(1);
@@ -71,7 +71,7 @@ it("leaves out a run that is not in the range, and its file", async () => {
   expect(runs.file(["q"], { from_s: 10.2, to_s: 10.4 })).toBeNull();
 });
 
-it("has amplitudes that follow from the density", async () => {
+it("computes the amplitude from the density", async () => {
   const spectrum = { reason: "", density: [2, 8], step_Hz: 0.5, noise_bandwidth_Hz: 0.25, used: 6 };
   const whole = { ...spectrum, unit: "rad", values: 9, without_value: 0, segment: 6, segments: 1 };
   const none = { ...whole, reason: "too few", density: [] };
@@ -92,11 +92,11 @@ it("has amplitudes that follow from the density", async () => {
   expect([...found.reasons]).toEqual([["S", "too few"]]);
 });
 
-it("has no value where the run has no sample at that time", async () => {
+it("returns NaN if the run has no sample at that time", async () => {
   ranges.valuesAt.mockImplementation(async (run: number, times: number[]) => ({
     run,
     period_s: 0.001,
-    // the recording lacks what is after 1 s
+    // the recording has no samples after 1 s
     moments: times.map((at_s) => ({ at_s, t: Math.min(at_s, 1), values: { q: run } })),
   }));
   const found = await runs.values(["q", "q′"], [0.5, 3, 7, 99], new AbortController().signal);
@@ -108,7 +108,7 @@ it("has no value where the run has no sample at that time", async () => {
   ]);
 });
 
-it("reads the last sample at the end of a recording, the first at its begin, however their times are rounded", async () => {
+it("reads the first and the last sample of a recording despite rounding of the times", async () => {
   ranges.valuesAt.mockImplementation(async (run: number, times: number[]) => ({
     run,
     period_s: 0.001,

@@ -11,32 +11,32 @@ import {
   type Waiting,
 } from "../service/api/recordings";
 import { PERIOD_S } from "../wire/sample.gen";
-import { parted } from "./sources";
+import { splitName } from "./sources";
 import { TEXTS } from "./texts";
 
-/** What the service computes from every sample of what is drawn, and the file of it. */
+/** Data that the service computes from every stored sample, and the file of the samples. */
 
-/** Values at one time, by signal; NaN where the sample there has none, and where there is no sample. */
+/** Values at one time, by signal; NaN without a value or without a sample. */
 export type Moment = ReadonlyMap<string, number>;
 
 export interface StoredData {
   statistics(names: readonly string[], range: TimeRange, waiting: Waiting): Promise<Figures>;
   spectra(names: readonly string[], range: TimeRange, waiting: Waiting): Promise<Spectra>;
-  /** In the order of the times. */
+  /** Values in the order of the times. */
   values(names: readonly string[], times_s: readonly number[], signal: AbortSignal): Promise<Moment[]>;
-  /** Address of the file of every sample of a range; null where the range has none. */
+  /** Address of the file with every sample of a range; null if the range contains none. */
   file(names: readonly string[], range: TimeRange): string | null;
-  /** What the file is of: "run 12". */
+  /** Source of the file: "run 12". */
   readonly fileOf: string;
 }
 
-/** Values at single moments that only the service has: asked for once the moments have come to rest. */
+/** Values at single times that only the service has; requested once the times are stable. */
 
 export class StoredMoments {
   private readonly found = new Map<number, Moment>();
-  private wanted = "";
-  private asked = "";
-  private leave = new AbortController();
+  private lastKey = "";
+  private requested = "";
+  private request = new AbortController();
   private failed = "";
 
   constructor(
@@ -44,61 +44,61 @@ export class StoredMoments {
     private readonly names: readonly string[],
   ) {}
 
-  /** Why the values of the moments wanted last are not there; "" where they are, or are on their way. */
+  /** Reason why the last request failed; empty if it did not, or is in progress. */
   get problem(): string {
     return this.failed;
   }
 
-  /** Called time and again: what is wanted twice in a row is asked for; values of other moments are forgotten. */
+  /** Called repeatedly: requests times that are the same in two calls, and removes values of other times. */
   want(times_s: readonly number[]): void {
     const missing = times_s.filter((time_s) => !this.found.has(time_s));
     const key = missing.join(" ");
-    const rested = key === this.wanted;
-    this.wanted = key;
-    if (key === "" || !rested || key === this.asked) return;
-    this.asked = key;
+    const isStable = key === this.lastKey;
+    this.lastKey = key;
+    if (key === "" || !isStable || key === this.requested) return;
+    this.requested = key;
     this.failed = "";
-    this.leave.abort();
-    this.leave = new AbortController();
-    const { signal } = this.leave;
+    this.request.abort();
+    this.request = new AbortController();
+    const { signal } = this.request;
     this.stored
       .values(this.names, missing, signal)
       .then((moments) => {
         if (signal.aborted) return;
         for (const known of [...this.found.keys()]) if (!times_s.includes(known)) this.found.delete(known);
         for (const [n, moment] of moments.entries()) this.found.set(missing[n] as number, moment);
-        this.asked = "";
+        this.requested = "";
       })
       .catch((error: Error) => {
         if (!signal.aborted) this.failed = error.message;
       });
   }
 
-  /** A value in SI, NaN where there is none; null where it is not here. */
+  /** A value in SI, NaN without a value; null if it is not loaded. */
   at(name: string, time_s: number): number | null {
     const moment = this.found.get(time_s);
     return moment === undefined ? null : (moment.get(name) ?? Number.NaN);
   }
 
-  /** Ask for nothing any more. */
+  /** Aborts the current request. */
   close(): void {
-    this.leave.abort();
+    this.request.abort();
   }
 }
 
-/** Recorded runs on one time axis, of which the service computes figures from every sample. Pure but for its requests. */
+/** Recorded runs on one time axis; the service computes results from every sample. Pure except for requests. */
 
 export interface StoredRun {
   readonly id: number;
   readonly duration_s: number;
-  /** What its times are shifted by onto the axis of the charts. */
+  /** Shift of the run's times on the axis of the charts. */
   readonly offset_s?: number;
 }
 
-/** A time on the axis is a sum of others: it may miss the first or the last sample by a rounding. */
+/** Rounding tolerance of a time at the first or the last sample, because times on the axis are sums. */
 const ROUNDING_S = PERIOD_S / 2;
 
-/** A part of what is asked for that is of one run: signals as drawn and as recorded, and the range on its own axis. */
+/** Part of a request for one run: signals as drawn and as recorded, and the range on the run's time axis. */
 interface Part {
   readonly run: StoredRun;
   readonly drawn: readonly string[];
@@ -147,7 +147,7 @@ export class StoredRuns implements StoredData {
     const moments = times_s.map(() => new Map<string, number>());
     await Promise.all(
       this.runs.map(async (run, of) => {
-        const drawn = names.filter((name) => parted(name).of === of);
+        const drawn = names.filter((name) => splitName(name).of === of);
         const last_s = lastOf(run);
         const inside = times_s.flatMap((time_s, n) => {
           const own_s = time_s - offsetOf(run);
@@ -155,11 +155,11 @@ export class StoredRuns implements StoredData {
           return within ? [{ n, at_s: Math.min(Math.max(own_s, 0), last_s) }] : [];
         });
         if (drawn.length === 0 || inside.length === 0) return;
-        const recorded = drawn.map((name) => parted(name).signal);
+        const recorded = drawn.map((name) => splitName(name).signal);
         const at = inside.map(({ at_s }) => at_s);
         const found = await valuesAt(run.id, at, recorded, signal);
         found.moments.forEach(({ t, at_s, values }, index) => {
-          // an older sample is not of this time: those after it are missing
+          // An older sample does not belong to this time: the samples after it are missing.
           if (at_s - t > 1.5 * found.period_s) return;
           const moment = moments[inside[index]?.n ?? -1];
           drawn.forEach((name, n) => {
@@ -176,7 +176,7 @@ export class StoredRuns implements StoredData {
     return first === undefined ? null : rangeFile(first.run.id, first.range, first.recorded);
   }
 
-  /** Ask for one run after the other: the service reads few ranges at a time. */
+  /** Requests one run after the other, because the service reads few ranges at a time. */
   private async each<Result>(
     names: readonly string[],
     range: TimeRange,
@@ -186,21 +186,21 @@ export class StoredRuns implements StoredData {
     const parts = this.parts(names, range);
     const found: [Part, Result][] = [];
     for (const part of parts) {
-      const hear = (share: number) => onShare((found.length + share) / parts.length);
-      found.push([part, await ask(part, { signal, onShare: hear })]);
+      const onPartShare = (share: number) => onShare((found.length + share) / parts.length);
+      found.push([part, await ask(part, { signal, onShare: onPartShare })]);
     }
     return found;
   }
 
   private parts(names: readonly string[], { from_s, to_s }: TimeRange): Part[] {
     return this.runs.flatMap((run, of) => {
-      const drawn = names.filter((name) => parted(name).of === of);
+      const drawn = names.filter((name) => splitName(name).of === of);
       const own = {
         from_s: Math.max(0, from_s - offsetOf(run)),
         to_s: Math.min(to_s - offsetOf(run), lastOf(run)),
       };
       if (drawn.length === 0 || own.to_s < own.from_s) return [];
-      return [{ run, drawn, recorded: drawn.map((name) => parted(name).signal), range: own }];
+      return [{ run, drawn, recorded: drawn.map((name) => splitName(name).signal), range: own }];
     });
   }
 

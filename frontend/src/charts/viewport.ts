@@ -3,11 +3,11 @@ import { type RefObject, useCallback, useMemo, useRef, useState, useSyncExternal
 import type { TimeRange } from "../samples/timeSeries";
 import type { Panel } from "../theme/signals";
 
-/** Which stretch of time the charts show: the newest `span_s` seconds, or a stretch held still. Pure. */
+/** Visible time range of the charts: the newest `span_s` seconds, or a fixed range. Pure. */
 
 export interface Viewport {
   readonly span_s: number;
-  /** Right edge, or null while the view follows the newest sample. */
+  /** Right edge; null while the view follows the newest sample. */
   readonly end_s: number | null;
 }
 
@@ -18,13 +18,13 @@ const LONGEST_SPAN_S = SPANS_S[SPANS_S.length - 1] as number;
 
 export const LIVE: Viewport = { span_s: DEFAULT_SPAN_S, end_s: null };
 
-/** The stretch in sight when the newest sample is at `now_s`. */
+/** Visible range when the newest sample is at `now_s`. */
 export function visibleRange(view: Viewport, now_s: number): TimeRange {
   const to_s = view.end_s ?? now_s;
   return { from_s: to_s - view.span_s, to_s };
 }
 
-/** Scale the span by `factor`. The instant `at_s` keeps its place; a view that follows keeps its right edge. */
+/** Scales the span by `factor`. The time `at_s` keeps its position; a following view keeps its right edge. */
 export function zoomed(
   view: Viewport,
   factor: number,
@@ -37,7 +37,7 @@ export function zoomed(
   return { span_s, end_s: at_s + right * span_s };
 }
 
-/** Move the view by `shift_s` (positive: later). It stays where data may be, between `first_s` and `now_s`. */
+/** Moves the view by `shift_s` (positive: later), within the data between `first_s` and `now_s`. */
 export function panned(view: Viewport, shift_s: number, first_s: number, now_s: number): Viewport {
   const end_s = (view.end_s ?? now_s) + shift_s;
   const earliest = first_s + 0.1 * view.span_s;
@@ -45,22 +45,22 @@ export function panned(view: Viewport, shift_s: number, first_s: number, now_s: 
   return { span_s: view.span_s, end_s: Math.min(Math.max(end_s, Math.min(earliest, latest)), latest) };
 }
 
-/** Hold the present stretch still. */
+/** Fixes the current range. */
 export function held(view: Viewport, now_s: number): Viewport {
   return { span_s: view.span_s, end_s: view.end_s ?? now_s };
 }
 
-/** Show another span; a held view keeps its right edge. */
+/** Sets the span; a fixed view keeps its right edge. */
 export function withSpan(view: Viewport, span_s: number): Viewport {
   return { span_s, end_s: view.end_s };
 }
 
-/** Follow the newest sample again, in the span at hand. */
+/** Follows the newest sample again, with the current span. */
 export function following(view: Viewport): Viewport {
   return { span_s: view.span_s, end_s: null };
 }
 
-/** The view of one stack: React shows it, the drawing loop reads it without rendering. */
+/** View of one stack: React renders it, and the drawing loop reads it without rendering. */
 
 export interface ViewControl {
   readonly view: Viewport;
@@ -78,7 +78,7 @@ export function useViewport(initial: Viewport = LIVE): ViewControl {
   return { view, current, change };
 }
 
-/** Where a recording is looked at: set by the pointer on the charts, by a slider, or by playing. */
+/** Position in a recording, set by the pointer on the charts, by a slider, or by playback. */
 
 export class Playhead {
   private running = false;
@@ -101,15 +101,15 @@ export class Playhead {
 
   set(at_s: number): void {
     this.at = at_s;
-    this.tell();
+    this.notify();
   }
 
   play(running: boolean): void {
     this.running = running;
-    this.tell();
+    this.notify();
   }
 
-  private tell(): void {
+  private notify(): void {
     for (const listener of this.listeners) listener();
   }
 }
@@ -120,33 +120,33 @@ export function usePlayhead(playhead: Playhead): { at_s: number; playing: boolea
   return { at_s, playing };
 }
 
-/** The same function as long as the axis tells the same: time of day where there is one, else null. */
+/** Returns a stable function for the time of day at time 0, or for null if the axis shows none. */
 export function useEpoch(epoch_s: (() => number) | undefined): () => number | null {
   return useCallback(() => epoch_s?.() ?? null, [epoch_s]);
 }
 
-/** One panel over time shown alone: by its button, by Enter in its chart; Escape shows all again. */
+/** Shows one panel over time alone, by its button or by Enter in its chart; Escape shows all. */
 
 interface Enlarged {
-  /** What is to be drawn: all panels, or the one that is enlarged. */
+  /** Panels to draw: all, or the enlarged one. */
   readonly panels: readonly Panel[];
-  /** Title of the panel that is shown alone, null while all are shown. */
+  /** Title of the enlarged panel; null while all are shown. */
   readonly enlarged: string | null;
-  /** Show the panel alone, or all where it is alone already. */
+  /** Enlarges the panel, or shows all panels if it is already enlarged. */
   enlarge(title: string): void;
 }
 
 export function useEnlarged(all: readonly Panel[]): Enlarged {
-  const [wanted, setWanted] = useState<string | null>(null);
+  const [title, setTitle] = useState<string | null>(null);
   const alone = useMemo(
-    () => all.filter((panel) => panel.title === wanted && panel.over === undefined),
-    [all, wanted],
+    () => all.filter((panel) => panel.title === title && panel.over === undefined),
+    [all, title],
   );
   const isAlone = alone.length > 0;
-  useHotkeys([["Escape", () => setWanted(null), { preventDefault: isAlone }]]);
+  useHotkeys([["Escape", () => setTitle(null), { preventDefault: isAlone }]]);
   return {
     panels: isAlone ? alone : all,
-    enlarged: isAlone ? wanted : null,
-    enlarge: (title) => setWanted(wanted === title ? null : title),
+    enlarged: isAlone ? title : null,
+    enlarge: (panel) => setTitle(panel === title ? null : panel),
   };
 }

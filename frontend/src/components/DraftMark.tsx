@@ -64,16 +64,16 @@ export function DraftMark({ draft, of, words = TEXTS.draft, back, onDiscard }: D
 /** Asks before other content replaces a draft. */
 
 /**
- * Returns a guard, which runs an action at once where there is no draft and else after a question, and the question.
+ * Returns a guard, which runs an action at once without a draft and otherwise after a question, and the question.
  *
  * Args:
  *   isDraft: whether there is a draft that the action would replace.
  */
 export function useReplaceDraft(isDraft: boolean): [(action: () => void) => void, ReactNode] {
-  const [waiting, wait] = useState<{ readonly action: () => void } | null>(null);
-  const guard = (action: () => void): void => (isDraft ? wait({ action }) : action());
+  const [pending, setPending] = useState<{ readonly action: () => void } | null>(null);
+  const guard = (action: () => void): void => (isDraft ? setPending({ action }) : action());
   const question =
-    waiting === null ? null : (
+    pending === null ? null : (
       <div className={draftMarkStyles.mark} role="alertdialog" aria-label={TEXTS.replaceTitle}>
         <span>{TEXTS.replaceHint}</span>
         <Button
@@ -81,13 +81,13 @@ export function useReplaceDraft(isDraft: boolean): [(action: () => void) => void
           color="red"
           variant="light"
           onClick={() => {
-            wait(null);
-            waiting.action();
+            setPending(null);
+            pending.action();
           }}
         >
           {TEXTS.replaceDraft}
         </Button>
-        <Button size="compact-xs" variant="default" onClick={() => wait(null)}>
+        <Button size="compact-xs" variant="default" onClick={() => setPending(null)}>
           {TEXTS.keepDraft}
         </Button>
       </div>

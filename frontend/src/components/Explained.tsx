@@ -113,7 +113,7 @@ export type Handlers = Pick<
   "onPointerEnter" | "onPointerLeave" | "onFocus" | "onBlur" | "onInput"
 >;
 
-/** Handlers for a control that is also a term, such as a switch of a legend: it keeps its own keys and taps. */
+/** Handlers for a control that is also a term, such as a switch of a legend; they do not handle its keys and taps. */
 export function explaining(entries: readonly Entry[]): Handlers {
   if (entries.length === 0) return {};
   return {

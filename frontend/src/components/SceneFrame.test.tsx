@@ -130,16 +130,16 @@ it("reports that the browser cannot draw in 3D", () => {
 });
 
 it("receives the keys of STOP in the view, also after a change of the camera", () => {
-  const asked = vi.fn(() => new Promise<Response>(() => {}));
-  vi.stubGlobal("fetch", asked);
+  const fetched = vi.fn(() => new Promise<Response>(() => {}));
+  vi.stubGlobal("fetch", fetched);
   const { rerender } = render(view("about:blank?1"));
   for (const address of ["about:blank?1", "about:blank?2"]) {
     rerender(view(address));
     mark("shown");
     fireEvent.load(frame());
-    asked.mockClear();
+    fetched.mockClear();
     const inside = frame().contentWindow as Window;
     fireEvent.keyDown(inside.document.documentElement, { code: "KeyE", ctrlKey: true, shiftKey: true });
-    expect(asked, address).toHaveBeenCalledTimes(1);
+    expect(fetched, address).toHaveBeenCalledTimes(1);
   }
 });

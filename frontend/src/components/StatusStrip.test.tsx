@@ -34,7 +34,7 @@ const LOST: StopProof = {
 let store: LiveStore;
 
 /** Passes a state of the service to STOP. */
-function told(mode: State["mode"], tick: number, stop_proof: StopProof | null, alive = true): void {
+function receiveState(mode: State["mode"], tick: number, stop_proof: StopProof | null, alive = true): void {
   const state = { mode, tick, stop_proof, link: { alive, silent_s: 0, starts: 1 } } as State;
   act(() => store.setState(state));
 }
@@ -59,15 +59,15 @@ beforeEach(() => {
 afterEach(cleanup);
 
 it("shows a proof from the response until the reset of its stop, and not again", async () => {
-  told("run", 900, null);
+  receiveState("run", 900, null);
   press();
   await waitFor(() => expect(result()).toContain("(tick 1001)"));
   // a state from before the stop does not change its proof
-  told("run", 990, null);
+  receiveState("run", 990, null);
   expect(result()).toContain("(tick 1001)");
-  told("tripped", 1040, FIRST);
+  receiveState("tripped", 1040, FIRST);
   expect(result()).toContain("(tick 1001)");
-  told("off", 3000, null);
+  receiveState("off", 3000, null);
   expect(result()).toBe("");
   // pretension, run, and the operator's soft stop
   for (const [mode, tick] of [
@@ -76,7 +76,7 @@ it("shows a proof from the response until the reset of its stop, and not again",
     ["stopping", 7000],
     ["off", 7700],
   ] as const) {
-    told(mode, tick, null);
+    receiveState(mode, tick, null);
     expect(result(), mode).toBe("");
   }
 });
@@ -84,22 +84,22 @@ it("shows a proof from the response until the reset of its stop, and not again",
 it("shows the proof of the latest stop, not of the one before", async () => {
   press();
   await waitFor(() => expect(result()).toContain("(tick 1001)"));
-  told("tripped", 1040, FIRST);
-  told("run", 6000, null);
-  told("tripped", 9500, LOST);
+  receiveState("tripped", 1040, FIRST);
+  receiveState("run", 6000, null);
+  receiveState("tripped", 9500, LOST);
   expect(result()).toBe("Zero volts in 420 control steps · 420.31 ms (tick 9420)");
 });
 
 it("shows an unconfirmed stop until the control loop reports that the motors are off", async () => {
   fetched.mockRejectedValue(new TypeError("no network"));
-  told("run", 900, null);
+  receiveState("run", 900, null);
   press();
   await waitFor(() => expect(notice()).toContain("NOT CONFIRMED"));
-  told("run", 1500, null);
-  told("off", 1600, null, false);
+  receiveState("run", 1500, null);
+  receiveState("off", 1600, null, false);
   expect(notice()).toContain("NOT CONFIRMED");
   expect(result()).toBe("");
-  told("tripped", 2000, LOST);
+  receiveState("tripped", 2000, LOST);
   expect(result()).toContain("(tick 9420)");
 });
 
@@ -229,9 +229,9 @@ describe("status", () => {
         restarting_s: 4.04,
       };
       for (const state_ of [state({ link }), state({ link, fault })]) {
-        const told = currentStatus(state_, "live", 10);
-        expect(told).toMatchObject({ tone: "busy", remedy: "", resettable: false });
-        expect(told.text).toContain("with the parameters of run 3, 4.0 s");
+        const shown = currentStatus(state_, "live", 10);
+        expect(shown).toMatchObject({ tone: "busy", remedy: "", resettable: false });
+        expect(shown.text).toContain("with the parameters of run 3, 4.0 s");
       }
     });
 
@@ -309,23 +309,23 @@ describe("status", () => {
     };
 
     it("is shown with its title, its position, and its state", () => {
-      const told = (part: object) =>
+      const statusOf = (part: object) =>
         currentStatus(
           state({ mode: "off", unready: "nothing starts", player: { ...player, ...part } }),
           "live",
           10,
         );
-      expect(told({})).toMatchObject({
+      expect(statusOf({})).toMatchObject({
         tone: "busy",
         text: "Replay of run 12, 0:12 of 1:42, playing.",
         remedy: "",
       });
-      expect(told({ speed: 0.25 }).text).toContain("playing at 0.25×");
-      expect(told({ playing: false })).toMatchObject({
+      expect(statusOf({ speed: 0.25 }).text).toContain("playing at 0.25×");
+      expect(statusOf({ playing: false })).toMatchObject({
         tone: "calm",
         text: "Replay of run 12, 0:12 of 1:42, paused.",
       });
-      expect(told({ playing: false, t: 102, ended: true }).text).toBe(
+      expect(statusOf({ playing: false, t: 102, ended: true }).text).toBe(
         "Replay of run 12, 1:42 of 1:42, ended.",
       );
     });
@@ -333,9 +333,9 @@ describe("status", () => {
     it("is paused by STOP, without a proof of zero volts", () => {
       const proof = { ...PROOF, paused_recording: true };
       for (const stop of [{ kind: "idle" }, { kind: "confirmed", proof }] as const) {
-        const told = stopSentence(stop, { mode: "off", stop_proof: proof });
-        expect(told).toContain("Playback paused");
-        expect(told).not.toMatch(/volts|ms/);
+        const sentence = stopSentence(stop, { mode: "off", stop_proof: proof });
+        expect(sentence).toContain("Playback paused");
+        expect(sentence).not.toMatch(/volts|ms/);
       }
     });
   });

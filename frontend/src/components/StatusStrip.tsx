@@ -17,11 +17,11 @@ import { isAboutControl, useErrorLifetime } from "../service/forms/refusals";
 import {
   describeProof,
   describeStop,
-  listenToStop,
   observeState,
+  registerDisplay,
   type StopState,
-  showElsewhere,
   stopState,
+  subscribeToStop,
 } from "../stop/stop";
 import type { PlayerPosition, State, Task } from "../wire/types";
 import { HandOver } from "./ControlMenu";
@@ -35,7 +35,7 @@ import { TEXTS } from "./texts";
 /** Result of the last press of STOP, which works without the application. */
 
 function useStop(): StopState {
-  return useSyncExternalStore(listenToStop, stopState);
+  return useSyncExternalStore(subscribeToStop, stopState);
 }
 
 /** The most important message at the moment. Pure. */
@@ -229,7 +229,7 @@ export function stopSentence(stop: StopState, state: Pick<State, "mode" | "stop_
 export function StopResult() {
   const state = useLive((live) => live.state);
   const stop = useStop();
-  useEffect(() => showElsewhere(), []);
+  useEffect(() => registerDisplay(), []);
   useEffect(() => {
     if (state !== null) observeState(state);
   }, [state]);

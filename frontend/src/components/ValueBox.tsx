@@ -107,7 +107,7 @@ export function ValueBox(props: ValueBoxProps) {
   }
 
   /** Restores the previous value, and shows for a while that the typed one was not sent. */
-  function leave(): void {
+  function restore(): void {
     const message = unsent(typed, TEXTS.wasNotSent);
     if (typed === null) return;
     setDraft(null);
@@ -145,7 +145,7 @@ export function ValueBox(props: ValueBoxProps) {
       onChange={(event) => setDraft(event.currentTarget.value)}
       onBlur={(event) => {
         if (isInForm) commit();
-        else leave();
+        else restore();
         onBlur?.(event);
       }}
       onKeyDown={press}

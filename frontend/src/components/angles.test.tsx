@@ -82,7 +82,7 @@ it.each([
   expect(text()).toContain(range);
 });
 
-it("converts by the unit and not by the name", () => {
+it("converts according to the unit and not the name", () => {
   open(
     <SettingField setting={{ ...AMPLITUDE, unit: "N·m/rad" }} value={10} onChange={() => undefined} />,
     "deg",
@@ -95,7 +95,7 @@ it("converts by the unit and not by the name", () => {
 it.each([
   ["deg", "q_ref [°]", "60"],
   ["rad", "q_ref [rad]", "1.0472"],
-] as const)("edits parts and prints settings in %s", (angles, heading, value) => {
+] as const)("edits parts and shows settings in %s", (angles, heading, value) => {
   const parts = [{ do: "step", q_ref: SIXTH, duration_s: 4 }];
   const document = { ...SAMPLE, phases: [{ name: "all", title: "All", parts }] };
   open(<SequenceEditor document={document} played={[]} onChange={() => undefined} />, angles);
@@ -112,7 +112,7 @@ it.each([
 it.each([
   ["deg", "5.730°", "< 11.4592°", "q stood at 91.79°"],
   ["rad", "0.1000rad", "< 0.2 rad", "q stood at 1.602 rad"],
-] as const)("prints figures, bounds and reasons in %s", (angles, figure, bound, reason) => {
+] as const)("shows metrics, bounds and reasons in %s", (angles, figure, bound, reason) => {
   const of = { unit: "rad", definition: "", reason: "q stood at 1.602\u202frad" };
   const metric = { ...of, name: "deviation_q", label: "Joint deviation", value: 0.1 } as Metric;
   const criterion = {

@@ -113,7 +113,7 @@ it.each([
   ["rig", "only into a simulated plant. Current plant: rig."],
   ["replay", "only into a simulated plant. Current plant: replay of a recording."],
   ["package", "only into a simulated plant. Current plant: “servo-bench” from a package."],
-] as const)("says at the faults what is driven: %s", async (kind, words) => {
+] as const)("shows the driven plant at the faults: %s", async (kind, words) => {
   open(<DeveloperPage />, kind);
   expect(document.body.textContent).toContain(words);
   const mend = await screen.findByRole<HTMLButtonElement>("button", { name: SYSTEM.clearAll });
@@ -144,7 +144,7 @@ it("injects a fault and a failure of the card with the same button", async () =>
 it.each([
   ["rig", true],
   ["package", false],
-] as const)("tells at the modes what has to come before pretension, and leads to it: %s", (kind, leads) => {
+] as const)("shows the step required before pretension, with a link: %s", (kind, leads) => {
   open(<ModeCard />, kind, { mode: "off", legal_modes: [], unready: "set the zero in the bring-up" });
   expect(document.body.textContent).toContain("No pretension yet. Set the zero in the bring-up.");
   expect(screen.getByRole("button", { name: "Pretension" }).ariaDisabled).toBe("true");

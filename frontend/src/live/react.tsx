@@ -2,7 +2,7 @@
 
 import { createContext, type ReactNode, useContext, useEffect, useState, useSyncExternalStore } from "react";
 import { liveUrl } from "../wire/address";
-import { keepConnected } from "./socket";
+import { connectStore } from "./socket";
 import { type Live, LiveStore } from "./store";
 
 const StoreContext = createContext<LiveStore | null>(null);
@@ -11,7 +11,7 @@ const StoreContext = createContext<LiveStore | null>(null);
 export function LiveProvider({ children, store }: { children: ReactNode; store?: LiveStore }) {
   const [used] = useState(() => store ?? new LiveStore(performance.now()));
   useEffect(
-    () => (store === undefined ? keepConnected(used, liveUrl(window.location.href)) : undefined),
+    () => (store === undefined ? connectStore(used, liveUrl(window.location.href)) : undefined),
     [used, store],
   );
   return <StoreContext value={used}>{children}</StoreContext>;

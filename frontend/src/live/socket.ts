@@ -8,7 +8,7 @@ import type { LiveStore } from "./store";
 const CLOCK_MS = 250;
 
 /** Opens the connection and reopens it after each loss; returns a function that closes it. */
-export function keepConnected(store: LiveStore, url: string): () => void {
+export function connectStore(store: LiveStore, url: string): () => void {
   let socket: WebSocket | null = null;
   let pings = 0;
   const sent = new Map<number, number>();

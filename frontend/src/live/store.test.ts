@@ -3,7 +3,7 @@ import type { Layout, State } from "../wire/types";
 import { LiveStore, SampleClock } from "./store";
 
 describe("SampleClock", () => {
-  it("runs evenly although frames come early and late", () => {
+  it("runs evenly although frames arrive early and late", () => {
     const clock = new SampleClock();
     const jitter = [0, 0.012, -0.008, 0.02, 0.003];
     for (let frame = 0; frame < 300; frame++) {

@@ -9,7 +9,7 @@ describe("statistics", () => {
   });
 
   describe("statistics", () => {
-    it("gives extremes, mean and deviation of raw samples, and counts the missing ones", () => {
+    it("returns extremes, mean and deviation of raw samples, and counts the missing ones", () => {
       const samples = column([2, 4, Number.NaN, 4, 4, 5, 5, 7, 9]);
       const figures = statistics(samples, [1, 2, 3, 4, 5, 6, 7, 8, 9], true);
       const extremes = { minimum: 2, minimum_s: 1, maximum: 9, maximum_s: 9 };

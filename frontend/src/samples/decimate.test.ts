@@ -47,7 +47,7 @@ describe("decimate", () => {
   }
 
   describe("bucketTicks", () => {
-    it("gives two to four points per pixel once there are more samples than that", () => {
+    it("returns two to four points per pixel if there are more samples", () => {
       for (const span of [5000, 10_000, 20_000, 30_000, 60_000, 120_000]) {
         const points = (2 * span) / bucketTicks(span, 700);
         expect(points / 700).toBeGreaterThanOrEqual(2);

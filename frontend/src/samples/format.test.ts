@@ -60,9 +60,9 @@ describe("format", () => {
     });
 
     it("have enough digits to differ", () => {
-      const told = (values: number[]) => values.map((value) => short(value, digitsApart(values)));
-      expect(told([10.0051, 10.0053, 10.01])).toEqual(["10.0051", "10.0053", "10.01"]);
-      expect(told([0.5, 0.8, 0.8])).toEqual(["0.5", "0.8", "0.8"]);
+      const texts = (values: number[]) => values.map((value) => short(value, digitsApart(values)));
+      expect(texts([10.0051, 10.0053, 10.01])).toEqual(["10.0051", "10.0053", "10.01"]);
+      expect(texts([0.5, 0.8, 0.8])).toEqual(["0.5", "0.8", "0.8"]);
       expect(digitsApart([0.1 + 0.2, 0.3])).toBe(17);
       expect([digitsOver([10, 10.0093]), digitsOver([9, 12]), digitsOver([]), digitsOver([5, 5])]).toEqual([
         6, 4, 4, 4,
@@ -102,7 +102,7 @@ describe("format", () => {
     });
   });
 
-  it("shows the rate of the loop in kHz", () => {
+  it("formats the rate of the control loop in kHz", () => {
     expect(kilohertz(999.6)).toBe("1.000 kHz");
   });
 
@@ -137,7 +137,7 @@ describe("format", () => {
     [0.05, 0.0001, "0.05000 ± 0.00010"],
     [7, Number.NaN, "7.000"],
     [7, 0, "7.000"],
-  ])("writes %d with its standard error %d to the place that it tells", (value, error, text) => {
+  ])("rounds %d to the decimal place of its standard error %d", (value, error, text) => {
     expect(withError(value, error)).toBe(text);
   });
 });
@@ -150,7 +150,7 @@ describe("words", () => {
     ["order:4", "Order 4, free poles"],
     ["lags2+delay", "Two equal lags, dead time"],
     ["order:1+delay", "Order 1, free poles, dead time"],
-  ])("reads the structure %s as %s", (name, words) => {
+  ])("describes the structure %s as %s", (name, words) => {
     expect(describeStructure(name)).toBe(words);
   });
 
@@ -174,7 +174,7 @@ describe("number", () => {
     ["0,5", 0.5],
     ["−1,392", -1.392],
     [",5", 0.5],
-  ])("reads %j as %d", (text, value) => {
+  ])("parses %j as %d", (text, value) => {
     expect(numberIn(text)).toBe(value);
   });
 
@@ -195,7 +195,7 @@ describe("number", () => {
     "--1",
     ".",
     ",",
-  ])("does not take %j for a number", (text) => {
+  ])("does not parse %j as a number", (text) => {
     expect(numberIn(text)).toBeNull();
   });
 

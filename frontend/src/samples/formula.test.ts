@@ -16,7 +16,7 @@ interface Case {
 const LENGTHS = { r_m: 0.0075, r_j: 0.075 };
 
 it.each(cases as unknown as readonly Case[])(
-  "evaluates $expression as the service does",
+  "evaluates $expression like the service",
   ({ columns, values, steps }) => {
     const read = (name: string) => Float64Array.from(columns[name] ?? [], (value) => value ?? Number.NaN);
     const found = valuesOf(steps, values.length, read, LENGTHS);

@@ -66,7 +66,7 @@ it.each([
   ["N·m/rad", "N·m/rad", 1],
   ["rad/(V·s)", "rad/(V·s)", 1],
   ["1", "1", 1],
-])("reads %s in %s, by its unit alone", (unit, shown, factor) => {
+])("converts %s to %s by its unit", (unit, shown, factor) => {
   expect(readingOf(unit, "deg").unit).toBe(shown);
   expect(readingOf(unit, "deg").factor).toBeCloseTo(factor, 14);
   expect(readingOf(unit, "rad")).toEqual({ unit, factor: 1 });
@@ -80,7 +80,7 @@ it.each([
   [4.9981, 5.0023, "V", "4.999 to 5.002"],
   [0, 2147483647, "1", "0 to 2147483647"],
   [9999.6321, 123456.7, "1", "10000 to 123000"],
-])("offers %d to %d %s as a range of which every end is accepted", (low, high, unit, range) => {
+])("shows %d to %d %s as a range whose bounds are accepted", (low, high, unit, range) => {
   expect(rangeText(low, high, unit, "deg")).toBe(range);
   const ends = range.split(" to ").map((end) => inSI(end.replace("−", "-"), unit, "deg") as number);
   expect(Math.min(...ends)).toBeGreaterThanOrEqual(low - 1e-12 * Math.abs(low));
@@ -92,7 +92,7 @@ it.each([
   [12, "rad", 688],
   [Math.PI / 3, "rad", 60],
   [0.004, "s", 0.004],
-])("offers a default of %d %s in few digits, and sends what is shown", (usual, unit, shown) => {
+])("rounds a default of %d %s to few digits, and sends the shown value", (usual, unit, shown) => {
   const inForm = offeredDefault(usual, { unit }, "deg") as number;
   expect(boxText(inForm, unit, "deg")).toBe(String(shown));
   expect(inSI(String(shown), unit, "deg")).toBe(inForm);
@@ -129,7 +129,7 @@ it.each([
   ["turned by −0.9~rad", "turned by −51.57°"],
   ["60~rad/s, K_m 1.06~rad/(V·s), 2~N·m/rad per rad", "3438°/s, K_m 1.06 rad/(V·s), 2 N·m/rad per rad"],
   ["2~rad² for 8~N and 2 to 3~V", "2 rad² for 8 N and 2 to 3 V"],
-])("reads the marked angles in %j and nothing else", (text, degrees) => {
+])("converts only the marked angles in %j", (text, degrees) => {
   expect(localizeText(text.replaceAll("~", MARK), "deg")).toBe(degrees);
   expect(localizeText(text.replaceAll("~", MARK), "rad")).toBe(text.replaceAll("~", " "));
 });
@@ -161,7 +161,7 @@ it.each([
   [0, "V", "V", 0],
   [1e-5, "1", "1", 1e-5],
   [1e-5, "N·m/rad", "N·m/rad", 1e-5],
-])("reads %d %s in %s", (value, unit, read, figure) => {
+])("formats %d %s in %s", (value, unit, read, figure) => {
   const reading = readingNear(value, unit, "deg");
   expect(reading.unit).toBe(read);
   expect(value * reading.factor).toBeCloseTo(figure, 9);

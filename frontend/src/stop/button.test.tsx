@@ -4,7 +4,7 @@ import { beforeEach, expect, it, vi } from "vitest";
 const fetched = vi.fn<(request: Request) => Promise<Response>>();
 vi.stubGlobal("fetch", fetched);
 
-import { observeState, showElsewhere, stopState } from "./stop";
+import { observeState, registerDisplay, stopState } from "./stop";
 import { TEXTS } from "./texts";
 
 const PROOF = { arrived_tick: 1000, zero_tick: 1001, milliseconds: 1 };
@@ -88,14 +88,14 @@ it("shows the proof while no component of the application shows it", async () =>
   pressPointer();
   await becomes("confirmed");
   expect(notice().textContent).toBe("Zero volts in 1 control step · 1.00 ms (tick 1001)");
-  const release = showElsewhere();
+  const release = registerDisplay();
   expect(notice().textContent).toBe("");
   release(); // as when a component throws
   expect(notice().textContent).toContain("(tick 1001)");
 });
 
 it("shows an unconfirmed stop whatever the application shows, until the motors are off", async () => {
-  const release = showElsewhere();
+  const release = registerDisplay();
   fetched.mockRejectedValue(new TypeError("no network"));
   pressPointer();
   await becomes("unconfirmed");

@@ -57,7 +57,7 @@ export function stopState(): StopState {
 }
 
 /** Calls `listener` on each change of the state; returns a function that unsubscribes. */
-export function listenToStop(listener: () => void): () => void {
+export function subscribeToStop(listener: () => void): () => void {
   listeners.add(listener);
   return () => void listeners.delete(listener);
 }
@@ -73,13 +73,15 @@ export function pressStop(): void {
 }
 
 /** Compares a state of the service with the last press: from then on the service's state counts. */
-export function observeState(observed: Parameters<typeof settled>[1] & Partial<Pick<State, "player">>): void {
+export function observeState(
+  observed: Parameters<typeof nextStopState>[1] & Partial<Pick<State, "player">>,
+): void {
   if (elements !== null) elements.button.title = observed.player ? TEXTS.pauses : TEXTS.stops;
-  change(settled(state, observed));
+  change(nextStopState(state, observed));
 }
 
 /** Registers a component that shows sent and confirmed stops; returns a function that removes it. */
-export function showElsewhere(): () => void {
+export function registerDisplay(): () => void {
   displays += 1;
   draw();
   return () => {
@@ -120,7 +122,7 @@ export async function sendStop(send: () => Promise<StopProof>): Promise<StopStat
  * Returns the state of STOP after a later state of the service. The service shows a confirmed stop itself, with its
  * proof until the reset; an unconfirmed one ends when the control loop reports that the motors are off.
  */
-export function settled(
+export function nextStopState(
   stop: StopState,
   observed: Pick<State, "mode" | "tick" | "stop_proof" | "link">,
 ): StopState {

@@ -2,13 +2,13 @@ import { describe, expect, it } from "vitest";
 import { fillText } from "../samples/texts";
 import type { ChartLayout } from "../wire/types";
 import {
+  BUILT_IN_LAYOUTS,
   MOST,
   moved,
   neighbour,
   PANELS,
   panelOf,
   panelsOf,
-  READY,
   readIn,
   renamed,
   resized,
@@ -39,7 +39,7 @@ const done = (edited: ChartLayout | string) => {
 };
 
 describe("built-in layouts", () => {
-  it.each(READY.map((layout) => [layout.name, layout] as const))(
+  it.each(BUILT_IN_LAYOUTS.map((layout) => [layout.name, layout] as const))(
     "%s satisfies the rules of the service",
     (_, layout) => {
       expect(layout.panels.length).toBeLessThanOrEqual(MOST.panels);
@@ -86,7 +86,7 @@ it("can draw every signal in a panel of its own", () => {
   expect(scaleOf(["lam_q", "lateness_s"]).unit).toBe("s");
 });
 
-it("reads an error and the axis below it in degrees", () => {
+it("converts an error and its horizontal axis to degrees", () => {
   const panel = panelOf({ title: "e", signals: ["q - q_ref"], over: "q", share: 1 });
   const read = readIn(panel as NonNullable<typeof panel>, "deg");
   expect([read.unit, read.decimals, read.over?.unit, read.over?.decimals]).toEqual(["°", 3, "°", 2]);
@@ -125,7 +125,7 @@ describe("editing", () => {
     expect(done(withoutSignal(MINE, 0, "q_ref")).panels[0]?.signals).toEqual(["q"]);
   });
 
-  it("moves a panel past the next of its kind", () => {
+  it("swaps a panel with the next one of its kind", () => {
     expect(moved(MINE, 0, 1).panels.map(({ title }) => title)).toEqual(["B", "Plane", "A"]);
     expect([neighbour(MINE, 0, -1), neighbour(MINE, 1, 1), neighbour(MINE, 2, -1)]).toEqual([null, null, 0]);
     expect(moved(MINE, 1, 1)).toBe(MINE);

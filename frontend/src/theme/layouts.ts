@@ -31,7 +31,7 @@ export const STANDARD = layout(
 );
 
 /** Built-in layouts. */
-export const READY: readonly ChartLayout[] = [
+export const BUILT_IN_LAYOUTS: readonly ChartLayout[] = [
   STANDARD,
   layout(
     "Errors",
@@ -112,9 +112,9 @@ export function titleFor(name: string, taken: readonly string[]): string {
 /** Returns the name, with a number appended if it is taken. */
 export function unused(name: string, taken: readonly string[]): string {
   const short = name.slice(0, MOST.title - 3).trim();
-  let wanted = short;
-  for (let number = 2; taken.includes(wanted); number += 1) wanted = `${short} ${number}`;
-  return wanted;
+  let candidate = short;
+  for (let number = 2; taken.includes(candidate); number += 1) candidate = `${short} ${number}`;
+  return candidate;
 }
 
 export const PANELS = panelsOf(STANDARD);

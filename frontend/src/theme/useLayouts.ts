@@ -5,7 +5,7 @@ import { fillText } from "../samples/texts";
 import { useDerived } from "../service/api/formulas";
 import { useAngleUnit, usePreferences } from "../service/api/preferences";
 import type { ChartLayout, Preferences } from "../wire/types";
-import { type Edited, MOST, panelsOf, READY, readIn, STANDARD, unused } from "./layouts";
+import { BUILT_IN_LAYOUTS, type Edited, MOST, panelsOf, readIn, STANDARD, unused } from "./layouts";
 import { type Panel, signalOf } from "./signals";
 import { TEXTS } from "./texts";
 
@@ -45,9 +45,9 @@ export function useLayouts(): Layouts {
 }
 
 function usedOf({ layout, layouts }: Preferences): ChartLayout {
-  const wanted = [...READY, ...layouts].find(({ name }) => name === layout);
-  const drawable = wanted !== undefined && panelsOf(wanted).some(({ over }) => over === undefined);
-  return drawable ? wanted : STANDARD;
+  const selected = [...BUILT_IN_LAYOUTS, ...layouts].find(({ name }) => name === layout);
+  const drawable = selected !== undefined && panelsOf(selected).some(({ over }) => over === undefined);
+  return drawable ? selected : STANDARD;
 }
 
 /** Changes of the preferences, or the reason why there are none. */
@@ -57,7 +57,9 @@ function edited(before: Preferences, how: (used: ChartLayout) => Edited): Partia
   const to = how(used);
   if (typeof to === "string") return to;
   const isOwn = layouts.includes(used);
-  const others = [...READY, ...layouts].filter((one) => one !== used || !isOwn).map(({ name }) => name);
+  const others = [...BUILT_IN_LAYOUTS, ...layouts]
+    .filter((one) => one !== used || !isOwn)
+    .map(({ name }) => name);
   if (isOwn) {
     if (others.includes(to.name)) return fillText(TEXTS.nameTaken, { name: to.name });
     return { layout: to.name, layouts: layouts.map((one) => (one === used ? to : one)) };

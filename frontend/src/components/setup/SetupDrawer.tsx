@@ -125,7 +125,7 @@ function Step({ step, onFollowed }: { step: ChecklistStep; onFollowed: () => voi
           {step.detail}
           {step.at !== null && <span className={styles.when}> {dateTime(step.at)}</span>}
         </p>
-        <div className={styles.ways}>
+        <div className={styles.links}>
           {step.state !== "done" && !(step.name === "report" && step.run === null) && (
             <Link
               href={step.run !== null && step.name === "report" ? `/runs/${step.run}` : about.path}
