@@ -412,7 +412,7 @@ export function useSaving({ name, names, stored, sheet, range, table }: Saving) 
 export interface Origin {
   /** "run 12", or another source. */
   readonly of: string;
-  /** SIM, RIG, or another plant; empty for comparisons of runs, which have no single tuning. */
+  /** SIM, RIG, or another plant; empty for differences between runs, which have no single tuning. */
   readonly plant: string;
   readonly bank: string;
 }
