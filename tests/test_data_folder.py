@@ -1,4 +1,4 @@
-"""One service per data folder, even if the folder is moved, replaced or deleted while it runs."""
+"""One service per data folder, even if the folder is moved or replaced."""
 
 import shutil
 import subprocess

@@ -24,7 +24,7 @@ def message_of(refused: InvalidValueError, angles: AngleUnit = DEG) -> str:
 
 
 def test_messages_name_the_segment_by_its_number() -> None:
-    """An entry of 120 degrees in the third segment is reported with segment, quantity and bounds in the set unit."""
+    """The message states segment, quantity and bounds in the set unit."""
     segments = [{"duration_s": 4, "q_ref": math.radians(angle), "S_ref": 10} for angle in (0, 30, 120)]
     with pytest.raises(OutOfRangeError) as refused:
         find_experiment("sequence").make_plan({"segments": json.dumps(segments)})
@@ -66,7 +66,7 @@ def test_messages_state_the_violated_bounds(minimum: float | None, maximum: floa
 
 @given(st.floats(min_value=-4.0, max_value=4.0).filter(lambda bound: abs(bound) > 1e-6))
 def test_a_displayed_bound_is_accepted_as_input(bound: float) -> None:
-    """Bounds are rounded towards the inside of the range, so that the bound in a message is accepted."""
+    """Bounds are rounded towards the inside of the range."""
     for angles, back in ((DEG, math.radians), (RAD, float)):
         least, most = (float(format_bound(bound, "rad", angles, upper=upper)) for upper in (False, True))
         assert back(most) <= bound + 1e-12 * abs(bound)
@@ -94,7 +94,7 @@ def digits(text: str) -> int:
 def test_bounds_are_displayed_with_the_fewest_digits(
     low: float, high: float, unit: str, texts: tuple[str, str]
 ) -> None:
-    """Exact values are displayed in full, others with three digits. quantity.test.ts tests this for the page."""
+    """Exact values have all digits, others three; see quantity.test.ts for the page."""
     assert (format_bound(low, unit, DEG, upper=False), format_bound(high, unit, DEG, upper=True)) == texts
 
 

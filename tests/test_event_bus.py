@@ -1,4 +1,4 @@
-"""Subscribers are called in order, by the type of the event, even if one of them raises."""
+"""Subscribers are called in order and by event type, even if one raises."""
 
 from dataclasses import dataclass
 

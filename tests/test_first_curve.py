@@ -1,4 +1,4 @@
-"""A start loads only what the first curve needs, and computes nothing that was computed before."""
+"""A start loads only the modules for the first curve, and uses cached values."""
 
 import json
 import subprocess
@@ -114,7 +114,7 @@ def test_invalid_cached_values_are_recomputed(
 def test_the_least_recently_used_values_are_dropped_first(
     empty_cache: dict[str, tuple[float, ...]],
 ) -> None:
-    """The values of the active tuning come first and are used repeatedly, so that they stay cached."""
+    """The values of the active tuning are used repeatedly and stay cached."""
     for number in range(robustness.MOST + 1):
         for key_number in (0, number):
             robustness.cached((key_number,), 1, partial(lambda value: (value,), float(key_number)))

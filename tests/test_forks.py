@@ -1,4 +1,4 @@
-"""Processes that the service may start; in a separate process, because the restriction is permanent."""
+"""Processes that the service may start; the restriction is permanent."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Every test runs in exactly one lane, and a hanging test fails with its traceback."""
+"""Every test runs in exactly one lane; a hanging test fails with a traceback."""
 
 import ast
 import re
@@ -54,19 +54,19 @@ def test_a_killed_lane_is_a_failure(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("code", [0, 3])
-@pytest.mark.parametrize("place", ["--beside", "--then"])
+@pytest.mark.parametrize("option", ["--beside", "--then"])
 def test_the_exit_code_includes_additional_commands(
-    place: str, code: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    option: str, code: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     requested: list[list[str]] = []
 
-    def run_lane(name: str, arguments: list[str], said: object = None) -> Ended:
+    def run_lane(name: str, arguments: list[str], output: object = None) -> Ended:
         requested.append(arguments)
         return lane(["a"], ["a"] if name == BESIDE else [])
 
     command = shlex.join((sys.executable, "-c", f"print('sa' + 'id'); raise SystemExit({code})"))
     monkeypatch.setattr(lanes, "run", run_lane)
-    monkeypatch.setattr(sys, "argv", ["lanes", "tests/wire", place, command, "-q"])
+    monkeypatch.setattr(sys, "argv", ["lanes", "tests/wire", option, command, "-q"])
     assert lanes.main() == int(code != 0)
     assert requested == [["tests/wire", "-q"]] * len(LANES)
     printed = capfd.readouterr().out

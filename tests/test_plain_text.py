@@ -1,4 +1,4 @@
-"""Every path for texts rejects the same characters, and output shows them as escapes."""
+"""Every path for texts rejects the same characters; output escapes them."""
 
 import csv
 import json

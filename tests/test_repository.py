@@ -1,4 +1,4 @@
-"""Rules of the repository that no linter checks: names, sizes and contents of files, names of classes."""
+"""Rules of the repository that no linter checks."""
 
 import ast
 import re
@@ -102,9 +102,9 @@ def test_make_targets_in_the_documents_exist(page: str) -> None:
 
 def test_no_public_class_name_has_two_definitions() -> None:
     """A search for a class finds one definition."""
-    places: dict[str, list[str]] = {}
+    definitions: dict[str, list[str]] = {}
     for path in sorted(path for folder in ("plant", "backend") for path in (ROOT / folder).rglob("*.py")):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                places.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
-    assert {name: found for name, found in places.items() if len(found) > 1} == {}
+                definitions.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
+    assert {name: found for name, found in definitions.items() if len(found) > 1} == {}

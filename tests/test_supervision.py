@@ -1,4 +1,4 @@
-"""Tasks and threads that die in all possible ways are reported and restarted, with growing delays."""
+"""Failed tasks and threads are reported and restarted, with growing delays."""
 
 import asyncio
 import ctypes
@@ -120,7 +120,7 @@ def test_a_killed_thread_is_reported_and_restarted() -> None:
 def test_a_thread_that_dies_in_a_transaction_releases_the_database(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """If the log kept the frames of the error, it would also keep the cursor and its lock."""
+    """A log that kept the frames of the error would keep the cursor and its lock."""
     database = open_database(tmp_path)
     execute, starts = database.engine.dialect.do_execute, []
 

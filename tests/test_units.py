@@ -1,4 +1,4 @@
-"""Angles in their display units, against fractions of a circle and Python's own conversion."""
+"""Angles and other quantities in their display units."""
 
 import math
 import re
@@ -128,7 +128,7 @@ def test_quantities_in_a_document_are_marked(text: str, marked: str) -> None:
     ],
 )
 def test_command_line_values_may_have_a_unit(word: str, unit: str, value: float) -> None:
-    """A number without a unit is in SI units; read as degrees, 1.0 would move the joint by only a 57th of that."""
+    """A number without a unit is in SI units: 1.0 is a radian, not a degree."""
     assert parse_quantity(word, unit) == value
 
 

@@ -1,4 +1,4 @@
-"""Worker processes: streams of chunks, long work, kills, limits and closed terminals."""
+"""Worker processes: streams, long work, kills, limits and closed terminals."""
 
 import asyncio
 import os

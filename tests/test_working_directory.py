@@ -1,4 +1,4 @@
-"""No process of Sinew imports modules from the working directory, even if files there have their names."""
+"""No process of Sinew imports modules from the working directory."""
 
 import subprocess
 import sys
@@ -16,12 +16,12 @@ NAMES = ("signal.py", "random.py", "numpy.py", "plant.py", "backend/__init__.py"
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Return a working directory with files that have names of modules and record when they are imported."""
-    place = tmp_path / "trap"
+    """Return a folder with files named as modules, which record their import."""
+    directory = tmp_path / "trap"
     for name in NAMES:
-        (place / name).parent.mkdir(parents=True, exist_ok=True)
-        (place / name).write_text(TRAP)
-    return place
+        (directory / name).parent.mkdir(parents=True, exist_ok=True)
+        (directory / name).write_text(TRAP)
+    return directory
 
 
 def imported(folder: Path) -> list[str]:

@@ -192,7 +192,7 @@ def test_unusual_host_headers_do_not_break_authentication(host: str) -> None:
 
 
 def test_new_sessions_are_rate_limited_per_role_and_address(bench: AuthenticationBench) -> None:
-    """At the limit, existing sessions stay valid, and other roles and addresses are not limited."""
+    """Existing sessions, other roles and other addresses are not limited."""
     ours = [
         bench.authentication.sign_in(read_credentials(connection({}, "here")), bench.token(Role.VIEWER))
         for _ in range(SIGN_INS)

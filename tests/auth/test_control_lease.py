@@ -12,7 +12,7 @@ from backend.errors import RequestRejectedError
 
 
 class SkippingSelector(selectors.DefaultSelector):
-    """Skips the wait when no file descriptor is ready, and adds it to the simulated time."""
+    """Skips a wait without ready descriptors and adds it to the simulated time."""
 
     skipped_s = 0.0
 
@@ -24,7 +24,7 @@ class SkippingSelector(selectors.DefaultSelector):
 
 
 class SimulatedTimeLoop(asyncio.SelectorEventLoop):
-    """An event loop with simulated time, so that a slow machine does not delay a command."""
+    """An event loop with simulated time, which a slow machine does not delay."""
 
     def __init__(self) -> None:
         self._waits = SkippingSelector()
@@ -64,22 +64,22 @@ class CommandLog:
         return self.entries
 
 
-def test_command_waits_for_its_predecessor_and_its_answer() -> None:
+def test_a_command_waits_until_its_predecessor_is_answered() -> None:
     entries = CommandLog().play((2, 0.0, 0.0), (3, 0.0, 0.0), (1, 0.05, 0.1))
     assert entries == ["1 begins", "1 ends", "2 begins", "2 ends", "3 begins", "3 ends"]
 
 
-def test_missing_predecessor_is_awaited_for_GAP_S() -> None:
+def test_a_command_waits_GAP_S_for_a_missing_predecessor() -> None:
     entries = CommandLog().play((1, 0.0, 0.0), (3, 0.0, 0.0), (4, 0.0, 0.0), (2, GAP_S + 0.5, 0.0))
     assert entries == ["1 begins", "1 ends", "3 begins", "3 ends", "4 begins", "4 ends", "2 stale_command"]
 
 
-def test_unanswered_predecessor_is_awaited_for_BUSY_S() -> None:
+def test_a_command_waits_BUSY_S_for_an_unanswered_predecessor() -> None:
     entries = CommandLog().play((1, 0.0, BUSY_S + 0.5), (2, 0.0, 0.0))
     assert entries == ["1 begins", "2 begins", "2 ends", "1 ends"]
 
 
-def test_repeated_number_is_executed_once() -> None:
+def test_a_repeated_command_number_is_executed_once() -> None:
     assert sorted(CommandLog().play((1, 0.0, 0.1), (1, 0.0, 0.0), (2, 0.0, 0.0), (2, 0.05, 0.0))) == [
         "1 begins",
         "1 ends",
@@ -90,7 +90,7 @@ def test_repeated_number_is_executed_once() -> None:
     ]
 
 
-def test_failed_command_ends_its_turn() -> None:
+def test_a_failed_command_does_not_block_the_next() -> None:
     turns = CommandSequencer()
 
     async def play() -> None:
@@ -103,7 +103,7 @@ def test_failed_command_ends_its_turn() -> None:
     run(play())
 
 
-def test_waiting_commands_of_a_page_are_limited() -> None:
+def test_the_number_of_waiting_commands_of_a_page_is_limited() -> None:
     entries = CommandLog().play(*((number, 0.0, 0.0) for number in range(2, WAITING + 4)))
     assert entries.count("34 too_many_commands") == 1
     assert len([note for note in entries if note.endswith("ends")]) == WAITING

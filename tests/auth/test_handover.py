@@ -1,4 +1,4 @@
-"""Requests and offers of the control lease: permissions, answers, and how each request ends."""
+"""Requests and offers of the control lease: permissions, answers and ends."""
 
 import asyncio
 from contextlib import ExitStack
@@ -22,7 +22,7 @@ SCRIPT = User("operator", Role.OPERATOR, BEARER)
 
 
 class Desk:
-    """Control lease and handover on a test clock; Ana holds the lease, and all users have a page open."""
+    """Control lease and handover on a test clock; Ana holds the lease."""
 
     def __init__(self) -> None:
         self.now, self.log, self.stopped = 100.0, [], []  # type: float, list[str], list[str]
@@ -84,7 +84,7 @@ def desk() -> Desk:
     return Desk()
 
 
-def refusal() -> pytest.RaisesExc[RequestRejectedError]:
+def raises_rejection() -> pytest.RaisesExc[RequestRejectedError]:
     return pytest.raises(RequestRejectedError)
 
 
@@ -92,17 +92,17 @@ def test_an_accepted_request_transfers_the_control_lease_and_logs_each_step(desk
     number = desk.ask(VERA, "  the λ sweep\nis mine ")
     (seen,) = desk.hand_over.view()
     assert (seen.name, seen.by, seen.reason, seen.standing) == ("Vera", "Ana", "the λ sweep is mine", "asked")
-    with refusal():
+    with raises_rejection():
         desk.take(VERA, number)  # before the answer
     desk.answer(ANA, number, HandoverAnswer.HAND_OVER, "mind the wall", holds=True)
     assert desk.holder == "Ana"  # until Vera's page has taken it
     assert desk.hand_over.view()[0].answer == "mind the wall"
-    with refusal():
+    with raises_rejection():
         desk.take(ODA, number)
     epoch = desk.take(VERA, number).epoch
     assert (desk.holder, desk.status_of(number), desk.stopped) == ("Vera", "taken", [])
     assert desk.hand_over.view()[0].epoch == epoch
-    with refusal():
+    with raises_rejection():
         desk.take(VERA, number)  # a second page of hers
     assert desk.log == [
         "Vera: asked Ana for control: the λ sweep is mine",
@@ -128,14 +128,14 @@ def test_quantities_in_a_reason_are_not_converted(desk: Desk, angles: AngleUnit)
 
 def test_declining_a_request_requires_a_reason_and_publishes_it(desk: Desk) -> None:
     number = desk.ask(VERA)
-    with refusal() as error:
+    with raises_rejection() as error:
         desk.answer(ANA, number, HandoverAnswer.DECLINE, " \u200b ", holds=True)
     assert (error.value.category, error.value.message.code) == (ErrorCode.BAD_VALUE, "reason_missing")
     desk.answer(ANA, number, HandoverAnswer.DECLINE, "ten minutes more", holds=True)
     (seen,) = desk.hand_over.view()
     assert (seen.standing, seen.answer, desk.holder) == ("declined", "ten minutes more", "Ana")
     assert desk.log[-1] == "Ana: declined the request of Vera for control: ten minutes more"
-    with refusal():
+    with raises_rejection():
         desk.take(VERA, number)
     again = desk.ask(VERA)
     assert [one.number for one in desk.hand_over.view()] == [again]  # the new request replaces the answered one
@@ -159,7 +159,7 @@ def test_an_offer_transfers_the_control_lease_only_when_it_is_taken(desk: Desk) 
 
 @pytest.mark.parametrize("to", ["Ana", "Vic (viewer)", "Nobody"])
 def test_control_can_be_offered_only_to_another_connected_operator(desk: Desk, to: str) -> None:
-    with refusal():
+    with raises_rejection():
         desk.offer(to)
     assert (desk.log, desk.hand_over.view()) == ([], [])
 
@@ -168,7 +168,7 @@ def test_the_first_answer_counts_and_only_one_requester_gets_control(desk: Desk)
     vera, oda = desk.ask(VERA), desk.ask(ODA)
     desk.answer(ANA, vera, HandoverAnswer.HAND_OVER, holds=True)
     for number, answer in ((vera, HandoverAnswer.HAND_OVER), (oda, HandoverAnswer.HAND_OVER)):
-        with refusal():
+        with raises_rejection():
             desk.answer(ANA, number, answer, "no", holds=True)
     desk.take(VERA, vera)
     desk.wait(1.0)
@@ -179,7 +179,7 @@ def test_the_first_answer_counts_and_only_one_requester_gets_control(desk: Desk)
 
 
 def test_the_second_of_two_concurrent_answers_is_rejected(desk: Desk) -> None:
-    """Two buttons pressed at the same time send two commands, and the second finds the request answered."""
+    """Two buttons are pressed at the same time; the second command is too late."""
     number = desk.ask(VERA)
 
     async def both() -> tuple[BaseException | None, BaseException | None]:
@@ -206,9 +206,9 @@ def test_only_the_holder_of_the_control_lease_can_hand_it_over(desk: Desk) -> No
         (ANA, CommandToken("x" * 16, 1)),
         (SCRIPT, None),
     ):
-        with refusal():
+        with raises_rejection():
             asyncio.run(desk.hand_over.answer(who, stamp, number, HandoverAnswer.HAND_OVER, ""))
-    with refusal():
+    with raises_rejection():
         desk.answer(VERA, number, HandoverAnswer.HAND_OVER)
     assert (desk.status_of(number), desk.holder) == ("asked", "Ana")
 
@@ -236,7 +236,7 @@ def test_requests_and_accepted_handovers_close_when_the_control_lease_is_release
         asyncio.run(desk.control.give_up(ANA, desk.stamp()))
     if how == "script":
         desk.control.take(SCRIPT, is_page=False)
-    with refusal():
+    with raises_rejection():
         desk.take(VERA, handed)
     assert (desk.status_of(waiting), desk.status_of(handed)) == ("freed", "freed")
 
@@ -245,7 +245,7 @@ def test_an_accepted_handover_is_void_after_its_giver_loses_control(desk: Desk) 
     number = desk.ask(VERA)
     desk.answer(ANA, number, HandoverAnswer.HAND_OVER, holds=True)
     desk.control.take(ODA, is_page=True, take_over=True)
-    with refusal():
+    with raises_rejection():
         desk.take(VERA, number)
     assert (desk.holder, desk.status_of(number)) == ("Oda", "freed")
     assert desk.log[-1] == ": Ana no longer holds control"
@@ -269,7 +269,7 @@ def test_unanswered_requests_and_untaken_handovers_expire_with_a_log_entry(
     desk.wait(2.0)
     assert (desk.status_of(number), desk.holder) == ("lapsed", "Ana")
     assert f"in {time_s:.0f} s" in desk.log[-1]
-    with refusal():
+    with raises_rejection():
         desk.take(VERA, number)
 
 
@@ -280,7 +280,7 @@ def test_requester_and_holder_can_withdraw(desk: Desk) -> None:
     desk.answer(ANA, handed, HandoverAnswer.HAND_OVER, holds=True)
     desk.answer(ANA, handed, HandoverAnswer.DECLINE, holds=True)
     assert (desk.status_of(handed), desk.holder) == ("withdrawn", "Ana")
-    with refusal():
+    with raises_rejection():
         desk.take(VERA, handed)
 
 
@@ -303,7 +303,7 @@ def test_the_number_of_open_requests_is_limited(desk: Desk) -> None:
             connections.enter_context(desk.people.connect(one, is_page=True))
         for one in operators[:-1]:
             desk.ask(one)
-        with refusal() as error:
+        with raises_rejection() as error:
             desk.ask(operators[-1])
     assert (error.value.category, error.value.message.code) == (ErrorCode.TOO_MANY, "too_many_requests")
 

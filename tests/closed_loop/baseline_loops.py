@@ -1,4 +1,4 @@
-"""The offline closed loops of the baselines: plant, sensors, limits and safety module as for the cascade."""
+"""Offline closed loops of the baselines, with the plant model of the cascade."""
 
 from backend.control import baselines, decoupler
 from backend.control.decoupler import Decoupler

@@ -1,4 +1,4 @@
-"""External force that the observer estimates in a simulated run, and its bias at rest."""
+"""External force that the observer estimates in a simulation, and its bias."""
 
 import numpy as np
 
@@ -35,7 +35,7 @@ def _each(
 
 
 def estimate_external_force(parameters: PlantParameters, y: Trajectory, bias: Array = NO_BIAS) -> Array:
-    """Return the estimated external force [N] of each tick, as the control step computes it."""
+    """Return the estimated external force [N] of each tick."""
     out = np.empty(y.q.size)
     q, theta_A, theta_B, S = (np.ascontiguousarray(column) for column in (y.q, y.theta_A, y.theta_B, y.S))
     _each(disturbance_observer.build_observer(parameters), q, theta_A, theta_B, S, bias, out)

@@ -47,7 +47,7 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True)
 class Case:
-    """A tuning, a step of each reference and a push; ``points`` is empty for geometric gains."""
+    """A tuning, steps and a push; ``points`` is empty for geometric gains."""
 
     name: str
     u_plan: float
@@ -60,7 +60,7 @@ class Case:
 
 
 def cases(seed: int, count: int) -> Iterator[Case]:
-    """Yield cases with both parameter sets and motions in turn and all other values at random."""
+    """Yield random cases that alternate parameter sets and motions."""
     random = np.random.default_rng(seed)
     ranges: dict[tuple[str, bool, float], tuple[float, float]] = {}
     for number in range(count):
@@ -92,11 +92,11 @@ def cases(seed: int, count: int) -> Iterator[Case]:
 
 
 def bank(parameters: PlantParameters) -> tuple[PointModel, ...]:
-    """Return models at four tensions; as in identifications with friction, higher tension makes them slower."""
+    """Return models at four tensions; friction makes them slower at high tension."""
     at = designed_point(parameters)
     return tuple(
-        PointModel(S, at.K_q, at.T_q * (1.0 + 0.03 * place), at.K_S, at.T_S * (1.0 + 0.02 * place))
-        for place, S in enumerate(NOMINAL)
+        PointModel(S, at.K_q, at.T_q * (1.0 + 0.03 * index), at.K_S, at.T_S * (1.0 + 0.02 * index))
+        for index, S in enumerate(NOMINAL)
     )
 
 
@@ -156,7 +156,7 @@ def _run_to_end(work: Coroutine[Any, Any, _T]) -> _T:
 
 
 def differences(case: Case) -> dict[str, float]:
-    """Return the deviation of each predicted metric by name; 1 is the permitted deviation."""
+    """Return the deviation of each predicted metric; 1 is the permitted deviation."""
     parameters, lambdas = load_parameters(case.name), case.lambdas
     previewer = TuningPreviewer(parameters, case.points, b=lambdas.b)
     previewer.require_safe(lambdas, case.u_plan)
@@ -222,7 +222,7 @@ def _deviation(predicted: float, measured: float, allowed: float) -> float:
 
 
 def _time_deviation(predicted: float, away: Array, band: float, count: float, relative: float) -> float:
-    """Return the deviation of the time from which ``away`` (ticks,) stays within ``band`` plus or minus a count."""
+    """Return the deviation of the time from which ``away`` stays within ``band``."""
     soonest, latest = _time_within(away, band + count), _time_within(away, band - count)
     if math.isnan(predicted):
         return 0.0 if math.isnan(latest) else math.inf
@@ -233,7 +233,7 @@ def _time_deviation(predicted: float, away: Array, band: float, count: float, re
 
 
 def _time_within(away: Array, band: float) -> float:
-    """Return the time [s] from which ``away`` stays within ``band``; nan if it does not."""
+    """Return the time [s] from which ``away`` stays within ``band``, or nan."""
     outside = np.flatnonzero(~(away <= band + 1e-9))
     last = int(outside[-1]) + 1 if outside.size else 0
     return last * T_s if last < away.size else math.nan
@@ -246,7 +246,7 @@ def _steepest(parameters: PlantParameters) -> float:
 
 
 def _friction_voltage(parameters: PlantParameters, S: float) -> float:
-    """Return the voltage [V] of the Coulomb friction of a motor at rest at S [N·m/rad].
+    """Return the voltage [V] of the Coulomb friction of a motor at rest at S.
 
     A slow step of S needs little more than the voltage at rest, which depends on the previous motion of the motors.
     """

@@ -39,7 +39,7 @@ class Quality:
 
 
 def assess(trajectory: Trajectory, q_ref: Array, S_ref: Array) -> Quality:
-    """Return the worst case over all steps; deviations count while only the other signal steps."""
+    """Return the worst case over all steps; deviations are of the constant signal."""
     edges = np.flatnonzero(np.diff(q_ref).astype(bool) | np.diff(S_ref).astype(bool)) + 1
     overshoot, S_deviation, q_deviation = 0.0, 0.0, 0.0
     for start, end in zip(edges, [*edges[1:], q_ref.size], strict=True):

@@ -1,4 +1,4 @@
-"""Random moves without external force: references change during and after each move."""
+"""Random moves without external force: references change at any time."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from plant.parameters import PlantParameters
 
 
 def random_moves(parameters: PlantParameters, seed: int, moves: int) -> Trajectory:
-    """Simulate ``moves`` random moves from rest under one tuning; a seed always gives the same moves."""
+    """Simulate random moves from rest; a seed always gives the same moves."""
     random = np.random.default_rng(seed)
     bounds = compute_bounds(parameters)
     lambdas = TuningParameters(lam_q=random.uniform(0.36, 1.0), lam_S=random.uniform(0.35, 0.8))

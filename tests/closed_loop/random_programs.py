@@ -1,4 +1,4 @@
-"""Random programs: changes of references, λ, bank and law during moves, and pushes within the tension limits."""
+"""Random programs with changes of references and tuning, and with pushes."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Guarantees of the controller and of the previews, by simulation of the whole loop."""
+"""Guarantees of controller and previews, by simulation of the whole loop."""
 
 import itertools
 import math
@@ -93,7 +93,7 @@ def test_fastest_admissible_tuning_meets_its_limits(name: str) -> None:
 
 
 def mismatched_plants(parameters: PlantParameters) -> Iterator[PlantParameters]:
-    """Yield plants whose springs and motor constants deviate by a fifth, in all combinations."""
+    """Yield plants whose springs and motor constants deviate by a fifth."""
     sides, motor = parameters.asymmetry, parameters.motor
     off = (0.8, 1.0, 1.2)
     for spring_A, spring_B, K_m, T_m in itertools.product(off, off, off, off):
@@ -144,7 +144,7 @@ CHANGES: dict[str, Change] = {
 
 
 def voltages_around(tunings: tuple[cascade.CascadeTuning, cascade.CascadeTuning], at: int) -> tuple[Array, Array]:
-    """Return the voltages (2,) in the tick ``at``, without and with a change of tuning in that tick."""
+    """Return the voltages (2,) in the tick ``at``, without and with the change."""
     parameters = load_parameters("ideal")
     before, after = tunings
     q_ref, S_ref = np.full(at + 1, HIGH), np.full(at + 1, 13.0)
@@ -167,13 +167,13 @@ def voltages_around(tunings: tuple[cascade.CascadeTuning, cascade.CascadeTuning]
 @pytest.mark.parametrize("at", [150, 230, 700, 1500, 6000])
 @pytest.mark.parametrize("change", list(CHANGES))
 def test_changes_of_gains_are_bumpless(change: str, at: int) -> None:
-    """The ticks are before the step, just after it, at full speed, at the end of the motion and at rest again."""
+    """Changes before the step, after it, at full speed, at the end and at rest."""
     without, with_change = voltages_around(CHANGES[change](load_parameters("ideal")), at)
     assert np.max(np.abs(with_change - without)) < 1e-3
 
 
 def test_scheduling_between_bank_entries_is_bumpless() -> None:
-    """The gains of the entries differ by a tenth; the voltage bends no more at a switch than around it."""
+    """The gains differ by a tenth, but the voltage is as smooth as between switches."""
     parameters = load_parameters("ideal")
     points = [replace(point, K_S=point.K_S * (1.0 + 0.1 * k)) for k, point in enumerate(four_points(parameters))]
     tuning = make_cascade_tuning(parameters, TuningParameters(), points)
@@ -226,7 +226,7 @@ def test_previews_match_the_simulated_control_loop(seed: int) -> None:
 
 @pytest.mark.parametrize("name", ["ideal", "lab"])
 def test_the_rise_time_is_proportional_to_lambda(name: str) -> None:
-    """In `lambda` motion, small and large steps reach 90 % in a time proportional to λ_q (README)."""
+    """In `lambda` motion, small and large steps reach 90 % in proportion to λ_q."""
     for size in (0.2, 1.0):
         reached = []
         for lam in (0.5, 0.7, 1.0):
@@ -253,7 +253,7 @@ SLOW = {"K_m": 2.5, "T_m": 0.26}
 
 
 def unlike_sides() -> PlantParameters:
-    """Return `lab` with a cubic spring A, a tabulated spring B and a slower motor B, all identified."""
+    """Return `lab` with identified other springs and an identified slower motor B."""
     sided = {"spring_A": CUBIC, "identified_A": CUBIC, "spring_B": TABLE, "identified_B": TABLE | SLOW, "motor_B": SLOW}
     return replace(load_parameters("lab"), sided=sided)
 

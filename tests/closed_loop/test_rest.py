@@ -1,4 +1,4 @@
-"""Holds of 20 s: motion of joint, stiffness, motors and voltages in the true states of the simulator."""
+"""Holds of 20 s in the true states of the simulator."""
 
 import math
 from dataclasses import replace
@@ -87,7 +87,7 @@ def worst(holds: list[Hold]) -> Hold:
 @pytest.mark.parametrize("name", ["lab", "lab-stick"])
 @pytest.mark.parametrize("motion", ["time-optimal", "lambda"])
 def test_the_joint_is_at_rest_in_a_hold_after_a_move(name: str, motion: str) -> None:
-    """With static friction, and with smoothed friction, under which motors creep to their rest positions.
+    """The friction is static, or smoothed so that motors creep to rest.
 
     In `lambda` motion the joint needs about 10 λ_q longer.
     """
@@ -118,7 +118,7 @@ def test_the_joint_stays_at_rest_in_a_hold_from_rest(name: str, u_plan: float) -
 
 @pytest.mark.parametrize("budget", [0.0, 8.5])
 def test_loops_without_dead_zones_oscillate_in_a_hold(budget: float) -> None:
-    """Comparison for the tests above: without dead zones, motors on smoothed friction never come to rest."""
+    """Comparison: without dead zones, motors never come to rest."""
     hold = after_move(load_parameters("lab"), MOVES[0], budget, 10, rests=False)
     assert hold.q > 1.0
     assert hold.u > 0.4
@@ -126,7 +126,7 @@ def test_loops_without_dead_zones_oscillate_in_a_hold(budget: float) -> None:
 
 
 def test_dead_zones_do_not_change_the_step_response_in_lambda_motion() -> None:
-    """Small and large steps follow the linear loop y/r = 1/(λ s + 1)², which reaches 90 % after 3.890 λ."""
+    """Steps follow y/r = 1/(λ s + 1)², which reaches 90 % after 3.890 λ."""
     lam = 0.5
     plant = load_parameters("lab")
     without_friction = replace(plant, motor=replace(plant.motor, c0=0.0, c1=0.0))
@@ -149,7 +149,7 @@ def test_dead_zones_do_not_change_the_step_response_in_lambda_motion() -> None:
 @pytest.mark.parametrize("name", ["lab", "lab-stick"])
 @pytest.mark.parametrize("u_plan", [0.0, 8.5])
 def test_position_and_stiffness_recover_from_a_push_at_rest(name: str, u_plan: float) -> None:
-    """Integrators at rest restart; joint and stiffness return to their previous values within a dead zone."""
+    """Joint and stiffness return to their previous values within a dead zone."""
     plant = load_parameters(name)
     tuning = make_cascade_tuning(plant, LAMBDAS, u_plan=u_plan)
     F_push = np.zeros(30_000)
@@ -177,7 +177,7 @@ def test_position_and_stiffness_recover_from_a_push_at_rest(name: str, u_plan: f
 def test_motor_integrators_stop_only_when_position_and_stiffness_are_reached(
     position_loop: bool, rate: float, off: float, turned: int, rests: bool, u_plan: float
 ) -> None:
-    """They do not stop while a reference moves. With the position loop open, the equilibrium counts instead."""
+    """With the position loop open, the equilibrium counts instead of the position."""
     lab = load_parameters("lab")
     tuning = make_cascade_tuning(lab, LAMBDAS, u_plan=u_plan)
     theta_A, theta_B = decoupler.motor_positions(tuning.decoupler, 0.3, 10.0)

@@ -31,7 +31,7 @@ T = 1e-3
 
 
 def exact_sensors(name: str) -> PlantParameters:
-    """Return a parameter set with exact sensors, so that the rounding of counts does not decide a comparison."""
+    """Return a parameter set with exact sensors, which do not round to counts."""
     return replace(load_parameters(name), sensors=load_parameters("ideal").sensors)
 
 
@@ -154,7 +154,7 @@ def ideal() -> PlantParameters:
 def read_encoders(
     parameters: PlantParameters, gains: pid.MotorPairGains, errors: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the encoder angles (ticks, 2) [rad] with ``errors`` (ticks, 2) added; slack tendons, reference 0."""
+    """Return encoder angles (ticks, 2) [rad] with ``errors`` added; slack tendons."""
     simulator, state = Simulator(parameters), pid.at_rest_motor_pair(gains, 0.0, 0.0, 0.0, 0.0)
     read = np.empty_like(errors)
     for k, (error_A, error_B) in enumerate(errors):
@@ -201,7 +201,7 @@ def scale_gains(law: pid.IPDGains, factor: float) -> pid.IPDGains:
 
 
 def is_unstable(parameters: PlantParameters, law: pid.IPDGains, duration_s: float) -> bool:
-    """Return whether an error of 1e-9 rad in the first sample grows from the second to the last third."""
+    """Return whether an error of 1e-9 rad in the first sample grows."""
     errors = np.zeros((3 * round(duration_s / 3.0 / T_s), 2))
     errors[0] = 1e-9
     _, middle, last = np.split(np.abs(read_encoders(parameters, pid.MotorPairGains(law, law), errors)), 3)

@@ -1,4 +1,4 @@
-"""Tracking of the simulated closed loop: the paper's law, time-optimal motion, and limits."""
+"""Tracking of the simulated loop: paper's law, time-optimal motion, limits."""
 
 import itertools
 import math
@@ -44,7 +44,7 @@ def test_tracking_meets_its_limits(
 
 
 def test_a_cascade_without_governor_reproduces_the_values_of_the_method_page() -> None:
-    """At λ = 0.5 the voltage reaches 10 V without harm: 1.9 s to 90 % of a 2π/3 step, no overshoot."""
+    """At λ = 0.5: 10 V at most, 1.9 s to 90 % of a 2π/3 step, no overshoot."""
     parameters = load_parameters("ideal")
     q_ref, S_ref = references(((-HIGH, 10.0, 1.0), (HIGH, 10.0, 8.0)))
     tuning = make_cascade_tuning(parameters, TuningParameters(lam_q=0.5, lam_S=0.5))._replace(omega_max=1e9)
@@ -135,7 +135,7 @@ def test_time_optimal_steps_of_stiffness_and_of_both_references_are_fast(name: s
 def test_the_electrical_lag_causes_no_overshoot(
     tau_e: float, lambdas: TuningParameters, S: tuple[float, float]
 ) -> None:
-    """The model includes the lag; otherwise S overshoots by 0.6 to 2.1 % of the step from 8 to 10 N·m/rad."""
+    """Without the lag in the model, S overshoots by 0.6 to 2.1 % from 8 to 10 N·m/rad."""
     ideal = load_parameters("ideal")
     plant = replace(ideal, motor=replace(ideal.motor, tau_e=tau_e))
     tuning = make_cascade_tuning(plant, lambdas, u_plan=usual_budget(plant))
@@ -201,7 +201,7 @@ def test_time_optimal_motion_follows_a_sine(name: str) -> None:
 def without_and_with(
     before: cascade.CascadeTuning, after: cascade.CascadeTuning, at: int
 ) -> tuple[Array, Array, cascade.CascadeState, cascade.CascadeState, cascade.CascadeState]:
-    """Return the voltages (2,) in the tick ``at`` without and with the change, the state before, and both after."""
+    """Return voltages (2,) without and with a change in tick ``at``, and the states."""
     ideal = load_parameters("ideal")
     rig = simulation.make_simulated_rig(ideal)
     q_ref, S_ref = np.full(at + 1, HIGH), np.full(at + 1, 13.0)
@@ -259,7 +259,7 @@ def test_the_transfer_from_time_optimal_to_lambda_motion_is_bumpless(at: int) ->
 def test_a_move_ends_within_its_limits_after_a_transfer_to_lambda_motion(
     name: str, S_limits: tuple[float, float]
 ) -> None:
-    """The transfer happens at 28 times of a move between the limits of S, which S does not exceed."""
+    """The transfer happens at 28 times of a move between the limits of S."""
     plant = load_parameters(name)
     rig, planned = simulation.make_simulated_rig(plant), make_cascade_tuning(plant, LAMBDAS, u_plan=usual_budget(plant))
     governed = make_cascade_tuning(plant, LAMBDAS)
@@ -307,7 +307,7 @@ def test_random_programs_keep_tendons_taut_and_do_not_trip(name: str) -> None:
 
 
 def test_a_transfer_during_a_move_with_a_push_keeps_the_tension_limits() -> None:
-    """The transfer is at 14.6 N·m/rad on the way to the highest stiffness; this program of a thousand once tripped."""
+    """The transfer is at 14.6 N·m/rad; this program of a thousand once tripped."""
     played = random_program(load_parameters("lab-stick"), 2203)
     assert not played.tripped
     assert played.most < 48.0
@@ -321,7 +321,7 @@ TICKS_LIMITS = 14_000
 
 @dataclass(frozen=True)
 class Push:
-    """A push at (q, S): it grows over ``ramp_s``, stays constant until 8 s, and falls over ``ramp_s``."""
+    """A push at (q, S) with ramps of ``ramp_s`` that start at 1 s and at 8 s."""
 
     q: float
     S: float
@@ -368,7 +368,7 @@ def test_the_envelope_lowers_both_tensions_under_a_push_that_would_exceed_the_li
 
 
 def test_the_equilibrium_stays_within_the_range_of_the_joint() -> None:
-    """Against a push at the end of the range, the equilibrium must not move beyond the end stop."""
+    """A push at the end of the range does not move it beyond the end stop."""
     parameters = load_parameters("ideal")
     q_max = parameters.geometry.q_max
     push = Push(q=1.4, S=10.0, force_N=-30.0, ramp_s=3.0)

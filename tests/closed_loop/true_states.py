@@ -1,4 +1,4 @@
-"""The offline closed loop with the true states of the simulator, as sensors do not resolve motion at rest."""
+"""The offline closed loop with true states, which resolve motion at rest."""
 
 import math
 from typing import NamedTuple
@@ -25,7 +25,7 @@ from plant.simulator import DELAY_SLOTS, actuate_plant, sense_state
 
 
 class TrueStates(NamedTuple):
-    """Each (ticks,): joint [rad], stiffness [N·m/rad], motor angles [rad] and voltages [V], none of them quantized."""
+    """Columns (ticks,) in rad, N·m/rad and V, none of them quantized."""
 
     q: Array
     S: Array
@@ -59,7 +59,7 @@ def _simulate(
 def run(
     parameters: PlantParameters, tuning: cascade.CascadeTuning, q_ref: Array, S_ref: Array, F_push: Array | None = None
 ) -> TrueStates:
-    """Simulate as ``simulate_cascade`` does, without the safety module, and return the true states."""
+    """Simulate as ``simulate_cascade`` does, but without the safety module."""
     rig = make_simulated_rig(parameters)
     x, law = at_rest(rig, tuning, float(q_ref[0]), float(S_ref[0]))
     line, _ = empty_arrays(0)

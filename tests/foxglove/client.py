@@ -1,4 +1,4 @@
-"""A client of the Foxglove WebSocket protocol: JSON both ways, samples in binary frames."""
+"""A client of the Foxglove WebSocket protocol: JSON and binary frames."""
 
 import json
 import struct

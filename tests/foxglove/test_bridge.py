@@ -1,4 +1,4 @@
-"""The gateway to Foxglove without a service: its clients, and the messages that it publishes."""
+"""The gateway to Foxglove without a service: clients and messages."""
 
 import asyncio
 import base64

@@ -1,4 +1,4 @@
-"""``sinew foxglove`` with a running service: samples, token, and failure of the service."""
+"""``sinew foxglove`` with a running service: samples, token, service failure."""
 
 import io
 import json
@@ -31,7 +31,7 @@ UNITS = {field.name: field.unit for field in FIELDS}
 
 @contextmanager
 def run_foxglove(data: Path, *words: str) -> Iterator[tuple[str, IO[str], subprocess.Popen[str]]]:
-    """Run the command and yield the address that it prints, its further output, and its process."""
+    """Run the command and yield its address, its output and its process."""
     command = [sys.executable, "-u", "-m", "backend", "foxglove", "--data", str(data), "--port", "0", *words]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert process.stdout is not None

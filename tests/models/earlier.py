@@ -1,4 +1,4 @@
-"""A migrated database with rows as the last version without document versions wrote them."""
+"""A migrated database of the last version without document versions."""
 
 import json
 from pathlib import Path
@@ -61,7 +61,7 @@ CRITERIA: list[dict[str, Any]] = [
 
 
 def earlier_database(folder: Path) -> Database:
-    """Return a migrated database of an earlier version, in which run 1 is a tracking experiment with a result."""
+    """Return a migrated database in which run 1 is a tracking run with a result."""
     database = open_database(folder)
     put_run(database, 1, "tracking", {})
     put_result(database, 1, METRICS, CRITERIA)

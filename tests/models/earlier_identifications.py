@@ -1,4 +1,4 @@
-"""Identifications as the last version without document versions wrote them, and parts of an older one."""
+"""Identifications of the last version without document versions, and older parts."""
 
 import json
 from typing import Any
@@ -121,7 +121,7 @@ TABLE: dict[str, Any] = {
 
 
 def put_identification(database: Database, run: int | None, kind: str, documents: dict[str, Any]) -> None:
-    """Insert the rows of a completed run and of its identification; a spring table has no run."""
+    """Insert a completed run and its identification; a spring table has no run."""
     if run is not None:
         put_run(database, run, f"{kind}_identification", {"plan": {"tension_N": 20.0}})
     put(

@@ -1,4 +1,4 @@
-"""Stored identifications are read, written unchanged, and listed even if one of them is unreadable."""
+"""Stored identifications are read, written unchanged, and listed."""
 
 import json
 from collections.abc import Iterator

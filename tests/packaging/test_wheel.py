@@ -1,4 +1,4 @@
-"""Contents of the wheel: code, front end, parameters, migrations, report templates."""
+"""Contents of the wheel: code, page, parameters, migrations, report templates."""
 
 import os
 import re

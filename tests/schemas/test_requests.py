@@ -271,12 +271,12 @@ def post(path: str, body: Any) -> dict[str, Any]:
 def test_invalid_values_are_reported_with_label_and_path(
     path: str, body: Any, path_end: list[str | int] | None, expected: Message
 ) -> None:
-    """The message contains no code name, no text of a parser and no unit of another quantity."""
-    refusal = post(path, body)
-    message = refusal["message"]
-    assert (refusal["message_code"], message) == (expected.code, expected)
-    assert refusal["words"] == expected.values["label"]
-    assert refusal.get("path", [])[-len(path_end or []) :] == (path_end or []), refusal
+    """The message contains no code name, parser text or unit of another quantity."""
+    error = post(path, body)
+    message = error["message"]
+    assert (error["message_code"], message) == (expected.code, expected)
+    assert error["words"] == expected.values["label"]
+    assert error.get("path", [])[-len(path_end or []) :] == (path_end or []), error
     assert not CODE_NAME.search(SYMBOL.sub("", message).replace("G_q", "").replace("G_S", "")), message
     assert not re.search(r"input|string|valid|extra|tag\b|<|field", message, re.IGNORECASE), message
 

@@ -251,7 +251,7 @@ def test_similar_log_messages_are_rate_limited() -> None:
 
 
 class Sender:
-    """A connection with ``pieces`` to parse, each of which takes ``busy_s`` of the event loop."""
+    """A connection with ``pieces`` to parse, each of which takes ``busy_s``."""
 
     def __init__(self, name: str, pieces: int, parsed: list[str], clock: list[float], busy_s: float = 0.0) -> None:
         self.name, self.left, self.parsed, self.clock, self.busy_s = name, pieces, parsed, clock, busy_s
@@ -268,7 +268,7 @@ class Sender:
 
 
 def run_with_clock(work: Any) -> list[float]:
-    """Run ``work(clock)`` on an event loop whose time also advances by the first entry of ``clock``."""
+    """Run ``work(clock)`` on an event loop whose time includes ``clock[0]``."""
     clock = [0.0]
 
     async def run() -> None:
@@ -342,7 +342,7 @@ def test_a_connection_with_unparsable_bytes_is_closed_and_others_continue() -> N
 
 @pytest.mark.parametrize("frames_per_s", [1.0, 20.0, 60.0])
 def test_the_websocket_budget_never_slows_a_page(frames_per_s: float) -> None:
-    """Rates of pings, of references from a slider, and of dragging the 3D view, for ten minutes."""
+    """Ten minutes of pings, of references from a slider, and of the 3D view."""
     budget = Budget(0.0)
     count = round(600.0 * frames_per_s)
     assert all(budget.spend(slot / frames_per_s, 1, 120) == 0.0 for slot in range(count))
@@ -432,7 +432,7 @@ def address() -> Iterator[tuple[str, int]]:
 
 @pytest.fixture
 def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Shorten the timeouts for tests that expect one; other tests keep them, as the machine may be busy."""
+    """Shorten the timeouts for tests that expect one."""
     monkeypatch.setattr(connections, "SILENCE_S", SHORT_S)
     for name in ("HEAD_S", "BODY_S", "REST_S"):
         monkeypatch.setattr(connections, name, SHORT_S)

@@ -1,4 +1,4 @@
-"""The service behind a reverse proxy: accepted hosts and origins, prefix, client address and cookie."""
+"""The service behind a reverse proxy: hosts, origins, prefix, client and cookie."""
 
 import asyncio
 import html
@@ -277,13 +277,13 @@ def address() -> Iterator[tuple[str, int]]:
 
 
 def head(path: str, *lines: str, upgrade: bool) -> bytes:
-    asked = [f"GET {path} HTTP/1.1", "Host: localhost", *lines]
+    head_lines = [f"GET {path} HTTP/1.1", "Host: localhost", *lines]
     if upgrade:
         key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ=="
-        asked += ["Connection: Upgrade", "Upgrade: websocket", key, "Sec-WebSocket-Version: 13"]
+        head_lines += ["Connection: Upgrade", "Upgrade: websocket", key, "Sec-WebSocket-Version: 13"]
     else:
-        asked += ["Connection: close"]
-    return "\r\n".join([*asked, "", ""]).encode()
+        head_lines += ["Connection: close"]
+    return "\r\n".join([*head_lines, "", ""]).encode()
 
 
 def status_of(address: tuple[str, int], words: bytes) -> int:

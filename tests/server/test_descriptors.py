@@ -1,4 +1,4 @@
-"""STOP while clients hold as many connections as possible: the service with few file descriptors."""
+"""STOP while clients hold all connections of a service with few descriptors."""
 
 import resource
 import socket
