@@ -83,7 +83,7 @@ def test_a_spring_of_the_commanded_stiffness_agrees_exactly() -> None:
     assert figures.peak_voltage_V == 2.0
 
 
-def test_delay_and_offset_are_in_the_raw_error_and_out_of_the_aligned_one() -> None:
+def test_the_aligned_error_excludes_delay_and_offset_and_the_raw_error_includes_them() -> None:
     figures = compute_compliance_metrics(pushed(delay_ms=12, offset_N=0.7), R_J, LEAD_IN_S)
     assert figures.delay_s == pytest.approx(0.012)
     # an offset and the sine's difference over 12 ms, uncorrelated: 12 N · 2 sin(π·0.5·0.012) / √2
@@ -93,7 +93,7 @@ def test_delay_and_offset_are_in_the_raw_error_and_out_of_the_aligned_one() -> N
     assert figures.rmse_aligned_N < 1e-6
 
 
-def test_another_stiffness_is_felt_and_counts_as_error() -> None:
+def test_a_different_apparent_stiffness_counts_as_error() -> None:
     figures = compute_compliance_metrics(pushed(stiffness=11.0), R_J, LEAD_IN_S)
     assert figures.stiffness_felt == pytest.approx(11.0)
     assert figures.rmse_aligned_N == pytest.approx((1.0 - 10.0 / 11.0) * 12.0 / np.sqrt(2.0), rel=0.01)
@@ -101,7 +101,7 @@ def test_another_stiffness_is_felt_and_counts_as_error() -> None:
     assert verdicts == {"rmse_aligned": False, "min_tension": True}
 
 
-def test_a_run_without_pushes_has_no_figures() -> None:
+def test_a_run_without_pushes_has_no_compliance_metrics() -> None:
     columns = {name: column[:5_000] for name, column in pushed().items()}
     with refused(NoSamplesError, "ended_before_push", start_s=LEAD_IN_S):
         compute_compliance_metrics(columns, R_J, LEAD_IN_S)
@@ -176,7 +176,7 @@ def test_force_impulse_and_static_deviation_are_those_of_the_push() -> None:
     assert [one.static for one in (step, ramp)] == pytest.approx([R_J_PUSHES * 6.0 / 10.0, R_J_PUSHES * 8.0 / 10.0])
 
 
-def test_a_peak_is_compared_with_the_answer_of_the_loop_to_the_same_force() -> None:
+def test_a_peak_is_compared_with_the_loop_response_to_the_same_force() -> None:
     plan, lam_q = plan_of(PUSHED), 0.6
     seen = columns(plan)
     loop = make_sampled_loop(IDEAL, make_cascade_tuning(IDEAL, TuningParameters(lam_q=lam_q)), 10.0).closed
@@ -195,14 +195,14 @@ def test_a_peak_is_compared_with_the_answer_of_the_loop_to_the_same_force() -> N
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
-def test_on_the_ideal_plant_peaks_are_those_expected_in_both_motions(motion: str) -> None:
+def test_push_peaks_match_the_prediction_on_the_ideal_plant_in_both_motions(motion: str) -> None:
     played = simulate_in_memory(IDEAL, plan_of(PUSHED), LoopSettings(motion=motion), lambda _: pytest.fail("no bank"))
     assert (played.metrics.find_value("pushed_off_percent") or 100.0) < 2.0
     assert 1.0 < (played.metrics.find_value("pushed_static_ratio") or 0.0) < 2.0
 
 
 @pytest.mark.parametrize("begun_with", [0.0, 0.8])
-def test_pushes_that_are_rejected_are_expected_so_from_where_on_they_are(begun_with: float) -> None:
+def test_the_push_prediction_includes_disturbance_rejection_once_it_is_active(begun_with: float) -> None:
     """A computed run learns first; the program then changes k_ext on its way. The second push is as the first one."""
     text = with_parts(HELD, STEP, REST, "{do: tuning, k_ext: 0.4}", STEP, REST, more="measures: [pushes]\n")
     settings = LoopSettings(lam_q=1.0, motion=TIME_OPTIMAL, k_ext=begun_with)
@@ -216,7 +216,7 @@ def test_pushes_that_are_rejected_are_expected_so_from_where_on_they_are(begun_w
     assert (left[1] < 0.75 * left[0]) if begun_with == 0.0 else (left[1] > 1.25 * left[0])
 
 
-def test_without_the_joint_loop_a_held_push_turns_the_joint_by_the_static_deviation() -> None:
+def test_a_held_push_causes_the_static_deviation_without_the_position_loop() -> None:
     text = with_parts(HELD, STEP, REST, more="measures: [pushes]\nlaw: compliance\n")
     played = simulate_in_memory(IDEAL, plan_of(text), LoopSettings(), lambda _: pytest.fail("no bank"))
     assert (played.metrics.find_value("pushed_off_percent") or 100.0) < 2.0
@@ -226,7 +226,7 @@ def test_without_the_joint_loop_a_held_push_turns_the_joint_by_the_static_deviat
     assert one.expected[900] == pytest.approx(one.static, rel=0.01)
 
 
-def test_how_soon_the_joint_is_back_and_why_that_is_not_known() -> None:
+def test_the_recovery_time_of_a_push_is_measured_or_has_a_reason() -> None:
     plan = plan_of(PUSHED)
     seen = columns(plan)
     seen["q"][6500:7400] = 0.05
@@ -242,7 +242,7 @@ def test_how_soon_the_joint_is_back_and_why_that_is_not_known() -> None:
     assert_reason(figures.reasons["pushed_back_s"], "no_hold_after_push")
 
 
-def test_a_push_without_prediction_is_measured_with_a_reason() -> None:
+def test_a_push_without_prediction_is_measured_and_the_missing_prediction_has_a_reason() -> None:
     law = "{name: by, kind: choice, symbol: law, meaning: law, default: single-loop, choices: [single-loop]}"
     chosen = f"settings:\n  - {law}\n"
     plan = plan_of(with_parts(HELD, STEP, REST, settings=chosen, more="law: by\nmeasures: [pushes]\n"))
@@ -252,7 +252,7 @@ def test_a_push_without_prediction_is_measured_with_a_reason() -> None:
     assert figures.pushed_peak_q == 0.0
 
 
-def test_a_run_that_ended_before_a_push_or_has_none_gives_nothing() -> None:
+def test_a_run_without_completed_pushes_has_no_push_metrics() -> None:
     plan = plan_of(PUSHED)
     early = {name: column[:6900] for name, column in columns(plan).items()}
     with refused(NoSamplesError, "pushes_not_completed"):
@@ -299,7 +299,7 @@ def test_only_constant_references_after_a_move_are_a_hold() -> None:
     assert find_hold_windows(plan.program()) == (slice(2000, 8000), slice(15000, 18000))
 
 
-def test_swings_and_distances_are_the_largest_of_all_stretches() -> None:
+def test_swing_and_deviation_are_the_maxima_over_all_holds() -> None:
     plan = plan_of(with_parts(MOVE, HOLD, BACK, HOLD))
     seen = columns_holds(plan)
     seen["q"][3000:3100] += 1.0 * COUNT
@@ -321,7 +321,7 @@ def test_swings_and_distances_are_the_largest_of_all_stretches() -> None:
     assert first.off == pytest.approx(COUNT * 100 / 3000)
 
 
-def test_where_readings_are_exact_counts_are_the_papers_and_nothing_is_granted() -> None:
+def test_exact_readings_use_the_papers_counts_without_tolerance() -> None:
     plan = plan_of(with_parts(MOVE, HOLD))
     seen = columns_holds(plan)
     seen["q"][3000:3100] += 0.3 * COUNT
@@ -330,7 +330,7 @@ def test_where_readings_are_exact_counts_are_the_papers_and_nothing_is_granted()
     assert figures.held_q_swing_counts == pytest.approx(0.3)
 
 
-def test_what_moves_before_a_stretch_is_none_of_it() -> None:
+def test_motion_before_a_hold_is_not_counted() -> None:
     plan = plan_of(with_parts(MOVE, HOLD))
     seen = columns_holds(plan)
     seen["q"][:1999] = 0.0
@@ -339,7 +339,7 @@ def test_what_moves_before_a_stretch_is_none_of_it() -> None:
     assert (figures.held_q_swing_counts, figures.held_u_swing_V, figures.held_moving_percent) == (0.0, 0.0, 0.0)
 
 
-def test_a_reading_that_is_none_is_not_at_rest() -> None:
+def test_a_nan_reading_is_not_at_rest() -> None:
     plan = plan_of(with_parts(MOVE, HOLD))
     seen = columns_holds(plan)
     seen["q"][3000] = np.nan
@@ -349,7 +349,7 @@ def test_a_reading_that_is_none_is_not_at_rest() -> None:
     assert figures.held_u_swing_V == 0.0
 
 
-def test_nothing_held_to_its_end_gives_nothing() -> None:
+def test_an_incomplete_hold_has_no_metrics() -> None:
     plan = plan_of(with_parts(MOVE, HOLD))
     early = {name: column[:-1] for name, column in columns_holds(plan).items()}
     with refused(NoSamplesError, "no_hold_completed"):
@@ -478,7 +478,7 @@ def test_the_contact_reaction_reduces_each_impulse_by_a_third_and_each_peak(name
     assert figures.reasons == {}
 
 
-def test_a_hit_is_detected_as_the_observers_poles_predict_and_the_reaction_follows_at_once() -> None:
+def test_hit_detection_follows_the_observer_poles_and_the_reaction_follows_immediately() -> None:
     driven = impacts("ideal")  # without encoder counts, noise and bias
     kept, seen = np.exp(-POLE * T_s), np.abs(driven.columns["F_wall"])
     for _ in range(3):  # p/(s + p) thrice
@@ -491,7 +491,7 @@ def test_a_hit_is_detected_as_the_observers_poles_predict_and_the_reaction_follo
         assert abs(driven.columns["F_wall"][largest]) == hit.peak_N
 
 
-def test_hits_that_were_not_felt_are_no_reaction_that_was_measured() -> None:
+def test_undetected_hits_do_not_count_as_measured_reactions() -> None:
     program = Program(
         Law.CASCADE, (Segment(2.0, 0.0, 8.0, contact_detection=1),), contact_detections=(ContactDetection(1.5),)
     )
@@ -506,7 +506,7 @@ def test_hits_that_were_not_felt_are_no_reaction_that_was_measured() -> None:
     assert_reason(figures.reasons["felt_after_s"], "hits_without_reaction", missed=2, hits=2)
 
 
-def test_hits_with_reaction_and_none_like_them_without_are_compared_with_nothing() -> None:
+def test_hits_with_reaction_are_not_compared_without_matching_plain_hits() -> None:
     segments = (Segment(1.0, 0.0, 8.0), Segment(1.0, 0.0, 12.0, contact_detection=1))
     program = Program(Law.CASCADE, segments, contact_detections=(ContactDetection(1.5),))
     seen = columns_impact((8.0, 0.3, 4.0), (12.0, 0.3, 5.0))
@@ -545,7 +545,7 @@ def columns_impact(*hits: tuple[float, float, float], ticks: int = 1000) -> dict
     }
 
 
-def test_a_hit_has_its_peak_its_impulse_with_all_bounces_and_its_speed() -> None:
+def test_a_hit_has_a_peak_a_speed_and_an_impulse_that_includes_all_bounces() -> None:
     soft, stiff = find_hits(columns_impact((8.0, 0.3, 4.0), (12.0, 0.3, 5.0)))
     assert (soft.window, stiff.window) == (slice(500, 750), slice(1500, 1750))
     assert (soft.S_ref, stiff.S_ref, soft.contact_s) == (8.0, 12.0, 0.2)
@@ -574,7 +574,7 @@ def test_a_hit_has_its_peak_its_impulse_with_all_bounces_and_its_speed() -> None
         ),
     ],
 )
-def test_hits_that_are_not_alike_are_not_compared_and_say_why(
+def test_unlike_hits_are_not_compared_and_have_a_reason(
     hits: tuple[tuple[float, float, float], ...], code: str, values: dict[str, object]
 ) -> None:
     figures = compute_impact_metrics(columns_impact(*hits))
@@ -583,14 +583,14 @@ def test_hits_that_are_not_alike_are_not_compared_and_say_why(
     assert figures.reasons["soft_to_stiff_impulse"] == figures.reasons["soft_to_stiff_peak"]
 
 
-def test_a_touch_as_the_record_begins_has_no_speed_and_is_compared_with_nothing() -> None:
+def test_a_contact_at_the_start_of_the_record_has_no_speed_and_is_not_compared() -> None:
     early = {name: column[499:] for name, column in columns_impact((8.0, 0.3, 4.0), (15.0, 0.3, 5.0)).items()}
     assert np.isnan(find_hits(early)[0].speed)
     assert compute_impact_metrics(early).soft_to_stiff_peak is None
 
 
 @pytest.mark.parametrize("force", [0.0, np.nan, None])
-def test_without_a_wall_without_a_hit_and_before_there_were_walls_there_is_nothing_to_measure(
+def test_impact_metrics_are_rejected_without_a_hit_or_an_obstacle_column(
     force: float | None,
 ) -> None:
     seen = columns_impact((8.0, 0.3, 4.0))

@@ -86,7 +86,7 @@ def result(
 
 
 @pytest.mark.parametrize("measure", Measure)
-def test_each_measure_gives_the_figures_that_criteria_may_name(measure: Measure) -> None:
+def test_each_measure_yields_the_metrics_that_criteria_may_name(measure: Measure) -> None:
     parts = {
         Measure.LOADS: ("{do: load, load_A: 0.2, duration_s: 0.5}",),
         Measure.RESPONSE: ("{do: multisine, q_amplitude: 0.1, period_s: 1, lines: 3}",),
@@ -125,12 +125,12 @@ def test_a_failed_measure_has_a_reason_and_does_not_affect_others() -> None:
 
 
 @pytest.mark.parametrize("measure", [measure for measure in Measure if measure is not Measure.STEPS])
-def test_a_run_of_which_nothing_could_be_measured_has_no_result(measure: Measure) -> None:
+def test_a_run_without_any_measurement_has_no_result(measure: Measure) -> None:
     with pytest.raises(NoSamplesError):
         result(plan(*STEPS, measures=(measure,)))
 
 
-def test_nothing_passes_that_was_not_seen_whole_and_what_fails_still_does() -> None:
+def test_an_incomplete_run_passes_no_criterion_and_failed_criteria_stay_failed() -> None:
     bounds = (Bound(figure="min_tension_N", above=4.0), Bound(figure="peak_voltage_V", below=1.5))
     made = plan(*STEPS, measures=(Measure.STEPS,), criteria=bounds)
     early: dict[str, object] = {"played_s": 1.5, "planned_s": 2.0}
@@ -172,7 +172,7 @@ def judged(
         ({"below": 0.0}, "<", 0.0, False),
     ],
 )
-def test_a_bound_speaks_of_settings_plant_and_tuning(
+def test_a_bound_may_use_settings_plant_and_tuning(
     bound: dict[str, Any], relation: str, limit: float, passed: bool
 ) -> None:
     lambdas = TuningParameters(lam_q=0.7, lam_S=0.9, lam_motor=0.05)
@@ -180,7 +180,7 @@ def test_a_bound_speaks_of_settings_plant_and_tuning(
     assert (criterion.relation, criterion.bound, criterion.passed) == (relation, pytest.approx(limit), passed)
 
 
-def test_a_bound_may_be_another_on_the_ideal_plant() -> None:
+def test_a_bound_may_differ_on_the_ideal_plant() -> None:
     bound = Bound(figure="min_tension_N", above="5.5 if ideal else 4.5")
     assert (judged(bound, parameters="ideal").passed, judged(bound, parameters="lab").passed) == (False, True)
 
@@ -193,13 +193,13 @@ def test_a_criterion_has_its_own_name_or_that_of_its_metric() -> None:
     assert (named.name, named.title, named.unit) == ("taut", "Taut", "N")
 
 
-def test_a_bound_without_a_value_passes_nothing() -> None:
+def test_a_criterion_with_an_unevaluable_bound_does_not_pass() -> None:
     criterion = judged(Bound(figure="min_tension_N", above="1 / (depth - 0.5)"))
     assert criterion.passed is None
     assert_reason(criterion.reason, "bound_not_evaluated")
 
 
-def test_a_figure_that_was_not_measured_is_judged_with_its_reason() -> None:
+def test_the_criterion_of_an_unmeasured_metric_has_the_reason_of_the_metric() -> None:
     lacking = replace(FIGURE, value=None, reason="it never settled")
     criterion = judged(Bound(figure="min_tension_N", above=4.0), lacking)
     assert (criterion.passed, criterion.figure, criterion.reason) == (None, None, "it never settled")
@@ -230,7 +230,7 @@ def test_a_figure_that_was_not_measured_is_judged_with_its_reason() -> None:
         ({"figure": "rmse_q", "below": 1.0, "above": 0.0}, "not_exactly_one_bound", {}, 30),
     ],
 )
-def test_a_criterion_that_no_run_could_be_judged_by_is_refused(
+def test_an_unmeasurable_criterion_is_rejected(
     bound: dict[str, Any], code: str, values: dict[str, object], line: int
 ) -> None:
     made: Experiment = plan(*STEPS, measures=(Measure.STEPS,), criteria=(Bound(**bound),)).experiment
@@ -242,7 +242,7 @@ def test_a_criterion_that_no_run_could_be_judged_by_is_refused(
     assert refused.value.line == line
 
 
-def test_every_measure_has_figures() -> None:
+def test_every_measure_has_metrics() -> None:
     assert set(METRICS_BY_MEASURE) == set(Measure)
     assert all(list_metric_names((measure,)) for measure in Measure)
 
@@ -301,6 +301,6 @@ def test_a_failed_evaluation_is_stored_with_the_run_until_one_succeeds(tmp_path:
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_parameters_come_back_from_their_stored_document(name: str) -> None:
+def test_parameters_are_unchanged_after_storage_as_a_document(name: str) -> None:
     parameters = load_parameters(name)
     assert parse_parameters(name, json.loads(json.dumps(parameters.to_document()))) == parameters

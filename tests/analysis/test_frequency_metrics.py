@@ -95,7 +95,7 @@ def test_a_first_order_lag_is_found_line_by_line() -> None:
 
 
 @pytest.mark.parametrize("lag_s", [0.15, 0.4, 1.0])
-def test_the_bandwidth_of_a_lag_is_one_over_its_time(lag_s: float) -> None:
+def test_the_bandwidth_of_a_lag_is_the_inverse_of_its_time_constant(lag_s: float) -> None:
     program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
     figures = compute_response_metrics(columns_of(program, lag_q=lag_s), program)
     assert figures.bandwidth_q_Hz == pytest.approx(1.0 / (2.0 * np.pi * lag_s), rel=0.003)
@@ -113,7 +113,7 @@ def test_the_bandwidth_of_a_lag_is_one_over_its_time(lag_s: float) -> None:
         "{do: prbs, S_amplitude: 0.5, chip_s: 0.1, bits: 10, periods: 2}",
     ],
 )
-def test_a_sweep_and_a_sequence_estimate_the_same(part: str) -> None:
+def test_a_sweep_and_a_prbs_give_the_same_response(part: str) -> None:
     program = plan_of(with_parts(LEAD_IN, part, "{do: hold, duration_s: 4}")).program()
     (found,) = compute_responses(columns_of(program), program)
     inner = (found.f > 0.1) & (found.f < 3.0)
@@ -128,14 +128,14 @@ def test_a_bandwidth_above_the_highest_line_has_a_reason() -> None:
     assert_reason(figures.reasons["bandwidth_q_Hz"], "bandwidth_above_lines", highest_Hz=pytest.approx(3.0))
 
 
-def test_a_response_that_was_not_played_to_its_end_is_not_measured() -> None:
+def test_the_response_to_an_incomplete_excitation_is_not_measured() -> None:
     program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
     early = {name: column[:-10] for name, column in columns_of(program).items()}
     with refused(NoSamplesError, "no_excitation_completed"):
         compute_response_metrics(early, program)
 
 
-def test_both_references_at_once_are_no_response_of_one() -> None:
+def test_an_excitation_of_both_references_is_not_listed() -> None:
     program = plan_of(with_parts(LEAD_IN, MULTISINE.replace("q_amplitude: 0.1", "q_amplitude: 0.1, S_amplitude: 0.5")))
     assert list_excitations(program.program()) == ()
 
@@ -154,7 +154,7 @@ def test_a_joint_without_motion_or_samples_has_no_response(q: float, code: str) 
         assert_reason(figures.reasons[name], code)
 
 
-def test_an_excitation_right_after_a_sine_is_one_of_its_own_reference() -> None:
+def test_an_excitation_directly_after_a_sine_is_assigned_to_its_own_reference() -> None:
     sine = "{do: sine, q_amplitude: 0.2, period_s: 2, duration_s: 4}"
     program = plan_of(with_parts(LEAD_IN, sine, MULTISINE.replace("q_amplitude: 0.1", "S_amplitude: 0.5"))).program()
     assert [one.signal for one in list_excitations(program)] == ["S"]
@@ -165,7 +165,7 @@ def lags(f: Array, lag_s: float, count: int) -> NDArray[np.complex128]:
 
 
 @pytest.mark.parametrize(("count", "within"), [(1, 0.001), (2, 0.011), (4, 0.02)])
-def test_the_bandwidth_does_not_hang_on_where_the_lines_are(count: int, within: float) -> None:
+def test_the_bandwidth_does_not_depend_on_the_frequencies_of_the_lines(count: int, within: float) -> None:
     """From lines far below the bandwidth to a lowest one at which the gain is 0.6: equal lags, in closed form."""
     lag_s = 0.5
     exact = np.sqrt(2.0 ** (1.0 / count) - 1.0) / (2.0 * np.pi * lag_s)
@@ -187,7 +187,7 @@ def test_a_bandwidth_far_below_the_lowest_line_is_not_measured() -> None:
     assert_reason(reason, "bandwidth_below_lines", gain=pytest.approx(0.29, abs=0.005), lowest_Hz=0.5)
 
 
-def test_the_resonance_is_that_over_the_gain_at_rest() -> None:
+def test_the_resonance_is_relative_to_the_static_gain() -> None:
     f = np.linspace(0.05, 3.0, 400)
     s = 2j * np.pi * f
     peaked = Response("q", f, np.asarray(1.0 / ((s / 6.0) ** 2 + 0.4 * s / 6.0 + 1.0)))
@@ -227,7 +227,7 @@ def played(parameters: str, **tuning: Any) -> SimulatedRun:
 
 
 @pytest.mark.parametrize("motion", [LAMBDA, TIME_OPTIMAL])
-def test_on_the_ideal_plant_what_is_measured_is_what_was_predicted(motion: str) -> None:
+def test_the_measured_response_matches_the_prediction_on_the_ideal_plant(motion: str) -> None:
     metrics = played("ideal", motion=motion, lam_q=0.42).metrics
     for signal in ("q", "S"):
         gain, phase = metrics.find_value(f"gain_off_{signal}_dB"), metrics.find_value(f"phase_off_{signal}_deg")
@@ -263,7 +263,7 @@ def bandwidth_by_hand() -> float:
 
 
 @pytest.mark.parametrize("period_s", [4, 8, 16, 32])
-def test_the_bandwidth_does_not_hang_on_the_period_of_the_excitation(period_s: float) -> None:
+def test_the_bandwidth_does_not_depend_on_the_period_of_the_excitation(period_s: float) -> None:
     truth = bandwidth_by_hand()
     assert truth == pytest.approx(0.2249, rel=0.003)
     lead_in = "{do: step, q_ref: 0.0, S_ref: 11.0, duration_s: 4}"
@@ -275,7 +275,7 @@ def test_the_bandwidth_does_not_hang_on_the_period_of_the_excitation(period_s: f
     assert metrics.find_value("resonance_q_dB") == 0.0
 
 
-def test_lines_above_the_predicted_bandwidth_do_not_tell_how_far_off_it_is() -> None:
+def test_lines_above_the_predicted_bandwidth_give_no_deviation_from_the_prediction() -> None:
     in_force = made(LEAD_IN, MULTISINE_BODE.replace("period_s: 4", "period_s: 2"))
     told = figures(in_force, seen(in_force, lag_q=0.7))
     assert (told.bandwidth_q_Hz, told.gain_off_q_dB, told.phase_off_q_deg) == (None, None, None)
@@ -284,7 +284,7 @@ def test_lines_above_the_predicted_bandwidth_do_not_tell_how_far_off_it_is() -> 
     assert told.bandwidth_q_predicted_Hz == pytest.approx(0.225, abs=0.002)
 
 
-def test_on_the_lab_plant_the_prediction_is_off_by_friction_and_the_lines_repeat() -> None:
+def test_friction_shifts_the_lab_response_from_the_prediction_and_the_lines_repeat() -> None:
     metrics = played("lab").metrics
     assert 0.1 < (metrics.find_value("gain_off_q_dB") or 0.0) < 1.0
     assert 0.0 < (metrics.find_value("unlike_q_percent") or 0.0) < 3.0
@@ -309,7 +309,7 @@ def test_a_lag_is_measured_line_by_line_and_compared_with_its_prediction() -> No
     assert_reason(told.reasons["gain_off_S_dB"], "reference_not_excited", signal="S")
 
 
-def test_a_line_that_does_not_repeat_is_not_measured_and_the_others_are() -> None:
+def test_only_a_line_that_does_not_repeat_is_not_measured() -> None:
     in_force = made(LEAD_IN, MULTISINE_BODE)
     columns = seen(in_force)
     t = np.arange(columns["q"].size) * T_s
@@ -320,7 +320,7 @@ def test_a_line_that_does_not_repeat_is_not_measured_and_the_others_are() -> Non
     assert figures(in_force, columns).unlike_q_percent == pytest.approx(0.0, abs=1.0)
 
 
-def test_what_no_line_explains_is_the_residual() -> None:
+def test_the_residual_is_the_motion_outside_all_lines() -> None:
     in_force = made(LEAD_IN, MULTISINE_BODE)
     columns = seen(in_force)
     size = float(np.std(columns["q"][-4000:]))
@@ -330,7 +330,7 @@ def test_what_no_line_explains_is_the_residual() -> None:
 
 
 @pytest.mark.parametrize("limit", [Limit.VOLTAGE_B, Limit.GOVERNOR, Limit.TENSION_FLOOR])
-def test_where_a_limit_acted_nothing_is_measured(limit: Limit) -> None:
+def test_an_excitation_during_an_active_limit_is_not_measured(limit: Limit) -> None:
     in_force = made(LEAD_IN, MULTISINE_BODE)
     columns = seen(in_force)
     columns["limits"][13_000:13_020] = float(limit)
@@ -344,7 +344,7 @@ def test_where_a_limit_acted_nothing_is_measured(limit: Limit) -> None:
     assert figures(in_force, columns).bandwidth_q_Hz is not None
 
 
-def test_a_trajectory_is_no_limit_and_beyond_its_voltage_there_is_no_prediction() -> None:
+def test_a_trajectory_is_not_a_limit_and_has_no_prediction_above_its_voltage_limit() -> None:
     for amplitude, code in ((0.02, ""), (1.0, "excitation_above_voltage_limit")):
         in_force = made(
             LEAD_IN, MULTISINE_BODE.replace("0.1", str(amplitude)), tuning=TuningSettings(motion=TIME_OPTIMAL)
@@ -358,7 +358,7 @@ def test_a_trajectory_is_no_limit_and_beyond_its_voltage_there_is_no_prediction(
         assert (told.gain_off_q_dB is None) is bool(code)
 
 
-def test_two_periods_do_not_tell_how_a_line_repeats() -> None:
+def test_two_periods_are_too_few_to_measure_the_repeatability_of_a_line() -> None:
     in_force = made(LEAD_IN, MULTISINE_BODE.replace("periods: 3", "periods: 2"))
     told = figures(in_force, seen(in_force))
     assert told.unlike_q_percent is None
@@ -378,7 +378,7 @@ def test_the_coherence_of_a_sweep_measures_its_quality() -> None:
     assert noisy.measured.sum() < clean.measured.sum()
 
 
-def test_a_change_of_lambda_changes_the_prediction_and_another_bank_has_none() -> None:
+def test_the_prediction_follows_a_change_of_lambda_and_is_missing_for_another_bank() -> None:
     tuned = made(LEAD_IN, "{do: tuning, lam_q: 1.0}", MULTISINE_BODE)
     plain = made(LEAD_IN, MULTISINE_BODE, tuning=TuningSettings(lam_q=1.0))
     slow, same = (build_bode_lines(seen(one), one.plan.program(), one)[0] for one in (tuned, plain))
@@ -394,7 +394,7 @@ def test_a_change_of_lambda_changes_the_prediction_and_another_bank_has_none() -
     assert told.bandwidth_q_Hz is not None
 
 
-def test_a_bank_that_cannot_be_read_and_a_tuning_of_other_bounds_spoil_no_result() -> None:
+def test_an_unreadable_bank_or_an_out_of_range_tuning_does_not_prevent_a_result() -> None:
     broken = Bank(3, "old", 1, "", "A. Operator", datetime.now(UTC), (BankEntry(10.0, {"version": 99}),))
     assert load_bank_points(broken) == ()
     assert load_initial_tuning(StoredLoopSettings(lam_q=0.6, lam_motor=0.0258, seed=4)) == TuningSettings(
@@ -402,7 +402,7 @@ def test_a_bank_that_cannot_be_read_and_a_tuning_of_other_bounds_spoil_no_result
     )
 
 
-def test_what_was_not_played_to_its_end_is_not_measured() -> None:
+def test_an_incomplete_excitation_is_not_measured() -> None:
     in_force = made(LEAD_IN, MULTISINE_BODE)
     early = {name: column[:-10] for name, column in seen(in_force).items()}
     with refused(NoSamplesError, "no_excitation_completed"):

@@ -201,14 +201,14 @@ def test_the_report_names_the_estimator_of_each_channel(found: Identification, r
     assert f"Method: {named}." in words_of(report_of(found, record))
 
 
-def test_a_report_of_what_was_stored_before_names_both_too(
+def test_the_report_of_an_earlier_identification_names_the_method_of_both_channels(
     found: Identification, record: dict[str, np.ndarray]
 ) -> None:
     old = replace(found, method=found.model["G_S"]["method"])
     assert f"Method: {found.method}." in words_of(report_of(old, record))
 
 
-def test_the_papers_arx_names_itself_in_model_estimate_report_and_bank(
+def test_model_estimate_report_and_bank_name_the_papers_arx_method(
     by_arx: Identification, record: dict[str, np.ndarray]
 ) -> None:
     """A bank says of each entry what its identification was estimated by."""
@@ -224,7 +224,7 @@ def test_the_papers_arx_names_itself_in_model_estimate_report_and_bank(
 
 @pytest.mark.parametrize("estimator", ["found", "by_arx"])
 @pytest.mark.parametrize("key", CHANNELS)
-def test_the_data_file_gives_the_same_estimate_by_the_command_in_the_report(
+def test_the_command_in_the_report_reproduces_the_estimate_from_the_data_file(
     key: ChannelName,
     estimator: str,
     request: pytest.FixtureRequest,
@@ -301,7 +301,9 @@ def outcome(found: Identification) -> tuple[str, str]:
     ("wander_rad", "grade", "passed"),
     [(0.002, Grade.USABLE, "passed"), (0.2, Grade.CAUTION, "incomplete"), (12.0, Grade.UNUSABLE, "failed")],
 )
-def test_store_and_report_say_the_grade_that_the_errors_give(wander_rad: float, grade: Grade, passed: str) -> None:
+def test_database_and_report_contain_the_grade_that_follows_from_the_errors(
+    wander_rad: float, grade: Grade, passed: str
+) -> None:
     found = stored_grades(wander_rad)
     for side in ("A", "B"):
         errors = [
@@ -314,7 +316,7 @@ def test_store_and_report_say_the_grade_that_the_errors_give(wander_rad: float, 
     assert outcome(found) == (passed, found.verdict)
 
 
-def test_a_document_without_a_grade_gets_the_one_that_its_figures_give() -> None:
+def test_the_grade_of_an_old_document_is_derived_from_its_errors() -> None:
     found = stored_grades(12.0)
     side = {**found.quality["A"], "verdict": "Usable: standard errors of K_m and T_m within ±85 %."}
     del side["grade"]
@@ -340,7 +342,9 @@ def test_a_motor_can_be_unusable(K_m: float, T_m: float, spread: float, counts: 
     assert judge_motor(K_m, T_m, spread, counts, misfit) is Grade.UNUSABLE
 
 
-def test_a_note_with_the_word_completed_completes_nothing(tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_the_word_completed_in_a_note_does_not_mark_a_run_as_completed(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
     lab = load_parameters("lab")
     database = open_database(tmp_path_factory.mktemp("noted"))
     try:
@@ -444,7 +448,7 @@ def test_bank_command_line_and_report_name_the_same_runs(database: Database, tmp
     ]
 
 
-def test_a_bank_is_built_from_the_newest_estimate_of_a_run_and_refusals_name_the_run(database: Database) -> None:
+def test_a_bank_uses_the_newest_estimate_of_a_run_and_rejections_name_the_run(database: Database) -> None:
     with database.session() as session:
         again = identifications.add(session, estimate(5))
         identifications.add(session, estimate(6, usable=False))

@@ -33,7 +33,7 @@ def by_name(criteria: tuple[RunCriterion, ...]) -> dict[str, RunCriterion]:
     return {item.name: item for item in criteria}
 
 
-def test_holds_too_short_for_any_step_pass_nothing_but_the_tension() -> None:
+def test_holds_that_are_too_short_for_steps_pass_only_the_tension_criterion() -> None:
     criteria = by_name(tracking_criteria(measured(SHORT_HOLDS), "ideal"))
     assert {name: item.passed for name, item in criteria.items()} == {
         "overshoot_q": None,
@@ -57,7 +57,7 @@ def test_a_step_that_begins_in_motion_has_no_metrics() -> None:
         assert_reason(result.reasons[name], "began_away_from_start", share=pytest.approx(begins_at))
 
 
-def test_a_signal_that_only_passes_by_is_not_at_rest() -> None:
+def test_a_signal_that_passes_the_initial_value_in_motion_is_not_at_rest() -> None:
     """It is where the step begins at that very moment, at 2 of its lengths a second."""
     t = np.arange(0, 8, T_s)
     before = -2.0 * T_s * np.arange(100, 0, -1, dtype=float)
@@ -67,7 +67,7 @@ def test_a_signal_that_only_passes_by_is_not_at_rest() -> None:
     assert compute_step_metrics(t, double_lag(t, 0.5), step(), np.zeros(100)).rise_s is not None
 
 
-def test_overshoot_needs_a_step_that_came_to_rest_or_that_overshot() -> None:
+def test_overshoot_requires_a_step_that_settled_or_overshot() -> None:
     t = np.arange(0, 1.5, T_s)
     short = compute_step_metrics(t, double_lag(t, 0.5), step(end_s=1.5))
     came_to = 1 - 4 * math.exp(-3)  # 1 − (1 + x) exp(−x) at x = 3
@@ -80,7 +80,7 @@ def test_overshoot_needs_a_step_that_came_to_rest_or_that_overshot() -> None:
     assert compute_step_metrics(t, rings, step(end_s=1.5)).overshoot_percent == pytest.approx(30, abs=0.1)
 
 
-def test_what_is_left_of_the_motion_before_is_no_coupling() -> None:
+def test_the_remainder_of_the_previous_motion_does_not_count_as_coupling() -> None:
     """λ_q = 1 s and 3 s: after three λ a fifth of the last q step is still to go when S begins to step."""
     plan = build_ready_plan("tracking", q_duration_s=3.0, S_duration_s=8.0)
     columns = tracked(plan, lam_q=1.0)
@@ -96,7 +96,7 @@ def test_what_is_left_of_the_motion_before_is_no_coupling() -> None:
     assert_reason(metrics.reasons["deviation_q"], "steps_not_measured", missing=1, steps=5)
 
 
-def test_every_figure_that_is_missing_has_a_reason() -> None:
+def test_every_missing_metric_has_a_reason() -> None:
     for plan in (SHORT_HOLDS, build_ready_plan("tracking", q_duration_s=0.5, S_duration_s=0.5)):
         metrics = measured(plan)
         for name, value in vars(metrics.overall).items():
@@ -106,7 +106,7 @@ def test_every_figure_that_is_missing_has_a_reason() -> None:
                 assert getattr(item, name) is not None or item.reasons[name], name
 
 
-def test_a_step_that_breaks_a_bound_fails_it_whatever_others_could_not_show() -> None:
+def test_a_step_beyond_a_bound_fails_the_criterion_even_if_other_steps_are_not_measured() -> None:
     columns = tracked(SHORT_HOLDS)
     swings = (columns["t"] > 2.0) & (columns["t"] < 3.5)
     columns["q"] = np.where(swings, math.pi / 3 * 1.1, columns["q"])
@@ -116,7 +116,7 @@ def test_a_step_that_breaks_a_bound_fails_it_whatever_others_could_not_show() ->
     assert failed.figure == pytest.approx(10.0)
 
 
-def test_a_recording_with_holes_and_a_signal_that_is_no_number_pass_nothing() -> None:
+def test_a_recording_with_gaps_or_nan_samples_passes_no_criterion() -> None:
     metrics = measured(build_ready_plan("tracking"))
     whole = tracking_criteria(metrics, "ideal")
     assert all(item.passed for item in whole)
@@ -157,7 +157,7 @@ def test_without_pushes_the_stiffness_is_not_measured() -> None:
     assert criteria["min_tension"].passed
 
 
-def test_a_delay_at_the_end_of_what_was_looked_at_is_no_delay() -> None:
+def test_a_delay_at_the_search_limit_is_not_measured() -> None:
     figures = compute_compliance_metrics(pushed(delay_ms=60), R_J, LEAD_IN_S)
     assert figures.delay_s is None
     assert_reason(figures.reasons["delay_s"], "delay_at_search_limit", limit_s=0.04)

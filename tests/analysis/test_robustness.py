@@ -76,7 +76,7 @@ def linear_turn(parameters: PlantParameters, columns: RobustnessColumns, side: s
 
 
 @pytest.mark.parametrize(("side", "load_s"), [("A", LEAD_IN_S), ("B", LEAD_IN_S + 2.0 * HOLD_S)])
-def test_both_motors_answer_the_load_as_the_linear_loop_does(
+def test_both_motors_respond_to_the_load_like_the_linear_loop(
     ideal: PlantParameters, columns: RobustnessColumns, side: str, load_s: float
 ) -> None:
     """Within what tendons and sampling add, a few per cent of the largest turn."""
@@ -87,7 +87,7 @@ def test_both_motors_answer_the_load_as_the_linear_loop_does(
     assert np.max(np.abs(expected)) > 0.05
 
 
-def test_the_integral_part_made_up_for_the_load_and_the_voltage_was_enough(
+def test_the_integral_part_compensates_the_load_within_the_voltage_limit(
     ideal: PlantParameters, columns: RobustnessColumns
 ) -> None:
     found = compute_robustness_metrics(columns, STEPS, 0.0)
@@ -99,13 +99,13 @@ def test_the_integral_part_made_up_for_the_load_and_the_voltage_was_enough(
     assert all(item.passed for item in robustness_criteria(found, LAM))
 
 
-def test_the_load_is_on_as_planned(columns: RobustnessColumns) -> None:
+def test_the_load_acts_at_the_planned_time(columns: RobustnessColumns) -> None:
     error = np.abs(columns["theta_A_ref"] - columns["theta_A"])
     before, after = round(LEAD_IN_S / T_s), round((LEAD_IN_S + 0.3) / T_s)
     assert np.max(error[before - 1000 : before]) < 0.02 * np.max(error[before:after])
 
 
-def test_a_deviation_that_does_not_end_or_is_lost_in_the_encoder_passes_nothing(columns: RobustnessColumns) -> None:
+def test_a_lasting_or_unresolvable_deviation_passes_no_criterion(columns: RobustnessColumns) -> None:
     lasting = {**columns, "theta_A": columns["theta_A"] + 0.1 * (np.arange(columns["q"].size) > LEAD_IN_S / T_s)}
     coarse = compute_robustness_metrics(columns, STEPS, 1.0)
     for found, code, values in (
@@ -118,7 +118,9 @@ def test_a_deviation_that_does_not_end_or_is_lost_in_the_encoder_passes_nothing(
 
 
 @pytest.mark.parametrize("lam", [0.05, LAM, 0.2])
-def test_the_bound_is_twice_what_the_linear_loop_takes_at_any_lambda(ideal: PlantParameters, lam: float) -> None:
+def test_the_bound_is_twice_the_recovery_time_of_the_linear_loop_at_any_lambda(
+    ideal: PlantParameters, lam: float
+) -> None:
     law, motor = make_motor_loops(ideal, lam).A, ideal.make_dynamics().motor_A
     behind = np.polymul([motor.tau_e, 1.0], [law.t_f, 1.0, 0.0])
     rest = motor.K_t * np.array([law.k_d, law.k_p, law.k_i])
@@ -131,7 +133,7 @@ def test_the_bound_is_twice_what_the_linear_loop_takes_at_any_lambda(ideal: Plan
     assert 18.0 * lam == pytest.approx(2.0 * back_s, rel=0.02)
 
 
-def test_a_motor_that_rests_off_its_reference_fails_with_its_deviation(tmp_path: Path) -> None:
+def test_a_motor_at_rest_off_its_reference_fails_and_its_deviation_is_reported(tmp_path: Path) -> None:
     """On ``lab`` motors rest off their references under the load, while q and S are at theirs."""
     plan = build_ready_plan("robustness", hold_s=3.5)
     with closing(open_database(tmp_path)) as database:
@@ -154,7 +156,7 @@ def test_a_motor_that_rests_off_its_reference_fails_with_its_deviation(tmp_path:
     assert any(f"lower bound: {back.reason}" in cell for cell in cells_of(report))
 
 
-def test_a_run_that_ended_before_both_were_loaded_gives_nothing(columns: RobustnessColumns) -> None:
+def test_a_run_that_ended_before_both_loads_has_no_robustness_metrics(columns: RobustnessColumns) -> None:
     early = {name: column[:-3000] for name, column in columns.items()}
     with refused(NoSamplesError, "loads_not_completed"):
         compute_robustness_metrics(early, STEPS, 0.0)
@@ -172,7 +174,9 @@ def test_the_report_has_measurements_and_loads(source: RunData) -> None:
 
 
 @pytest.mark.parametrize(("figure", "code"), [(np.nan, "no_motor_angle"), (0.0, "motor_moved_too_little")])
-def test_what_is_no_deviation_at_all_passes_nothing(columns: RobustnessColumns, figure: float, code: str) -> None:
+def test_a_missing_or_invalid_deviation_passes_no_criterion(
+    columns: RobustnessColumns, figure: float, code: str
+) -> None:
     still = {**columns, "theta_A": columns["theta_A_ref"] + figure}
     found = compute_robustness_metrics(still, STEPS, 0.0)
     back = robustness_criteria(found, LAM)[0]
@@ -189,9 +193,7 @@ def test_what_is_no_deviation_at_all_passes_nothing(columns: RobustnessColumns, 
         *(("F_push", figure) for figure in (math.nan, math.inf)),  # of either sign where it is a number
     ],
 )
-def test_what_no_plant_can_be_loaded_with_is_refused_before_anything_moves(
-    ideal: PlantParameters, quantity: str, figure: float
-) -> None:
+def test_an_invalid_load_is_rejected_before_motion(ideal: PlantParameters, quantity: str, figure: float) -> None:
     bench = BenchTop(ideal)
     bench.run()
     loaded: dict[str, Any] = {quantity: figure}
@@ -213,7 +215,7 @@ class WithoutPushes(Simulator):
     pushes = False
 
 
-def test_a_rig_that_is_pushed_by_hand_refuses_pushes_before_anything_moves(ideal: PlantParameters) -> None:
+def test_a_rig_without_simulated_pushes_rejects_a_push_before_motion(ideal: PlantParameters) -> None:
     """Also those late in a program: they ended it midway, in a fault."""
     late = Program(Law.COMPLIANCE, (Segment(5.0, 0.0, 10.0), Segment(1.0, 0.0, 10.0, F_push=5.0, shape=Shape.RAMP)))
     for plant, answer in ((WithoutPushes(ideal), Refused), (Simulator(ideal), Accepted)):
@@ -232,7 +234,7 @@ class WithoutLoads(Simulator):
     loads_shafts = False
 
 
-def test_a_rig_that_cannot_load_its_shafts_refuses_in_words_before_anything_moves(ideal: PlantParameters) -> None:
+def test_a_rig_without_shaft_loads_rejects_a_load_before_motion_with_a_message(ideal: PlantParameters) -> None:
     for plant, answer in ((WithoutLoads(ideal), Refused), (Simulator(ideal), Accepted)):
         bench = BenchTop(ideal, plant=plant)
         bench.run()
@@ -242,7 +244,7 @@ def test_a_rig_that_cannot_load_its_shafts_refuses_in_words_before_anything_move
             assert_reason(told.reason, "plant_without_shaft_load")
 
 
-def test_a_stopped_program_leaves_no_load_behind(ideal: PlantParameters) -> None:
+def test_a_stopped_program_removes_its_load(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.run()
     assert isinstance(bench.send(RunProgram(PLAN.program(), 1)), Accepted)
@@ -253,7 +255,7 @@ def test_a_stopped_program_leaves_no_load_behind(ideal: PlantParameters) -> None
     assert bench.plant.simulated.get().load == (0.0, 0.0)
 
 
-def test_it_is_offered_with_the_papers_load() -> None:
+def test_the_robustness_experiment_defaults_to_the_papers_load() -> None:
     offered = experiments_by_name()["robustness"].default_plan
     assert isinstance(offered, ExperimentPlan)
     r_m = load_parameters("lab").geometry.r_m

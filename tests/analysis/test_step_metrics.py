@@ -55,7 +55,7 @@ def step(before: float = 0.0, after: float = 1.0, end_s: float = 8.0) -> Referen
 
 @pytest.mark.parametrize("lam", [0.25, 0.5, 0.9])
 @pytest.mark.parametrize(("before", "after"), [(0.0, 1.0), (1.0, -1.0), (14.0, 8.0)])
-def test_double_lag_gives_its_rise_and_settling_times(lam: float, before: float, after: float) -> None:
+def test_rise_and_settling_times_of_a_double_lag_are_exact(lam: float, before: float, after: float) -> None:
     t = np.arange(0, 8, T_s)
     result = compute_step_metrics(t, before + (after - before) * double_lag(t, lam), step(before, after))
 
@@ -70,7 +70,7 @@ def test_double_lag_gives_its_rise_and_settling_times(lam: float, before: float,
 
 
 @pytest.mark.parametrize("zeta", [0.3, 0.5, 0.7])
-def test_second_order_gives_its_overshoot(zeta: float) -> None:
+def test_the_overshoot_of_a_second_order_system_is_exact(zeta: float) -> None:
     t = np.arange(0, 8, T_s)
     result = compute_step_metrics(t, -2 * second_order(t, zeta, 6.0), step(0.0, -2.0))
     assert result.overshoot_percent == pytest.approx(100 * math.exp(-math.pi * zeta / math.sqrt(1 - zeta**2)), abs=1e-3)
@@ -100,7 +100,7 @@ def counted(first: int, last: int, last_bit: int) -> tuple[Array, Array]:
 
 @LAST_BIT
 @pytest.mark.parametrize("side", [1, -1])
-def test_a_joint_that_rests_at_90_percent_has_reached_it(side: int, last_bit: int) -> None:
+def test_a_joint_at_rest_at_90_percent_has_reached_90_percent(side: int, last_bit: int) -> None:
     """90 % of π/3 are 600 counts: the encoder turns to 600 where the joint passes 599.5."""
     t, y = counted(0, 600 * side, last_bit)
     result = compute_step_metrics(t, y, step(0.0, side * math.pi / 3), count=COUNT)
@@ -110,7 +110,7 @@ def test_a_joint_that_rests_at_90_percent_has_reached_it(side: int, last_bit: in
 
 @LAST_BIT
 @pytest.mark.parametrize(("before", "last", "settled"), [(0.0, 680, 0.653), (-math.pi / 3, 640, 1.307)])
-def test_a_joint_that_rests_on_the_edge_of_the_band_has_settled(
+def test_a_joint_at_rest_on_the_edge_of_the_band_has_settled(
     before: float, last: int, settled: float, last_bit: int
 ) -> None:
     """±2 % of π/3 end at 680 counts, ±2 % of 2π/3 at 640."""
@@ -127,7 +127,7 @@ def test_a_step_is_missed_by_more_than_half_a_count() -> None:
     assert compute_step_metrics(t, y, step(0.0, math.pi / 3), count=COUNT).settling_s is None
 
 
-def test_what_never_happened_has_no_figure() -> None:
+def test_a_step_without_rise_or_settling_has_no_times() -> None:
     t = np.arange(0, 1, T_s)
     result = compute_step_metrics(t, double_lag(t, 1.0), step(end_s=1.0))
     assert result.rise_s is None
@@ -155,7 +155,7 @@ def tracked(
     return columns
 
 
-def test_steps_of_tracking_follow_the_references() -> None:
+def test_the_steps_of_a_tracking_run_follow_the_references() -> None:
     plan = build_ready_plan("tracking")
     steps = list_reference_steps(plan.program(), plan.phases())
     assert [(s.signal, s.alone) for s in steps if s.phase == "position"] == [("q", True)] * 4
@@ -200,7 +200,7 @@ def test_tracking_metrics_of_a_known_loop() -> None:
     assert metrics.overall.rmse_q == pytest.approx(expected)
 
 
-def test_the_time_to_90_percent_is_that_of_the_largest_q_steps_alone() -> None:
+def test_the_time_to_90_percent_uses_only_the_largest_steps_of_q_alone() -> None:
     """Slower steps of q made together with S are none of them, as name and definition say."""
     plan = build_ready_plan("tracking")
     columns = tracked(plan)
@@ -218,7 +218,7 @@ def test_the_time_to_90_percent_is_that_of_the_largest_q_steps_alone() -> None:
     assert "at constant S_ref" in declared["definition"]
 
 
-def test_the_voltage_at_rest_is_that_of_rest_alone() -> None:
+def test_the_voltage_at_rest_excludes_motion() -> None:
     """A sine of 50 Hz about what holds the tension, from 1 s after settling on; what moves the joint is left out."""
     plan = build_ready_plan("tracking")
     columns = tracked(plan)
@@ -232,7 +232,7 @@ def test_the_voltage_at_rest_is_that_of_rest_alone() -> None:
     assert "u_rest_rms_V" not in found.reasons
 
 
-def test_the_voltage_at_rest_is_not_measured_where_nothing_rests() -> None:
+def test_the_voltage_at_rest_is_not_measured_without_rest() -> None:
     plan = build_ready_plan(
         "tracking", q_duration_s=4.0, S_duration_s=4.0
     )  # settled after 2.9 s: less than 1 s + 1 s left
@@ -255,7 +255,7 @@ def test_a_stopped_run_is_incomplete_and_has_its_finished_steps() -> None:
         compute_tracking_metrics({name: column[:0] for name, column in columns.items()}, plan.program(), plan.phases())
 
 
-def test_criteria_judge_each_figure_against_its_own_bound() -> None:
+def test_each_criterion_compares_its_metric_with_its_own_bound() -> None:
     plan = build_ready_plan("tracking")
     columns = tracked(plan, coupling=0.1)  # deviates by about 0.15 N·m/rad: too much for ideal, fine for lab
     columns["F_A"] = columns["F_A"].copy()
@@ -289,22 +289,22 @@ PUSHED = Program(
 )
 
 
-def test_pushes_that_follow_each_other_are_one() -> None:
+def test_consecutive_push_segments_form_one_push() -> None:
     assert find_pushes(PUSHED) == (slice(1000, 2000), slice(4000, 4200))
 
 
-def test_nothing_moves_until_the_next_push_or_reference() -> None:
+def test_the_undisturbed_interval_ends_at_the_next_push_or_reference() -> None:
     assert find_undisturbed_end(PUSHED, 2000) == 4000
     assert find_undisturbed_end(PUSHED, 4200) == 5200
 
 
-def test_a_reference_that_jumps_as_a_push_ends_disturbs_at_once() -> None:
+def test_a_reference_step_at_the_end_of_a_push_ends_the_undisturbed_interval() -> None:
     pushed = Segment(0.5, 0.0, 10.0, F_push=5.0)
     program = Program(Law.CASCADE, (HELD, pushed, Segment(2.0, 0.3, 10.0)))
     assert find_undisturbed_end(program, 1500) == 1500
 
 
-def test_loads_step_on_and_off_at_their_sides() -> None:
+def test_load_steps_are_listed_for_each_side() -> None:
     program = Program(
         Law.CASCADE,
         (HELD, Segment(0.5, 0.0, 10.0, load_A=0.2), HELD, Segment(0.4, 0.0, 10.0, load_A=0.1, load_B=0.3), HELD),
@@ -334,7 +334,7 @@ def columns(off_q: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def test_a_push_is_measured_while_it_lasts_and_until_the_joint_is_back() -> None:
+def test_a_push_is_measured_until_the_joint_has_recovered() -> None:
     off = np.zeros(6200)
     off[1000:2000] = 0.06
     off[2000:2300] = -0.03  # swings through
@@ -347,7 +347,7 @@ def test_a_push_is_measured_while_it_lasts_and_until_the_joint_is_back() -> None
     assert (figures.min_tension_N, figures.max_tension_N, figures.peak_voltage_V) == (15.0, 20.0, 2.0)
 
 
-def test_a_joint_that_is_not_back_or_holds_no_number_is_not_measured() -> None:
+def test_the_recovery_of_an_unrecovered_joint_or_a_nan_signal_is_not_measured() -> None:
     for wrong in (0.03, np.nan):
         off = np.zeros(6200)
         off[2000:4000] = wrong
@@ -356,7 +356,7 @@ def test_a_joint_that_is_not_back_or_holds_no_number_is_not_measured() -> None:
         assert_reason(figures.reasons["push_back_s"], "not_back_after_push", end_s=pytest.approx(2.0))
 
 
-def test_a_run_that_ended_before_the_pushes_were_over_has_no_figures() -> None:
+def test_a_run_that_ended_before_the_last_push_has_no_disturbance_metrics() -> None:
     with refused(NoSamplesError, "pushes_not_completed"):
         compute_disturbance_metrics(columns(np.zeros(4100)), PUSHED)
     with refused(NoSamplesError, "no_push"):
@@ -391,7 +391,7 @@ def list_reference_steps_lambda(played: SimulatedRun) -> tuple[StepFigures, ...]
 
 
 @pytest.mark.parametrize("name", ["ideal", "lab"])
-def test_lambda_from_half_a_second_to_one_doubles_the_time_of_a_small_step(name: str) -> None:
+def test_doubling_lambda_doubles_the_duration_of_a_small_step(name: str) -> None:
     """README's five minutes, step 4: t90 doubles within 10 %, away from every limit."""
     played = play(name, plan_of(with_parts(*SMALL_STEPS)), LoopSettings(lam_q=0.5, lam_S=0.5))
     up_fast, down_fast, up_slow, down_slow = (step.reach_s for step in list_reference_steps_lambda(played)[-4:])
@@ -403,7 +403,7 @@ def test_lambda_from_half_a_second_to_one_doubles_the_time_of_a_small_step(name:
 
 
 @pytest.mark.parametrize("name", ["ideal", "lab"])
-def test_the_lambda_sweep_has_times_in_the_ratio_of_its_lambdas(name: str) -> None:
+def test_the_step_times_of_a_lambda_sweep_are_proportional_to_lambda(name: str) -> None:
     """Whatever motion is active: the experiment names its own."""
     plan = find_experiment("lambda_sweep").make_plan({})
     assert isinstance(plan, ExperimentPlan)
