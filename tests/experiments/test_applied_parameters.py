@@ -86,7 +86,7 @@ def spring() -> NewIdentification:
     return fit_spring_table("bench.csv", f"x [m],F [N]\n{rows}\n", "Ana", "0")
 
 
-def test_motors_change_what_the_controller_knows_and_nothing_that_is_simulated(database: Database) -> None:
+def test_applied_motor_parameters_change_the_controller_and_not_the_simulated_plant(database: Database) -> None:
     found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
     then = LAB.with_identified(parameters.build_identified_sections(build_proposal(LAB, LAB, found)))
     assert [(one.name, one.side, one.before, one.after) for one in find_changes(LAB, then)] == [
@@ -102,7 +102,7 @@ def test_motors_change_what_the_controller_knows_and_nothing_that_is_simulated(d
     assert gains.A.k_i == pytest.approx(0.21**2 / (2.3 * 0.0854**3 * (4 * 0.21 - 0.0854)))
 
 
-def test_a_spring_changes_the_stiffness_that_is_estimated(database: Database) -> None:
+def test_an_applied_spring_changes_the_estimated_stiffness(database: Database) -> None:
     found = stored(database, spring())
     then = LAB.with_identified(parameters.build_identified_sections(build_proposal(LAB, LAB, found)))
     assert then.select_identified("A").k == pytest.approx(K, rel=0.03)
@@ -113,7 +113,7 @@ def test_a_spring_changes_the_stiffness_that_is_estimated(database: Database) ->
     assert then.make_dynamics() == LAB.make_dynamics()
 
 
-def test_versions_add_up_and_undoing_puts_the_former_back(database: Database) -> None:
+def test_parameter_versions_accumulate_and_undo_restores_the_previous_one(database: Database) -> None:
     first, second = stored(database, motors((2.3, 0.21), (2.4, 0.23))), stored(database, spring())
     for found, who in ((first, "Ana"), (second, "Ben")):
         with database.session() as session:
@@ -149,7 +149,7 @@ def test_parameters_applied_to_one_file_are_not_active_on_another(database: Data
     assert load_active_parameters(database, ideal) == ideal
 
 
-def test_what_cannot_be_applied_is_refused_with_the_reason(database: Database) -> None:
+def test_inapplicable_parameters_are_rejected_with_a_reason(database: Database) -> None:
     with refused(NotApplicableError, "no_parameters_to_undo"):
         parameters.build_undo(database, LAB)
     same = stored(database, motors((2.86, 0.22), (2.86, 0.22)))

@@ -41,20 +41,20 @@ def after_lead_in(*parts: str) -> tuple[Segment, ...]:
     return segments[1:]
 
 
-def test_references_that_are_not_named_stay() -> None:
+def test_references_that_are_not_named_are_unchanged() -> None:
     assert after_lead_in(
         "{do: step, S_ref: 12, duration_s: 1}", "{do: ramp, q_ref: 0.3, duration_s: 2}", "{do: hold, duration_s: 0.5}"
     ) == (Segment(1.0, 0.1, 12.0), Segment(2.0, 0.3, 12.0, shape=Shape.RAMP), Segment(0.5, 0.3, 12.0))
 
 
-def test_a_pulse_comes_back() -> None:
+def test_a_pulse_returns_to_its_initial_reference() -> None:
     assert after_lead_in("{do: pulse, q_ref: -0.2, duration_s: 1, rest_s: 2}") == (
         Segment(1.0, -0.2, 10.0),
         Segment(2.0, 0.1, 10.0),
     )
 
 
-def test_excitations_go_around_the_references_and_leave_them_where_they_were() -> None:
+def test_excitations_oscillate_around_the_references_and_do_not_change_them() -> None:
     sweep, prbs, many, held = after_lead_in(
         "{do: sweep, q_amplitude: 0.2, from_Hz: 0.5, to_Hz: 4, duration_s: 9}",
         "{do: prbs, S_amplitude: 0.5, chip_s: 0.2, bits: 4, periods: 3}",
@@ -80,7 +80,7 @@ def test_repetitions_count_in_their_expressions_and_nest() -> None:
     assert [segment.q_ref for segment in segments] == pytest.approx([0.0, 0.01, 0.1, 0.11, 0.2, 0.21])
 
 
-def test_a_change_of_the_tuning_goes_with_the_next_motion_and_adds_up() -> None:
+def test_tuning_changes_accumulate_and_apply_to_the_next_motion() -> None:
     plan = plan_of(
         with_parts(
             LEAD_IN,
@@ -107,7 +107,7 @@ def test_pushes_end_with_their_part() -> None:
     assert brief.duration_s == 0.05
 
 
-def test_settings_move_what_is_played_and_the_law_may_be_one() -> None:
+def test_settings_change_the_program_and_may_select_the_control_law() -> None:
     assert plan_of(WOBBLE, depth=0.4).program().segments[1].q_ref == pytest.approx(0.4)
     assert plan_of(WOBBLE).program().segments[1].q_ref == pytest.approx(0.2)
     settings = (
@@ -118,14 +118,14 @@ def test_settings_move_what_is_played_and_the_law_may_be_one() -> None:
     assert plan.program().law is Law.SINGLE_LOOP
 
 
-def test_the_peak_of_a_multisine_is_no_less_than_that_of_its_sum() -> None:
+def test_the_multisine_peak_bounds_the_sum_of_the_lines() -> None:
     t = np.linspace(0.0, 1.0, 20_001)
     for lines in (1, 3, 17, 40):
         total = sum(np.cos(2 * np.pi * k * t - np.pi * k * (k - 1) / lines) for k in range(1, lines + 1))
         assert np.abs(total).max() <= compute_multisine_peak(lines) <= 1.03 * np.abs(total).max()
 
 
-def test_what_a_contact_ends_is_marked_where_it_begins_and_where_it_is_over() -> None:
+def test_parts_that_a_contact_ends_are_marked_with_their_start_and_end() -> None:
     inner = (
         "{do: until_contact, contact_N: 1.5, parts: [{do: ramp, q_ref: 0.4, duration_s: 1}, {do: hold, duration_s: 1}]}"
     )
@@ -144,13 +144,13 @@ def test_what_a_contact_ends_is_marked_where_it_begins_and_where_it_is_over() ->
     )
 
 
-def test_parts_that_no_contact_ends_are_played_as_if_they_stood_alone() -> None:
+def test_until_contact_without_a_threshold_compiles_to_its_inner_parts() -> None:
     held = "{do: hold, duration_s: 1}"
     within = plan_of(with_parts(LEAD_IN, f"{{do: until_contact, contact_N: 0, parts: [{held}]}}")).program()
     assert within == plan_of(with_parts(LEAD_IN, held)).program()
 
 
-def test_a_push_goes_with_a_step_a_ramp_and_a_sine() -> None:
+def test_a_push_may_accompany_a_step_a_ramp_or_a_sine() -> None:
     step, ramp, sine, held = after_lead_in(
         "{do: step, q_ref: 0.2, duration_s: 1, F_push: 3}",
         "{do: ramp, q_ref: 0.3, duration_s: 2, F_push: -4 / 2}",
@@ -169,7 +169,7 @@ def test_a_push_goes_with_a_step_a_ramp_and_a_sine() -> None:
     assert -5.0 < first.F_push < -4.5  # on from where three quarters of a turn have left it
 
 
-def test_a_sine_goes_to_a_crest_that_is_named() -> None:
+def test_the_crest_of_a_sine_may_be_given_as_a_reference() -> None:
     sine, held = after_lead_in(
         "{do: sine, q_ref: -0.2, S_amplitude: 1, period_s: 4, duration_s: 1}", "{do: hold, duration_s: 1}"
     )
@@ -184,7 +184,7 @@ def test_a_sine_goes_to_a_crest_that_is_named() -> None:
 
 
 @pytest.mark.parametrize(("start", "end"), [(0.0, 12.0), (12.0, 0.0), (-5.0, 7.0)])
-def test_a_smooth_push_goes_along_half_a_cosine(start: float, end: float) -> None:
+def test_a_smooth_push_follows_half_a_cosine(start: float, end: float) -> None:
     pieces = list(generate_smooth_push(start, end, 0.8))
     share = np.arange(1, 21) / 20.0
     expected = start + (end - start) * 0.5 * (1.0 - np.cos(math.pi * share))
@@ -204,7 +204,7 @@ def pushes(pieces: list[PushSegment]) -> list[list[PushSegment]]:
     return found
 
 
-def test_each_push_rises_holds_lets_go_and_pauses() -> None:
+def test_each_manual_push_rises_holds_falls_and_pauses() -> None:
     found = pushes(list(generate_manual_pushes(20.0, 40, 2.0, 5)))
     assert len(found) == 40
     for push in found:
@@ -222,13 +222,13 @@ def test_each_push_rises_holds_lets_go_and_pauses() -> None:
     assert {math.copysign(1.0, max(push, key=lambda piece: abs(piece.F_push)).F_push) for push in found} == {-1.0, 1.0}
 
 
-def test_the_same_seed_gives_the_same_pushes_and_another_one_others() -> None:
+def test_manual_pushes_depend_only_on_the_seed() -> None:
     again = [list(generate_manual_pushes(20.0, 3, 1.0, seed)) for seed in (0, 0, 1)]
     assert again[0] == again[1]
     assert again[0] != again[2]
 
 
-def test_more_pushes_begin_as_fewer_do() -> None:
+def test_additional_pushes_do_not_change_the_first_pushes() -> None:
     few, many = (list(generate_manual_pushes(20.0, pushes, 1.0, 7)) for pushes in (2, 5))
     assert many[: len(few)] == few
 
@@ -257,7 +257,7 @@ def of(*segments: Segment) -> CompiledExperiment:
         (0.0, BOUNDS.S_min, "S_ref"),
     ],
 )
-def test_a_bound_itself_is_reached_and_what_lies_beyond_is_not(
+def test_a_reference_at_its_bound_is_accepted_and_one_beyond_it_is_rejected(
     shape: Shape, q_ref: float, S_ref: float, quantity: str
 ) -> None:
     require_reach(of(HELD, Segment(1.0, q_ref, S_ref, shape=shape)), PLANT, LINES)
@@ -275,7 +275,7 @@ def test_a_bound_itself_is_reached_and_what_lies_beyond_is_not(
 
 @pytest.mark.parametrize("shape", OSCILLATING)
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_what_oscillates_is_looked_at_on_both_sides_of_where_it_began(shape: Shape, sign: float) -> None:
+def test_an_oscillation_is_checked_on_both_sides_of_its_centre(shape: Shape, sign: float) -> None:
     middle = Segment(1.0, 0.5 * BOUNDS.q_max, 10.0)
     room = 0.5 * BOUNDS.q_max
     within = replace(middle, q_ref=middle.q_ref + sign * 0.99 * room, shape=shape)
@@ -286,7 +286,7 @@ def test_what_oscillates_is_looked_at_on_both_sides_of_where_it_began(shape: Sha
     assert caught.value.line == 11
 
 
-def test_an_excitation_that_is_over_has_moved_no_middle() -> None:
+def test_a_completed_excitation_does_not_shift_the_centre_of_the_next() -> None:
     excited = Segment(1.0, 0.9 * BOUNDS.q_max, 10.0, shape=Shape.MULTISINE)
     require_reach(of(HELD, excited, excited), PLANT, LINES)
 
@@ -351,7 +351,7 @@ def played(program: Program, q_ref: float, S_ref: float) -> np.ndarray:
 @pytest.mark.parametrize(
     "program", [MIXED, build_ready_plan("frequency_response").program()], ids=["mixed", "response"]
 )
-def test_it_is_what_the_loop_plays(program: Program) -> None:
+def test_the_profile_matches_the_references_of_the_control_loop(program: Program) -> None:
     whole = played(program, -0.1, 9.5)
     found = build_profile(program, -0.1, 9.5)
     ticks = np.rint(found.t / T_s).astype(int)
@@ -361,7 +361,7 @@ def test_it_is_what_the_loop_plays(program: Program) -> None:
     assert len(ticks) <= PROFILE_POINTS + 3 * len(program.segments)
 
 
-def test_a_ramp_and_a_sine_are_their_closed_forms() -> None:
+def test_profiles_of_a_ramp_and_a_sine_match_their_closed_forms() -> None:
     found = build_profile(Program(Law.CASCADE, MIXED.segments[1:3]), 0.2, 9.0)
     ramp = found.t <= 1.0
     assert found.q_ref[ramp] == pytest.approx(0.2 - 0.6 * found.t[ramp], abs=1e-12)
@@ -369,12 +369,12 @@ def test_a_ramp_and_a_sine_are_their_closed_forms() -> None:
     assert found.q_ref[~ramp] == pytest.approx(-0.4 + swing, abs=1e-9)
 
 
-def test_a_push_is_in_it_from_its_first_tick_to_its_last() -> None:
+def test_the_profile_contains_a_push_from_its_first_to_its_last_tick() -> None:
     segments = (Segment(0.5, 0.0, 10.0), Segment(1.0, 0.0, 10.0, F_push=6.0), Segment(0.5, 0.0, 10.0))
     found = build_profile(Program(Law.COMPLIANCE, segments), 0.0, 10.0)
     pushed = (found.t > 0.5 + T_s / 2) & (found.t < 1.5 + T_s / 2)
     assert np.array_equal(found.F_push, np.where(pushed, 6.0, 0.0))
 
 
-def test_a_program_of_identification_has_none() -> None:
+def test_an_identification_program_has_an_empty_profile() -> None:
     assert all(len(part) == 0 for part in build_profile(ActuatorIdentificationPlan().program(), 0.0, 10.0))

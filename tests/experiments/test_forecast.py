@@ -104,7 +104,7 @@ def compare(bench: BenchTop, told: Forecast, seen: slice, room_rad: float) -> No
 
 
 @pytest.mark.parametrize("name", ["ideal", "lab"])
-def test_the_joint_goes_as_far_as_announced_and_no_further(name: str) -> None:
+def test_the_joint_stays_within_the_forecast_path(name: str) -> None:
     parameters = load_parameters(name)
     bench = BenchTop(parameters)
     bench.advance(0.01)
@@ -122,7 +122,7 @@ def test_the_joint_goes_as_far_as_announced_and_no_further(name: str) -> None:
         compare(bench, told, play(bench, plans), room_rad=0.06)
 
 
-def test_several_runs_and_both_other_kinds_take_as_long_as_announced() -> None:
+def test_runs_of_all_identification_kinds_take_the_forecast_time() -> None:
     lab = load_parameters("lab")
     bench = BenchTop(lab)
     bench.wind_up()
@@ -133,7 +133,7 @@ def test_several_runs_and_both_other_kinds_take_as_long_as_announced() -> None:
     assert_reason(told.message, "joint_will_move", let_slack=True)
 
 
-def test_what_would_leave_the_range_of_springs_or_joint_is_refused_with_its_figure() -> None:
+def test_an_identification_beyond_the_spring_or_joint_range_is_rejected_with_its_value() -> None:
     ideal = load_parameters("ideal")
     at_rest = read_initial_state(None)
 
@@ -204,7 +204,7 @@ def played(plan: IdentificationPlan, name: str = "lab") -> Played:
     return Played(told, {name: column[identified] for name, column in columns.items()})
 
 
-def test_the_tension_that_is_held_and_its_excitation_are_those_of_the_samples() -> None:
+def test_forecast_tension_and_excitation_match_the_samples() -> None:
     run = played(ACTUATOR)
     travel, settle, excite = run.told.intervals
     assert [one.stage for one in run.told.intervals] == [Stage.TRAVELLING, Stage.SETTLING, Stage.EXCITING]
@@ -228,7 +228,7 @@ def test_the_tension_that_is_held_and_its_excitation_are_those_of_the_samples() 
 
 
 @pytest.mark.parametrize("name", ["ideal", "lab", "lab-stick"])
-def test_each_step_has_its_voltage_at_the_forecast_time(name: str) -> None:
+def test_each_motor_step_has_its_forecast_voltage_at_the_forecast_time(name: str) -> None:
     run = played(MOTOR_TIMETABLE, name)
     whole, tolerance = run.ticks, round(0.02 * run.ticks)
     steps = [one for one in run.told.intervals if one.stage is Stage.EXCITING]
@@ -253,7 +253,7 @@ def test_each_step_has_its_voltage_at_the_forecast_time(name: str) -> None:
     assert np.nanmax(np.abs(run.told.signals["u_A"])) == 6.0
 
 
-def test_the_sweep_has_its_tensions_at_the_forecast_times() -> None:
+def test_the_load_sweep_has_the_forecast_tensions_at_the_forecast_times() -> None:
     run = played(SPRING_TIMETABLE)
     assert [one.set_point for one in run.told.intervals] == [4.0, 4.0, 40.0, 4.0, 40.0, 4.0]
     assert [one.number for one in run.told.intervals] == [1, 1, 2, 3, 4, 5]
@@ -271,7 +271,7 @@ def test_the_sweep_has_its_tensions_at_the_forecast_times() -> None:
 
 
 @pytest.mark.parametrize("plan", [ACTUATOR, MOTOR_TIMETABLE, SPRING_TIMETABLE], ids=["actuator", "motor", "spring"])
-def test_stretches_follow_each_other_without_gaps_and_are_drawn_from_end_to_end(plan: IdentificationPlan) -> None:
+def test_forecast_intervals_are_contiguous_and_drawn_completely(plan: IdentificationPlan) -> None:
     told = forecast_identification(plan, load_parameters("lab"))
     begins = [one.begin for one in told.intervals]
     assert begins == [0, *(one.end for one in told.intervals[:-1])]
@@ -282,6 +282,6 @@ def test_stretches_follow_each_other_without_gaps_and_are_drawn_from_end_to_end(
     assert all(values.size == told.t.size for values in told.signals.values())
 
 
-def test_the_longest_excitation_is_drawn_by_so_many_points() -> None:
+def test_the_number_of_points_of_the_longest_excitation_is_bounded() -> None:
     plan = replace(ACTUATOR, bits=12, periods=10, chip_s=0.0146)
     assert forecast_identification(plan, load_parameters("lab")).t.size <= CORNERS_MAX + 2 * TIMETABLE_POINTS + 2

@@ -65,7 +65,7 @@ def again(parts: list[dict[str, Any]]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("segments", [STEPS_AND_RAMPS, SINE], ids=["steps and ramps", "sine"])
-def test_what_is_played_again_is_what_was_recorded(segments: tuple[Segment, ...]) -> None:
+def test_an_experiment_of_recorded_references_reproduces_the_recording(segments: tuple[Segment, ...]) -> None:
     recorded = played(Program(Law.CASCADE, segments), 0.0, 10.0)
     found = approximate_columns(recorded[:, 0], recorded[:, 1])
     replayed = again(found.parts)
@@ -77,7 +77,7 @@ def test_what_is_played_again_is_what_was_recorded(segments: tuple[Segment, ...]
     assert deviation_S <= TOLERANCE_S
 
 
-def test_steps_holds_and_ramps_come_back_as_they_were_written() -> None:
+def test_recorded_steps_holds_and_ramps_are_recovered_exactly() -> None:
     recorded = played(Program(Law.CASCADE, STEPS_AND_RAMPS), 0.0, 10.0)
     parts = approximate_columns(recorded[:, 0], recorded[:, 1]).parts
     assert [part["do"] for part in parts] == ["step", "ramp", "hold", "ramp", "step"]
@@ -100,12 +100,12 @@ def test_a_ramp_after_a_step_has_the_reported_deviation() -> None:
     ],
     ids=["none", "gap"],
 )
-def test_what_was_not_commanded_cannot_be_followed(q_ref: np.ndarray, code: str) -> None:
+def test_a_recording_without_commanded_references_is_rejected(q_ref: np.ndarray, code: str) -> None:
     with refused_because(ExperimentError, code):
         find_commanded_range(q_ref, np.full(len(q_ref), 10.0))
 
 
-def test_too_many_parts_are_refused() -> None:
+def test_a_recording_with_too_many_parts_is_rejected() -> None:
     q_ref = np.where(np.arange(40_000) // 20 % 2, 0.1, 0.0)
     with refused_because(ExperimentError, "too_many_recorded_parts", maximum=1000):
         approximate_columns(q_ref, np.full(len(q_ref), 10.0))
@@ -124,7 +124,7 @@ def pushed(parts: list[dict[str, Any]]) -> np.ndarray:
     return np.array(ticks)
 
 
-def test_pushes_come_back_at_their_ticks_with_their_force() -> None:
+def test_recorded_pushes_are_recovered_with_their_ticks_and_forces() -> None:
     F = np.zeros(4000)
     F[500:1500] = 6.0
     F[2000:2500] = -4.5
@@ -143,7 +143,7 @@ def test_pushes_come_back_at_their_ticks_with_their_force() -> None:
     assert (found.delay_ticks, found.unpushed, found.deviation_F_N) == (0, [], 0.0)
 
 
-def test_a_smooth_push_is_followed_within_its_bound() -> None:
+def test_a_recorded_smooth_push_is_approximated_within_the_tolerance() -> None:
     F = np.zeros(3000)
     F[1000:2000] = 8.0 * np.sin(np.pi * np.arange(1000) / 1000.0) ** 2
     found = approximate_columns(np.full(3000, 0.1), np.full(3000, 10.0), F)
@@ -152,7 +152,7 @@ def test_a_smooth_push_is_followed_within_its_bound() -> None:
     assert off == pytest.approx(found.deviation_F_N, abs=1e-9)
 
 
-def test_a_push_is_left_out_while_the_references_move_and_reported() -> None:
+def test_a_push_during_a_motion_is_omitted_and_reported() -> None:
     F = np.zeros(4000)
     F[500:3500] = 6.0
     q_ref = np.full(4000, 0.1)
@@ -167,7 +167,7 @@ def test_a_push_is_left_out_while_the_references_move_and_reported() -> None:
     assert np.abs(replayed[:4000, 0] - q_ref).max() <= TOLERANCE_Q_RAD
 
 
-def test_changes_come_before_the_part_that_begins_at_their_tick() -> None:
+def test_changes_precede_the_part_that_begins_at_their_tick() -> None:
     first, second = {"do": "tuning", "lam_q": 0.5, "b": 0.2}, {"do": "tuning", "lam_q": 0.8}
     wall = {"do": "wall", "q_wall": 0.6}
     changes = [
@@ -207,7 +207,7 @@ def played_shipped(station: ExperimentRig, plan: ExperimentPlan) -> RunResult:
 
 
 @pytest.mark.parametrize("name", READY_NAMES)
-def test_it_completes_on_the_simulator_and_its_criteria_hold(station: ExperimentRig, name: str) -> None:
+def test_each_ready_made_experiment_completes_on_the_simulator_and_passes(station: ExperimentRig, name: str) -> None:
     outcome = played_shipped(station, build_ready_plan(name))
     assert outcome.run.end_state == "completed"
     result = outcome.evaluation.result
@@ -220,7 +220,7 @@ def test_it_completes_on_the_simulator_and_its_criteria_hold(station: Experiment
 
 
 @pytest.mark.parametrize("name", READY_NAMES)
-def test_dry_run_and_command_line_give_the_same_to_the_last_digit(tmp_path: Path, name: str) -> None:
+def test_dry_run_and_command_line_give_identical_results(tmp_path: Path, name: str) -> None:
     """What the page plays dry, and what ``sinew experiment`` plays, each in an installation of its own."""
     lab, order = load_parameters("lab"), RunRequest(build_ready_plan(name), LoopSettings(), "A. Operator")
     dry = dry_run(lab, order, (), ("q",), 10, tmp_path / "dry").result
@@ -234,7 +234,7 @@ def test_dry_run_and_command_line_give_the_same_to_the_last_digit(tmp_path: Path
 
 
 @pytest.mark.parametrize("name", READY_NAMES)
-def test_writing_and_reading_gives_it_back(name: str) -> None:
+def test_a_ready_made_experiment_is_unchanged_after_writing_and_reading(name: str) -> None:
     written, _ = load_ready_experiment(name)
     assert parser.parse_canonical(parser.to_canonical_text(written)) == written
     plan = build_ready_plan(name)
@@ -242,7 +242,7 @@ def test_writing_and_reading_gives_it_back(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", READY_NAMES)
-def test_an_own_one_can_do_all_that_it_does(tmp_path: Path, name: str) -> None:
+def test_a_copy_of_a_ready_made_experiment_compiles_to_the_same_program(tmp_path: Path, name: str) -> None:
     database = open_database(tmp_path)
     own = OwnExperiments(database)
     copied = load_ready_text(name).replace(f"name: {name}\n", "name: mine\n", 1)
@@ -268,7 +268,7 @@ def test_own_experiments_are_stored_in_versions(tmp_path: Path) -> None:
     database.close()
 
 
-def test_the_schema_knows_every_motion_and_nothing_else() -> None:
+def test_the_schema_lists_exactly_the_known_motions() -> None:
     motions = build_json_schema()["$defs"]
     listed = {one["properties"]["do"]["const"] for one in motions.values() if "do" in one.get("properties", {})}
     assert listed == {
@@ -278,7 +278,7 @@ def test_the_schema_knows_every_motion_and_nothing_else() -> None:
     assert all(one.get("additionalProperties") is False for one in motions.values() if "properties" in one)
 
 
-def test_a_lambda_sweep_controls_with_each_lambda_and_the_operators_is_back(station: ExperimentRig) -> None:
+def test_a_lambda_sweep_applies_each_lambda_and_restores_the_operators_tuning(station: ExperimentRig) -> None:
     plan = build_ready_plan("lambda_sweep", lam_first=0.8, lam_last=0.6, count=2, hold_s=5.0)
     outcome = played_shipped(station, plan)
     columns, _ = read_recorded_columns(station.database, outcome.run.id)
@@ -293,7 +293,7 @@ def test_a_lambda_sweep_controls_with_each_lambda_and_the_operators_is_back(stat
     assert set(after["lam_q"]) == {0.5}
 
 
-def test_a_step_is_faster_under_a_smaller_lambda(station: ExperimentRig) -> None:
+def test_a_step_is_faster_with_a_smaller_lambda(station: ExperimentRig) -> None:
     outcome = played_shipped(station, build_ready_plan("lambda_sweep", lam_first=1.0, lam_last=0.5, count=2))
     result = outcome.evaluation.result
     assert result is not None
@@ -304,7 +304,7 @@ def test_a_step_is_faster_under_a_smaller_lambda(station: ExperimentRig) -> None
     assert slow / fast == pytest.approx(2.0, rel=0.1)
 
 
-def test_a_bank_comparison_differs_only_in_how_entries_are_used() -> None:
+def test_the_halves_of_a_bank_comparison_differ_only_in_the_scheduling() -> None:
     plan = build_ready_plan("bank_comparison")
     segments = plan.program().segments
     half = len(segments) // 2

@@ -59,7 +59,7 @@ def of(*parts: Hold | Step, title: str = "Small") -> Experiment:
 EXPECTED = of(Hold(do="hold", duration_s=2.0), Step(do="step", q_ref=0.1, duration_s=10.0))
 
 
-def test_each_part_is_read_with_its_line() -> None:
+def test_each_part_is_parsed_with_its_line() -> None:
     experiment, lines = parse_experiment(SMALL)
     assert experiment == EXPECTED
     assert lines["format",] == 2
@@ -69,7 +69,7 @@ def test_each_part_is_read_with_its_line() -> None:
     assert lines["phases", 0, "parts", 1, "q_ref"] == 12
 
 
-def test_a_place_that_has_no_line_has_that_of_what_it_lies_in() -> None:
+def test_a_path_without_a_line_has_the_line_of_its_parent() -> None:
     _, lines = parse_experiment(SMALL)
     assert find_line(("phases", 0, "parts", 1, "S_ref"), lines) == 11
     assert find_line(("phases", 0, "parts", 7), lines) == 8
@@ -78,7 +78,7 @@ def test_a_place_that_has_no_line_has_that_of_what_it_lies_in() -> None:
     assert format_path(()) == "experiment"
 
 
-def test_json_is_read_as_yaml_is() -> None:
+def test_json_and_yaml_are_parsed_alike() -> None:
     document = EXPERIMENT.dump_python(EXPECTED, mode="json")
     for text in (json.dumps(document), json.dumps(document, indent=2)):
         assert parse_experiment(text)[0] == EXPECTED
@@ -86,20 +86,20 @@ def test_json_is_read_as_yaml_is() -> None:
 
 
 @pytest.mark.parametrize("line_end", ["\n", "\r\n"])
-def test_line_ends_of_other_machines_count_alike(line_end: str) -> None:
+def test_all_kinds_of_line_endings_are_counted_alike(line_end: str) -> None:
     _, lines = parse_experiment(SMALL.replace("\n", line_end))
     assert lines["phases", 0, "parts", 1, "q_ref"] == 12
 
 
 @pytest.mark.parametrize("word", ["no", "yes", "on", "off", "1:30", "0x1f", "1_000", "2001-01-01", "12", "true", "~"])
-def test_words_that_look_like_something_else_stay_words(word: str) -> None:
+def test_titles_that_resemble_other_types_remain_strings(word: str) -> None:
     experiment = of(Hold(do="hold", duration_s=1.0), title=word)
     assert parse_canonical(to_canonical_text(experiment)) == experiment
     assert parse_experiment(json.dumps(json.loads(to_canonical_text(experiment))))[0] == experiment
 
 
 @pytest.mark.parametrize("word", ["no", "on", "1:30", "0x1f", "1_000", "2001-01-01"])
-def test_a_plain_word_is_no_number_and_no_truth(word: str) -> None:
+def test_an_unquoted_title_is_not_parsed_as_a_number_or_a_boolean(word: str) -> None:
     assert parse_experiment(SMALL.replace("title: Small", f"title: {word}"))[0].title == word
 
 
@@ -114,7 +114,7 @@ def test_a_title_is_the_same_in_the_text_stored_with_a_run(title: str) -> None:
 
 
 @pytest.mark.parametrize("line", ["", "[]", "{", "[" * 100_000, '{"format": 1}'])
-def test_what_is_no_such_text_is_refused_in_a_sentence(line: str) -> None:
+def test_an_invalid_canonical_text_is_rejected(line: str) -> None:
     with pytest.raises(ExperimentError):
         parse_canonical(line)
 
@@ -123,7 +123,7 @@ def test_what_is_no_such_text_is_refused_in_a_sentence(line: str) -> None:
     ("value", "tag"),
     [("!!int abc", "int"), ("!!float abc", "float"), ("!!int '5'", "int"), ("!!str 5", "str"), ("! 5", "")],
 )
-def test_no_tag_is_taken(value: str, tag: str) -> None:
+def test_yaml_tags_are_rejected(value: str, tag: str) -> None:
     with refused_because(ExperimentError, "unsupported_tag", tag=f"tag:yaml.org,2002:{tag}" if tag else "!") as caught:
         parse_experiment(SMALL.replace("duration_s: 2.0", f"duration_s: {value}"))
     assert caught.value.line == 10
@@ -204,27 +204,27 @@ def test_a_text_that_is_too_long_is_not_parsed(least: int, monkeypatch: pytest.M
         parse_experiment(SMALL + "#" * (least - len(SMALL)))
 
 
-def test_the_longest_text_that_is_taken_is_read() -> None:
+def test_a_text_of_the_maximum_length_is_parsed() -> None:
     assert parse_experiment(SMALL + "#" * (MAX_CHARACTERS - len(SMALL)))[0] == EXPECTED
 
 
 @pytest.mark.parametrize("nest", ["[", "{a: ", "- ", "? "])
 @pytest.mark.parametrize("deep", [42, 200, 20_000])
-def test_a_text_that_is_nested_too_deep_is_refused(nest: str, deep: int) -> None:
+def test_a_text_that_is_nested_too_deeply_is_rejected(nest: str, deep: int) -> None:
     closing = {"[": "]", "{a: ": "}"}.get(nest, "")
     with pytest.raises(ExperimentError):
         parse_experiment(nest * deep + "1" + closing * deep)
 
 
 @given(st.text(max_size=300))
-def test_any_text_is_refused_in_a_sentence(text: str) -> None:
+def test_an_arbitrary_text_is_rejected_with_a_message(text: str) -> None:
     with pytest.raises(ExperimentError) as refused:
         parse_experiment(text)
     assert str(refused.value)
 
 
 @given(st.sampled_from(READY_NAMES), st.integers(0, 2000), st.text(max_size=4))
-def test_a_slip_of_the_hand_is_an_experiment_or_refused(name: str, at: int, typed: str) -> None:
+def test_a_typing_error_gives_an_experiment_or_a_rejection(name: str, at: int, typed: str) -> None:
     text = load_ready_text(name)
     with suppress(ExperimentError):
         assert isinstance(parse_experiment(text[:at] + typed + text[at + len(typed) :])[0], Experiment)
@@ -306,7 +306,7 @@ def test_a_comparison_holds_or_does_not(expression: str, held: bool) -> None:
         "-" * 50_000 + "1",
     ],
 )
-def test_what_is_no_small_expression_is_not_taken_whatever_asks(expression: str) -> None:
+def test_unsupported_expressions_are_rejected_by_every_evaluator(expression: str) -> None:
     for ask in (evaluate_number, evaluate_condition, require_known):
         with pytest.raises(ExpressionError):
             ask(expression, KNOWN)
@@ -348,17 +348,17 @@ def test_a_division_by_zero_is_named_as_such() -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, True])
-def test_what_is_no_finite_number_is_none_without_an_expression_too(value: float) -> None:
+def test_literal_values_that_are_not_finite_are_rejected(value: float) -> None:
     with refused(ExpressionError, "not_a_finite_number"):
         evaluate_number(value, KNOWN)
 
 
-def test_a_number_is_no_comparison() -> None:
+def test_a_number_is_rejected_as_a_comparison() -> None:
     with refused(ExpressionError, "not_a_comparison", value=4.0):
         evaluate_condition("hold_s + 1", KNOWN)
 
 
-def test_names_are_looked_for_without_values() -> None:
+def test_unknown_names_are_found_without_evaluation() -> None:
     require_known("1 / (count - count)", KNOWN)
     require_known(3.0, KNOWN)
     with refused(ExpressionError, "unknown_name", name="depth"):
@@ -366,13 +366,13 @@ def test_names_are_looked_for_without_values() -> None:
 
 
 @given(st.text(max_size=200))
-def test_any_text_is_a_number_or_refused(text: str) -> None:
+def test_an_arbitrary_text_evaluates_to_a_number_or_is_rejected(text: str) -> None:
     with suppress(ExpressionError):
         assert math.isfinite(evaluate_number(text, KNOWN))
 
 
 @given(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6), st.sampled_from(["+", "-", "*", "<", "<=", ">", ">=", "==", "!="]))
-def test_settings_are_reckoned_with_as_python_does(a: float, b: float, sign: str) -> None:
+def test_operators_give_the_same_results_as_in_python(a: float, b: float, sign: str) -> None:
     names = {"a": a, "b": b}
     expected = eval(f"a {sign} b", {}, names)
     found = (
@@ -398,7 +398,7 @@ def test_settings_are_reckoned_with_as_python_does(a: float, b: float, sign: str
         10**400,
     ],
 )
-def test_an_expression_that_costs_much_is_refused_before_it_is_evaluated(expression: str | int) -> None:
+def test_a_costly_expression_is_rejected_before_its_evaluation(expression: str | int) -> None:
     with pytest.raises(ExpressionError):
         evaluate_number(expression, {})
 
@@ -406,11 +406,11 @@ def test_an_expression_that_costs_much_is_refused_before_it_is_evaluated(express
 @pytest.mark.parametrize(
     ("expression", "value"), [("round(7.5)", 8.0), ("round(2.345, 1)", 2.3), ("round(1234, -2)", 1200.0)]
 )
-def test_rounding_is_that_of_floats(expression: str, value: float) -> None:
+def test_expressions_round_like_floats(expression: str, value: float) -> None:
     assert evaluate_number(expression, {}) == value
 
 
-def test_whole_numbers_are_floats_in_every_operation() -> None:
+def test_integers_are_floats_in_every_operation() -> None:
     """With Python's whole numbers 3 ** 2000 would be exact, and costly beyond any bound."""
     assert evaluate_number("n * n", {"n": 2**60}) == float(2**60) ** 2
     with pytest.raises(ExpressionError):
@@ -428,7 +428,7 @@ def chosen(*of: str, by: str = "how") -> str:
 
 
 @pytest.mark.parametrize(("how", "q_ref", "duration_s"), [("up", 0.2, 1.0), ("down", -0.2, 2.0)])
-def test_the_parts_of_the_value_are_played(how: str, q_ref: float, duration_s: float) -> None:
+def test_a_choice_plays_the_parts_of_the_selected_value(how: str, q_ref: float, duration_s: float) -> None:
     segment = plan_of(chosen(UP, DOWN), how=how).program().segments[1]
     assert (segment.q_ref, segment.duration_s) == (q_ref, duration_s)
 
@@ -444,7 +444,7 @@ def test_the_parts_of_the_value_are_played(how: str, q_ref: float, duration_s: f
         (chosen(UP, UP), "key_given_twice", {}),
     ],
 )
-def test_a_choice_without_parts_is_refused_in_its_line(text: str, code: str, values: dict[str, object]) -> None:
+def test_a_choice_without_parts_is_rejected_with_its_line(text: str, code: str, values: dict[str, object]) -> None:
     with refused_because(ExperimentError, code, **values) as caught:
         plan_of(text)
     assert caught.value.line == 11

@@ -46,7 +46,7 @@ def refusal(own: OwnExperiments, text: str) -> ExperimentError:
     return caught.value
 
 
-def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperiments) -> None:
+def test_the_base_experiment_of_the_rejection_tests_is_valid(own: OwnExperiments) -> None:
     checked = own.check(with_parts(LEAD_IN, "{do: hold, duration_s: 1}"), load_parameters("lab"), TuningSettings())
     assert (checked.duration_s, checked.segments) == (7.0, 2)
 
@@ -191,7 +191,7 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         ("{do: hold, duration_s: 123456789012345678901}", "too_many_digits", {"number": "123456789012345678901"}),
     ],
 )
-def test_a_part_that_cannot_be_played_is_refused_with_its_line(
+def test_an_invalid_part_is_rejected_with_its_line(
     own: OwnExperiments, part: str, code: str, values: dict[str, object]
 ) -> None:
     error = refusal(own, with_parts(LEAD_IN, part))
@@ -209,7 +209,7 @@ def test_a_part_that_cannot_be_played_is_refused_with_its_line(
         ("{do: hold, duration_s: 1, duration_s: 2}", "duration_s"),
     ],
 )
-def test_the_key_that_is_refused_is_named(own: OwnExperiments, part: str, key: str) -> None:
+def test_a_rejection_names_the_invalid_key(own: OwnExperiments, part: str, key: str) -> None:
     assert refusal(own, with_parts(LEAD_IN, part)).path == (*SECOND, key)
 
 
@@ -230,7 +230,7 @@ def test_the_key_that_is_refused_is_named(own: OwnExperiments, part: str, key: s
         ("title: Wobble", "titel: Wobble", 3, "unknown_key", {}),
     ],
 )
-def test_keys_outside_the_parts_are_checked_too(
+def test_keys_outside_the_parts_are_checked(
     own: OwnExperiments, old: str, new: str, line: int, code: str, values: dict[str, object]
 ) -> None:
     assert old in WOBBLE
@@ -249,7 +249,7 @@ def test_keys_outside_the_parts_are_checked_too(
         ("name: wobble", "name: tracking", 2, "name_of_ready_made_experiment", {"name": "tracking"}),
     ],
 )
-def test_criteria_measures_and_the_names_of_others_are_checked_too(
+def test_criteria_measures_and_referenced_names_are_checked(
     own: OwnExperiments, old: str, new: str, line: int, code: str, values: dict[str, object]
 ) -> None:
     error = refusal(own, WOBBLE.replace(old, new, 1))
@@ -257,7 +257,7 @@ def test_criteria_measures_and_the_names_of_others_are_checked_too(
     assert error.line == line
 
 
-def test_a_lambda_that_is_not_safe_is_refused_in_its_line(own: OwnExperiments) -> None:
+def test_an_unsafe_lambda_is_rejected_with_its_line(own: OwnExperiments) -> None:
     text = with_parts(LEAD_IN, "{do: tuning, lam_q: 0.1}", "{do: hold, duration_s: 5}")
     error = refusal(own, text)
     check_reason(error, "out_of_range", label="λ_q", value=0.1, unit="s", remedy=Reason("remedy_for_lambda"))
@@ -267,7 +267,7 @@ def test_a_lambda_that_is_not_safe_is_refused_in_its_line(own: OwnExperiments) -
 @pytest.mark.parametrize(
     "part", ["{do: step, q_ref: 0.9, duration_s: 1}", SWING, "{do: ramp, q_ref: -0.84, duration_s: 1}"]
 )
-def test_a_reference_that_this_plant_does_not_reach_is_refused_in_its_line(own: OwnExperiments, part: str) -> None:
+def test_a_reference_beyond_the_range_of_the_plant_is_rejected_with_its_line(own: OwnExperiments, part: str) -> None:
     lab = load_parameters("lab")
     short = replace(lab, geometry=replace(lab.geometry, q_max=1.0))
     text = with_parts(LEAD_IN, "{do: step, q_ref: -0.6, duration_s: 2}", part)
@@ -277,7 +277,7 @@ def test_a_reference_that_this_plant_does_not_reach_is_refused_in_its_line(own: 
     assert caught.value.line == 10
 
 
-def test_where_a_sine_ends_counts_for_what_swings_around_it(own: OwnExperiments) -> None:
+def test_an_oscillation_after_a_sine_is_checked_around_the_end_of_the_sine(own: OwnExperiments) -> None:
     lab = load_parameters("lab")
     short = replace(lab, geometry=replace(lab.geometry, q_max=1.0))
     text = with_parts(LEAD_IN, AWAY, "{do: sine, q_amplitude: 0.6, period_s: 4, duration_s: 4}")
@@ -287,18 +287,18 @@ def test_where_a_sine_ends_counts_for_what_swings_around_it(own: OwnExperiments)
     assert caught.value.line == 10
 
 
-def test_a_bank_that_is_not_there_is_refused_in_its_line(own: OwnExperiments) -> None:
+def test_an_unknown_bank_is_rejected_with_its_line(own: OwnExperiments) -> None:
     error = refusal(own, with_parts(LEAD_IN, "{do: tuning, bank: 77}", "{do: hold, duration_s: 5}"))
     assert error.line == 9
     assert "77" in str(error)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "17", "just words", "x" * 100_001, "\x00", "- a\n- b", "a: &x [*x]"])
-def test_what_is_no_experiment_at_all_is_refused_in_a_sentence(own: OwnExperiments, text: str) -> None:
+def test_a_text_that_is_not_an_experiment_is_rejected_with_a_message(own: OwnExperiments, text: str) -> None:
     assert str(refusal(own, text))
 
 
-def test_a_violated_rule_is_named(own: OwnExperiments) -> None:
+def test_a_rejection_names_the_violated_rule(own: OwnExperiments) -> None:
     rules = "rules:\n  - {that: depth>0.3, remedy: swing further}\n"
     error = refusal(own, WOBBLE.replace("phases:", f"{rules}phases:", 1))
     broken = {
@@ -326,7 +326,7 @@ def test_a_rejected_experiment_is_not_stored(own: OwnExperiments, tmp_path: Path
         "{do: multisine, q_amplitude: 0.1, period_s: 2, lines: 4}",
     ],
 )
-def test_nothing_oscillates_around_what_is_not_known(own: OwnExperiments, part: str) -> None:
+def test_an_oscillation_without_a_known_centre_is_rejected(own: OwnExperiments, part: str) -> None:
     error = refusal(own, with_parts(part, LEAD_IN))
     check_reason(error, "no_centre")
     assert (error.line, error.path) == (8, ("phases", 0, "parts", 0))

@@ -38,7 +38,7 @@ def document(name: str = "compliance") -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("name", READY_NAMES)
-def test_the_ready_made_ones_are_taken(name: str) -> None:
+def test_the_schema_accepts_the_ready_made_experiments(name: str) -> None:
     for taken in (document(name), yaml.safe_load(load_ready_text(name))):
         assert [error.message for error in VALIDATOR.iter_errors(taken)] == []
 
@@ -72,7 +72,7 @@ def test_the_ready_made_ones_are_taken(name: str) -> None:
         {"colour": "red"},
     ],
 )
-def test_what_is_no_experiment_is_refused_by_schema_and_reader_alike(change: dict[str, Any]) -> None:
+def test_schema_and_parser_reject_the_same_invalid_documents(change: dict[str, Any]) -> None:
     wrong = document() | change
     assert not VALIDATOR.is_valid(wrong)
     with pytest.raises(ExperimentError):
@@ -80,7 +80,7 @@ def test_what_is_no_experiment_is_refused_by_schema_and_reader_alike(change: dic
 
 
 @pytest.mark.parametrize("lacking", ["format", "name", "title", "phases"])
-def test_what_lacks_a_part_is_refused_by_schema_and_reader_alike(lacking: str) -> None:
+def test_schema_and_parser_reject_documents_with_missing_keys(lacking: str) -> None:
     wrong = {name: value for name, value in ({"format": 1} | document()).items() if name != lacking}
     assert not VALIDATOR.is_valid(wrong)
     with pytest.raises(ExperimentError):
@@ -107,7 +107,7 @@ def declared(**changes: Any) -> Declared:
     return Declared(**{**usual, **changes})
 
 
-def test_each_kind_is_declared_as_it_was_written() -> None:
+def test_settings_of_each_kind_are_declared_as_written() -> None:
     assert build_settings(experiment(DEPTH, TURNS, HOW, SURE), {}) == (
         Setting("depth", "number", "a", "rad", "amplitude", math.pi / 4.0, 0.0, math.pi / 2.0),
         Setting("turns", "integer", "n", "1", "turns", 3, 1.0, 9.0),
@@ -116,7 +116,7 @@ def test_each_kind_is_declared_as_it_was_written() -> None:
     )
 
 
-def test_values_that_are_not_named_are_the_defaults_and_words_are_read() -> None:
+def test_omitted_values_are_the_defaults_and_strings_are_parsed() -> None:
     settings = build_settings(experiment(DEPTH, TURNS, HOW, SURE), {})
     assert parse_values(settings, {"turns": "5", "sure": "no"}) == {
         "depth": math.pi / 4.0, "turns": 5, "how": "a", "sure": False,
@@ -132,7 +132,7 @@ def test_values_that_are_not_named_are_the_defaults_and_words_are_read() -> None
         ({"turns": 10**9}, "turns", 1.0, 9.0),
     ],
 )
-def test_a_value_out_of_bounds_is_refused_as_of_any_other_setting(
+def test_a_value_beyond_its_bounds_is_rejected_with_the_setting(
     values: dict[str, float], label: str, minimum: float, maximum: float
 ) -> None:
     ((name, value),) = values.items()
@@ -153,13 +153,13 @@ def test_a_value_out_of_bounds_is_refused_as_of_any_other_setting(
         ({"sure": 2}, "true or false is required"),
     ],
 )
-def test_a_wrong_value_is_refused_as_of_any_other_setting(values: dict[str, object], reason: str) -> None:
+def test_a_value_of_the_wrong_type_is_rejected_with_the_setting(values: dict[str, object], reason: str) -> None:
     with pytest.raises(SettingError) as refused:
         parse_values(build_settings(experiment(DEPTH, TURNS, HOW, SURE), {}), values)
     assert refused.value.reason == reason
 
 
-def test_an_unknown_name_is_refused_with_those_that_are_declared() -> None:
+def test_an_unknown_setting_is_rejected_with_the_declared_names() -> None:
     with refused_because(SettingError, "unknown_setting", known="depth, turns, how, sure") as caught:
         parse_values(build_settings(experiment(DEPTH, TURNS, HOW, SURE), {}), {"width": 1})
     assert caught.value.quantity == "width"
@@ -185,7 +185,7 @@ def test_an_unknown_name_is_refused_with_those_that_are_declared() -> None:
         (declared(kind="boolean", default=3), "invalid_default", {"default": 3}),
     ],
 )
-def test_a_declaration_that_cannot_be_is_refused_in_its_line(
+def test_an_invalid_declaration_is_rejected_with_its_line(
     wrong: Declared, code: str, values: dict[str, object]
 ) -> None:
     lines = {(): 1, ("settings",): 5, ("settings", 0): 6, ("settings", 1): 7, ("settings", 1, "name"): 8}
@@ -202,7 +202,7 @@ def test_a_default_is_refused_with_the_bounds_that_it_violates() -> None:
         build_settings(experiment(declared(kind="boolean", default=3)), {})
 
 
-def test_rules_hold_or_say_which_values_break_them() -> None:
+def test_a_violated_rule_lists_the_values_that_violate_it() -> None:
     low, high = (declared(name=name, default=default) for name, default in (("low", 0.2), ("high", 0.8)))
     asked = experiment(low, high, rules=(Rule(that="low < high", remedy="keep low below high"),))
     lines = {(): 1, ("rules", 0, "that"): 21}
@@ -214,7 +214,7 @@ def test_rules_hold_or_say_which_values_break_them() -> None:
 
 
 @pytest.mark.parametrize(("that", "bounds"), [("low < high", (None, 0.8)), ("low >= 2 * high", (1.6, None))])
-def test_a_rejection_names_the_setting_that_was_given(that: str, bounds: tuple[float | None, float | None]) -> None:
+def test_a_rule_violation_names_the_given_setting(that: str, bounds: tuple[float | None, float | None]) -> None:
     low, high = (declared(name=name, default=default) for name, default in (("low", 0.2), ("high", 0.8)))
     asked = experiment(low, high, rules=(Rule(that=that, remedy="mind the gap"),))
     with pytest.raises(OutOfRangeError) as refused:
@@ -224,7 +224,7 @@ def test_a_rejection_names_the_setting_that_was_given(that: str, bounds: tuple[f
 
 
 @pytest.mark.parametrize("that", ["low < middle", "low + 1", "low", "low <", "__import__('os')", "1 / 0 < low"])
-def test_a_rule_that_is_no_comparison_is_refused_in_its_line(that: str) -> None:
+def test_a_rule_that_is_not_a_comparison_is_rejected_with_its_line(that: str) -> None:
     asked = experiment(declared(name="low"), rules=(Rule(that=that, remedy="none"),))
     with pytest.raises(ExperimentError) as refused:
         require_rules(asked, build_settings(asked, {}), {"low": 0.2}, (), {("rules", 0, "that"): 3})
@@ -246,7 +246,7 @@ def test_every_setting_has_unit_bounds_default_and_meaning() -> None:
             json.dumps(asdict(setting))
 
 
-def test_words_of_a_command_line_become_numbers() -> None:
+def test_command_line_values_are_converted_to_numbers() -> None:
     plan = build_ready_plan("tracking", **{"q_amplitude": "0.5", "S_low": 9})
     assert [plan.values[name] for name in ("q_amplitude", "S_low", "S_high")] == [0.5, 9.0, 14.0]
     assert build_plan(ActuatorIdentificationPlan, {"bits": "9"}).bits == 9
@@ -263,13 +263,13 @@ def test_a_number_out_of_bounds_is_refused_with_bounds_and_unit(name: str, value
 
 
 @pytest.mark.parametrize("value", ["wide", True, None, [1.0]])
-def test_what_is_no_number_is_refused_with_its_unit(value: object) -> None:
+def test_a_value_that_is_not_a_number_is_rejected_with_the_unit(value: object) -> None:
     with pytest.raises(SettingError, match="a number is required") as refused:
         build_ready_plan("tracking", **{"q_amplitude": value})
     assert (refused.value.quantity, refused.value.value, refused.value.unit) == ("q_amplitude", value, "rad")
 
 
-def test_unknown_names_and_fractions_of_counts_are_refused() -> None:
+def test_unknown_settings_and_fractional_counts_are_rejected() -> None:
     with refused_because(SettingError, "unknown_setting") as unknown:
         build_ready_plan("tracking", **{"q_amplitud": 1.0})
     assert "q_amplitude" in unknown.value.legal
@@ -333,13 +333,13 @@ def test_identification_program_is_the_default_experiment_of_the_method() -> Non
         find_experiment("sequence").make_plan({"segments": '[{"duration_s": 0.12345, "q_ref": 0, "S_ref": 10}]'}),
     ],
 )
-def test_segments_last_whole_milliseconds_as_the_loop_plays_them(plan: Plan) -> None:
+def test_segments_last_a_whole_number_of_milliseconds(plan: Plan) -> None:
     for segment in plan.program().segments:
         assert segment.duration_s * 1000 == pytest.approx(round(segment.duration_s * 1000), abs=1e-9)
 
 
 @pytest.mark.parametrize("profile", ["hand", "steps", "ramp"])
-def test_compliance_pushes_both_ways_within_its_bound_and_ends_at_rest(profile: str) -> None:
+def test_the_compliance_program_pushes_in_both_directions_within_its_bound_and_ends_at_rest(profile: str) -> None:
     plan = build_ready_plan("compliance", **{"profile": profile, "F_push": 12.0, "pushes": 20})
     program = plan.program()
     forces = [segment.F_push for segment in program.segments]
@@ -351,7 +351,7 @@ def test_compliance_pushes_both_ways_within_its_bound_and_ends_at_rest(profile: 
     assert build_ready_plan("compliance", **{"profile": profile, "F_push": 12.0, "pushes": 20}).program() == program
 
 
-def test_a_hand_pushes_differently_with_another_seed_and_never_jumps() -> None:
+def test_manual_pushes_differ_with_the_seed_and_have_no_jumps() -> None:
     first, second = (build_ready_plan("compliance", push_seed=seed).program().segments for seed in (1, 2))
     assert first != second
     for before, after in itertools.pairwise(first):

@@ -73,7 +73,7 @@ def played(told: list[Any]) -> Segment:
 
 
 @pytest.mark.parametrize("known", KNOWN["programs"])
-def test_it_plays_what_the_sequence_did(known: dict[str, Any]) -> None:
+def test_the_experiment_of_a_sequence_compiles_to_the_program_of_the_sequence(known: dict[str, Any]) -> None:
     plan = written(known["segments"])
     assert plan.program() == Program(Law.CASCADE, tuple(map(played, known["played"])))
     (phase,) = plan.phases()
@@ -86,7 +86,7 @@ def test_it_plays_what_the_sequence_did(known: dict[str, Any]) -> None:
     assert parse_stored_plan("sequence", plan.to_stored_values()) == plan
 
 
-def test_one_that_begins_with_a_sine_or_swings_far_is_read_and_only_the_second_not_started() -> None:
+def test_sequences_with_an_initial_sine_are_read_and_those_beyond_the_range_do_not_start() -> None:
     def start(plan: ExperimentPlan) -> Program:
         return compile_program(lambda number: pytest.fail(f"bank {number}"), IDEAL, plan, LoopSettings().tuning)
 
@@ -97,14 +97,14 @@ def test_one_that_begins_with_a_sine_or_swings_far_is_read_and_only_the_second_n
     assert caught.value.path == ("phases", 0, "parts", 1)
 
 
-def test_the_one_that_was_offered_is_the_default() -> None:
+def test_the_previous_default_sequence_is_the_default_experiment() -> None:
     entry = find_experiment("sequence")
     assert entry.default_plan.program().duration_s == 20.0
     assert entry.default_plan == written(KNOWN["programs"][0]["segments"])
     assert entry.replacement
 
 
-def test_what_is_no_list_of_segments_is_refused() -> None:
+def test_an_invalid_list_of_segments_is_rejected() -> None:
     for segment in ({**GOOD, "q_ref": "left"}, {**GOOD, "q_reff": 1}, {"duration_s": 1}, {**GOOD, "shape": "jump"}, 3):
         with refused_because(SettingError, "not_a_list_of_segments"):
             plan_of(segment)
@@ -133,14 +133,14 @@ def test_what_is_no_list_of_segments_is_refused() -> None:
         {"segments": 7},
     ],
 )
-def test_settings_that_are_of_no_sequence_stay_and_are_refused_by_their_reader(plan: dict[str, Any]) -> None:
+def test_settings_in_an_unknown_form_are_unchanged_and_rejected_by_the_parser(plan: dict[str, Any]) -> None:
     settings = {"plan": plan, "loop": {}, "declared": []}
     assert upgrade_run_settings(settings) == settings
     with refused_because(ExperimentError, "program_in_unknown_form"):
         parse_stored_plan("sequence", plan)
 
 
-def test_settings_get_the_experiment_and_lose_the_list_of_what_was_declared() -> None:
+def test_upgraded_settings_contain_the_experiment_and_no_declared_list() -> None:
     segments, other = json.dumps([GOOD]), {"name": "b", "symbol": "b", "unit": "1", "meaning": "weight", "value": 0.0}
     declared = {"name": "segments", "symbol": "segments", "unit": "1", "meaning": "list", "value": segments}
     settings = {"plan": {"segments": segments}, "loop": {"b": 0.0}, "declared": [declared, other], "version": 1}
@@ -167,7 +167,7 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
     again.close()
 
 
-def test_its_samples_and_figures_are_those_of_the_sequence(database: Database) -> None:
+def test_samples_and_metrics_of_an_upgraded_run_are_unchanged(database: Database) -> None:
     columns, missed = read_recorded_columns(database, 1)
     assert (columns["t"].size, missed) == (RECORDED["samples"], 0)
     for name, known in RECORDED["columns"].items():
@@ -190,7 +190,7 @@ def test_its_samples_and_figures_are_those_of_the_sequence(database: Database) -
     ]
 
 
-def test_a_report_and_a_record_of_before_are_read_and_hold(database: Database) -> None:
+def test_reports_and_run_records_of_an_earlier_version_are_verified(database: Database) -> None:
     """Their settings are put back to what they were, with the hashes of that."""
     columns, _ = read_recorded_columns(database, 1)
     source = load_source(database, 1)
