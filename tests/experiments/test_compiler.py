@@ -144,7 +144,7 @@ def test_parts_that_a_contact_ends_are_marked_with_their_start_and_end() -> None
     )
 
 
-def test_until_contact_without_a_threshold_compiles_to_its_inner_parts() -> None:
+def test_until_contact_with_threshold_zero_compiles_to_its_inner_parts() -> None:
     held = "{do: hold, duration_s: 1}"
     within = plan_of(with_parts(LEAD_IN, f"{{do: until_contact, contact_N: 0, parts: [{held}]}}")).program()
     assert within == plan_of(with_parts(LEAD_IN, held)).program()

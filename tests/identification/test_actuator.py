@@ -30,7 +30,7 @@ LAG_S = 0.0854
 START = 1000
 
 
-def test_a_count_is_a_turn_by_the_encoders_counts() -> None:
+def test_the_resolutions_follow_from_the_counts_of_the_encoders() -> None:
     assert 4000 * GEOMETRY.q_resolution == pytest.approx(2.0 * np.pi)
     # An eighth-thousandth of a turn at motor A stretches its spring by r_m of it, which stiffens the joint.
     assert 8000 * GEOMETRY.S_resolution == pytest.approx(2.0 * 0.075**2 * 8543.8 * 0.0075 * 2.0 * np.pi)
@@ -72,7 +72,7 @@ def test_the_nominal_point_is_the_mean_of_the_half_second_before_the_excitation(
     assert found.q_nominal == pytest.approx(sum(samples["q"][k] for k in before) / len(before), rel=1e-12)
 
 
-def test_the_papers_arx_is_there_beside_it_and_is_what_a_file_gives(found: ActuatorIdentification) -> None:
+def test_the_papers_arx_estimate_is_added_and_equals_the_estimate_from_a_file(found: ActuatorIdentification) -> None:
     samples = default_experiment()
     for by_arx, column in ((found.arx_q, "q"), (found.arx_S, "S")):
         assert isinstance(by_arx, Estimate)
@@ -83,7 +83,7 @@ def test_the_papers_arx_is_there_beside_it_and_is_what_a_file_gives(found: Actua
         assert by_arx.first_order == alone.first_order
 
 
-def test_too_little_motion_is_said_with_the_number_of_counts() -> None:
+def test_the_verdict_states_too_little_motion_in_counts() -> None:
     found = identify_actuator(default_experiment(amplitude_rad=0.5, chip=5), PERIOD_S, GEOMETRY, START)
     assert found.verdict.grade is Grade.UNUSABLE
     assert find_reason(found.verdict, "too_little_motion")["counts"] == pytest.approx(found.motion_counts)
@@ -168,7 +168,7 @@ def test_G_S_agrees_with_linear_theory_over_fifty_seeds() -> None:
 
 
 @pytest.mark.parametrize("tension", TABLE_1)
-def test_on_the_ideal_plant_gains_lags_and_frequency_response_are_right(
+def test_gains_lags_and_frequency_response_of_the_ideal_plant_are_accurate(
     ideal: PlantParameters, ideal_runs: dict[float, ActuatorIdentification], tension: float
 ) -> None:
     found = ideal_runs[tension]
@@ -184,7 +184,7 @@ def test_on_the_ideal_plant_gains_lags_and_frequency_response_are_right(
         assert np.max(np.abs(np.degrees(np.angle(ratio)))) < 3.0
 
 
-def test_on_the_lab_plant_the_verdict_warns_that_friction_makes_the_model_local() -> None:
+def test_the_verdict_on_the_lab_plant_warns_that_friction_makes_the_model_local() -> None:
     lab = load_parameters("lab")
     found = identified(Bench(lab), lab, default_plan(20.0))
     assert found.verdict.grade is Grade.CAUTION
@@ -193,7 +193,7 @@ def test_on_the_lab_plant_the_verdict_warns_that_friction_makes_the_model_local(
         assert channel.model.gain == pytest.approx(gain, rel=0.03)
 
 
-def test_the_papers_1_ms_sequence_moves_too_little_and_the_verdict_says_so() -> None:
+def test_the_verdict_on_the_papers_1_ms_sequence_states_too_little_motion() -> None:
     lab = load_parameters("lab")
     found = identified(Bench(lab), lab, paper_plan(20.0))
     assert found.verdict.grade is Grade.UNUSABLE

@@ -66,7 +66,7 @@ def errors_in_std(found: Estimate, truth: dict[str, float]) -> list[float]:
 
 
 @pytest.mark.parametrize(("name", "truth"), CASES)
-def test_without_noise_the_truth_comes_back(name: str, truth: dict[str, float]) -> None:
+def test_the_estimate_without_noise_equals_the_truth(name: str, truth: dict[str, float]) -> None:
     found = estimate_model(record(truth, 300.0, 0), name)
     assert found.model.parameters == pytest.approx(truth, rel=1e-6)
     assert found.fit_percent > 99.99
@@ -74,7 +74,7 @@ def test_without_noise_the_truth_comes_back(name: str, truth: dict[str, float]) 
 
 @pytest.mark.parametrize("method", [Method.DEFAULT, Method.OUTPUT_ERROR, Method.SRIVC])
 @pytest.mark.parametrize(("name", "truth"), CASES)
-def test_white_noise_in_the_loop_is_within_its_standard_errors(
+def test_estimates_in_closed_loop_white_noise_are_within_their_standard_errors(
     name: str, truth: dict[str, float], method: Method
 ) -> None:
     found = estimate_model(record(truth, 20.0, 1), name, method)
@@ -85,7 +85,7 @@ def test_white_noise_in_the_loop_is_within_its_standard_errors(
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-3, 1e6])
-def test_a_light_resonance_in_noise_is_found_where_the_quick_starts_lead_nowhere(unit: float) -> None:
+def test_a_lightly_damped_resonance_in_noise_is_found_when_the_quick_starts_fail(unit: float) -> None:
     """Few steps of a lag and a pair of poles of damping 0.1 at 200 rad/s: the noise hides the pair from least squares.
 
     What is found leaves no more over than the truth does, which SciPy has computed, and is within its errors of it,
@@ -104,7 +104,7 @@ def test_a_light_resonance_in_noise_is_found_where_the_quick_starts_lead_nowhere
 
 
 @pytest.mark.parametrize(("name", "truth"), CASES)
-def test_the_fit_of_all_data_is_what_the_noise_leaves(name: str, truth: dict[str, float]) -> None:
+def test_the_fit_is_limited_only_by_the_noise(name: str, truth: dict[str, float]) -> None:
     """Against the true system's own response to the input, which SciPy has computed."""
     u, y, _ = closed_loop_record(truth, 20.0, 1)
     left = np.linalg.norm(y - held_response(truth, u)) / np.linalg.norm(y - np.mean(y))
@@ -113,7 +113,7 @@ def test_the_fit_of_all_data_is_what_the_noise_leaves(name: str, truth: dict[str
     assert found.fit_all_percent == pytest.approx(100.0 * (1.0 - left), abs=0.2)
 
 
-def test_a_pair_of_poles_is_a_pair_however_near_to_the_real_axis() -> None:
+def test_a_pole_pair_near_the_real_axis_remains_a_pair() -> None:
     pair = np.array([-0.01 + 1e-9j, -0.01 - 1e-9j])
     np.testing.assert_allclose(np.exp(1e-3 * continuous_poles(pair, 1e-3)), pair, rtol=1e-12)
     with pytest.raises(NotContinuousError):
@@ -121,7 +121,7 @@ def test_a_pair_of_poles_is_a_pair_however_near_to_the_real_axis() -> None:
 
 
 @pytest.mark.parametrize(("name", "truth"), CASES)
-def test_coloured_noise_is_modelled_and_does_not_bias(name: str, truth: dict[str, float]) -> None:
+def test_coloured_noise_is_modelled_and_does_not_bias_the_estimate(name: str, truth: dict[str, float]) -> None:
     found = estimate_model(record(truth, 20.0, 2, pole=ONE_HERTZ), name)
     assert found.noise[0] == pytest.approx(-ONE_HERTZ, abs=0.01)
     assert_reason(found.method, "refined_iv_in_closed_loop", noise_order=len(found.noise))
@@ -129,20 +129,20 @@ def test_coloured_noise_is_modelled_and_does_not_bias(name: str, truth: dict[str
 
 
 @pytest.mark.parametrize(("name", "truth"), CASES)
-def test_offset_drift_and_a_cut_start_do_not_bias(name: str, truth: dict[str, float]) -> None:
+def test_offset_drift_and_a_cut_start_do_not_bias_the_estimate(name: str, truth: dict[str, float]) -> None:
     found = estimate_model(record(truth, 40.0, 3, offset=2.0, drift=3.0, cut=777), name)
     assert np.max(np.abs(errors_in_std(found, truth))) < 4.0
     assert found.model.parameters == pytest.approx(truth, rel=4e-3)
 
 
-def test_instruments_from_a_known_set_point_serve_where_the_controller_is_unknown() -> None:
+def test_a_known_set_point_provides_instruments_when_the_controller_is_unknown() -> None:
     u, y, excitation = closed_loop_record(FIRST, 10.0, 4, pole=ONE_HERTZ)
     found = estimate_model(Record(PERIOD_S, u, y, r=excitation), "first")
     assert_reason(found.method, "refined_iv_in_closed_loop")
     assert np.max(np.abs(errors_in_std(found, FIRST))) < 4.0
 
 
-def test_one_sample_of_misalignment_shows_in_fast_parameters() -> None:
+def test_one_sample_of_misalignment_biases_the_fast_parameters() -> None:
     # Guards the convention that y[k] is taken when u[k] is applied: the other ones move a1 and a2 by per cents.
     whole = record(THIRD, 300.0, 0)
     late = replace(whole, u=whole.u[1:], y=whole.y[:-1], controller=None)
@@ -159,13 +159,13 @@ def test_scaling_input_and_output_scales_the_gain_only() -> None:
     assert scaled.std_errors["T"] == pytest.approx(plain.std_errors["T"], rel=1e-2)
 
 
-def test_missing_dynamics_are_told_from_noise() -> None:
+def test_missing_dynamics_are_distinguished_from_noise() -> None:
     found = estimate_model(record(THIRD, 60.0, 6), "first")
     assert found.noise == ()
     assert not found.residuals.input_correlation.passed
 
 
-def test_the_summary_has_what_the_command_line_prints() -> None:
+def test_the_summary_contains_the_values_that_the_command_line_prints() -> None:
     found = estimate_model(record(THIRD, 30.0, 7), "third")
     summary = found.summary()
     assert list(summary) == SUMMARY
@@ -173,7 +173,7 @@ def test_the_summary_has_what_the_command_line_prints() -> None:
     assert found.verdict.grade is Grade.USABLE
 
 
-def test_an_unknown_structure_is_refused_with_the_known_ones() -> None:
+def test_the_estimation_rejects_an_unknown_structure_and_lists_the_known_ones() -> None:
     with refused(StructureError, "unknown_structure", name="order:5", known=KNOWN):
         estimate_model(record(FIRST, 40.0, 0), "order:5")
 
@@ -220,7 +220,7 @@ def test_the_simulation_is_exact_between_samples(name: str, delay_s: float) -> N
 
 @pytest.mark.parametrize("delay_s", [0.003, 0.0371, 0.15])
 @pytest.mark.parametrize("name", TRUTHS)
-def test_a_dead_time_comes_back_with_the_rest(name: str, delay_s: float) -> None:
+def test_a_dead_time_is_estimated_with_the_other_parameters(name: str, delay_s: float) -> None:
     u = chips()
     found = estimate_model(Record(PERIOD_S_DEAD_TIME, u, noisy(delayed(name, u, delay_s), 0.005)), name)
     truth = {**TRUTHS[name], "t_d": delay_s}
@@ -239,7 +239,7 @@ def test_a_record_cut_out_of_a_longer_one_gives_the_same_dead_time() -> None:
     assert found.verdict.grade is Grade.USABLE
 
 
-def test_a_dead_time_that_is_not_there_is_not_usable() -> None:
+def test_a_model_with_a_nonexistent_dead_time_is_not_usable() -> None:
     u = chips()
     record = Record(PERIOD_S_DEAD_TIME, u, noisy(delayed("first+delay", u, 0.0), 0.01))
     try:
@@ -252,7 +252,7 @@ def test_a_dead_time_that_is_not_there_is_not_usable() -> None:
 
 
 @pytest.mark.parametrize("u_c", [0.2, 1.0])
-def test_dry_friction_is_not_taken_for_a_dead_time(u_c: float) -> None:
+def test_coulomb_friction_is_not_mistaken_for_a_dead_time(u_c: float) -> None:
     u = np.repeat(np.random.default_rng(3).uniform(-5.0, 5.0, 20), 300)
     found = estimate_model(Record(PERIOD_S_DEAD_TIME, u, noisy(motor(u, u_c, 0.03)[0], 0.01)), "first+delay")
     friction = found.friction
@@ -266,7 +266,7 @@ def test_dry_friction_is_not_taken_for_a_dead_time(u_c: float) -> None:
 
 
 @pytest.mark.parametrize("name", ["first+delay", "third+delay", "order:4+delay"])
-def test_a_record_that_holds_next_to_nothing_is_refused_in_words_or_not_usable(name: str) -> None:
+def test_a_record_with_hardly_any_motion_is_rejected_or_not_usable(name: str) -> None:
     u = np.repeat(np.linspace(-2.0, 2.0, 9), 300)
     y = np.zeros(u.size)
     y[1000:1005] = -1.0
@@ -277,7 +277,7 @@ def test_a_record_that_holds_next_to_nothing_is_refused_in_words_or_not_usable(n
     assert found.verdict.grade is Grade.UNUSABLE
 
 
-def test_what_knows_no_dead_time_refuses_it() -> None:
+def test_methods_without_dead_time_reject_a_structure_with_dead_time() -> None:
     u = chips()
     y = delayed("first+delay", u, 0.003)
     with refused(StructureError, "dead_time_with_arx", structure="first+delay"):
@@ -314,7 +314,7 @@ def test_least_squares_under_known_noise_has_its_exact_covariance(pole: float, t
 
 
 @pytest.mark.parametrize("pole", [0.2, 0.7, 0.95])
-def test_the_middle_is_newey_and_wests_sum_over_andrews_bandwidth(pole: float) -> None:
+def test_the_central_matrix_is_the_newey_west_sum_over_the_andrews_bandwidth(pole: float) -> None:
     """The two papers' formulas, lag by lag: other weights or another bandwidth give another matrix."""
     count, random = 600, np.random.default_rng(9)
     Z = np.column_stack([coloured(pole, count, random), coloured(0.5, count, random)])
@@ -334,7 +334,7 @@ def test_the_middle_is_newey_and_wests_sum_over_andrews_bandwidth(pole: float) -
 
 
 @pytest.mark.parametrize("snr_dB", [20.0, 30.0])
-def test_standard_errors_of_an_estimate_are_those_of_cramer_and_rao(snr_dB: float) -> None:
+def test_standard_errors_of_an_estimate_equal_the_cramer_rao_bound(snr_dB: float) -> None:
     """White noise on the output, the measured input given: the bound follows from the slope of the response alone."""
     u, y, _ = closed_loop_record(FIRST, snr_dB, 11)
     found = estimate_model(Record(PERIOD_S, u, y), "first", Method.OUTPUT_ERROR)
@@ -353,7 +353,7 @@ def test_standard_errors_of_an_estimate_are_those_of_cramer_and_rao(snr_dB: floa
 
 @pytest.mark.parametrize("name", ["lags2", "lags3", "order:2", "order:3"])
 @pytest.mark.parametrize("share", [0.5, 0.9])
-def test_shortened_lags_are_those_of_before_times_the_share(name: str, share: float) -> None:
+def test_shortened_lags_are_the_previous_lags_times_the_factor(name: str, share: float) -> None:
     order = int(name[-1])
     shape, lags = (
         find_structure(name),
@@ -366,7 +366,7 @@ def test_shortened_lags_are_those_of_before_times_the_share(name: str, share: fl
 
 
 @pytest.mark.parametrize("order", [3, 4])
-def test_every_start_beside_a_lag_is_stable_and_has_it(order: int) -> None:
+def test_every_start_for_a_lag_is_stable_and_contains_the_lag(order: int) -> None:
     """A lag of 0.2 s in the record is in each start, with faster poles; none of them grows."""
     u = np.repeat(np.random.default_rng(2).choice([-5.0, 5.0], 100), 20)
     y = lfilter([0.0, 1.0 - np.exp(-PERIOD_S / 0.2)], [1.0, -np.exp(-PERIOD_S / 0.2)], u)

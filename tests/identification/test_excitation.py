@@ -50,7 +50,7 @@ def periodic(excited: NDArray[np.int64]) -> Record:
     return Record(PERIOD_S, u[LENGTH:], y[LENGTH:])
 
 
-def test_of_periodic_signals_it_is_the_response_of_the_sampled_system(
+def test_the_response_to_periodic_signals_is_that_of_the_sampled_system(
     excited: NDArray[np.int64], periodic: Record
 ) -> None:
     found = welch_response(periodic)
@@ -64,7 +64,7 @@ def test_of_periodic_signals_it_is_the_response_of_the_sampled_system(
 
 
 @pytest.mark.parametrize(("gain", "lag"), [(1.0, 1.0), (1.1, 1.0), (0.95, 1.0), (1.0, 0.5)])
-def test_a_model_is_off_by_what_it_is_off_the_truth(
+def test_the_deviation_of_a_model_from_the_response_equals_its_true_error(
     excited: NDArray[np.int64], periodic: Record, gain: float, lag: float
 ) -> None:
     """A model with so many times the true gain and time constant: four lags in closed form."""
@@ -77,7 +77,7 @@ def test_a_model_is_off_by_what_it_is_off_the_truth(
     assert check.worst_phase_deg == pytest.approx(np.max(np.abs(phase_deg)), abs=0.01)
 
 
-def test_in_noise_response_and_coherence_are_those_of_scipy() -> None:
+def test_response_and_coherence_in_noise_match_scipy() -> None:
     u = noise(2)
     y = dlsim(cont2discrete(FOUR_LAGS, PERIOD_S), u)[1][:, 0] + 0.2 * noise(3)
     found = welch_response(Record(PERIOD_S, u, y))
@@ -89,7 +89,7 @@ def test_in_noise_response_and_coherence_are_those_of_scipy() -> None:
     np.testing.assert_allclose(found.excitation[:-1], u_u[:-1] / np.max(u_u[:-1]), rtol=1e-9)
 
 
-def test_in_closed_loop_both_spectra_are_taken_with_the_set_point() -> None:
+def test_both_cross_spectra_in_closed_loop_use_the_set_point() -> None:
     u, y, r = closed_loop_record(FIRST, 10.0, 1, samples=SEGMENTS * LENGTH)
     found = welch_response(Record(PERIOD_S, u, y, r=r))
     r_y, r_u = (csd(detrend(r), detrend(other), nperseg=LENGTH)[1][1:] for other in (y, u))
@@ -100,7 +100,7 @@ def test_in_closed_loop_both_spectra_are_taken_with_the_set_point() -> None:
 
 
 @pytest.mark.parametrize("bits", range(4, 13))
-def test_the_sequence_has_nothing_in_common_with_itself_later(bits: int) -> None:
+def test_the_autocorrelation_of_the_prbs_is_flat(bits: int) -> None:
     """What makes it of maximum length: over a period its autocorrelation is -1 at every shift."""
     levels = ActuatorIdentificationPlan(bits=bits, chip_s=0.01).excitation().levels
     sequence = np.array([1.0 if level == "+" else -1.0 for level in levels])

@@ -232,7 +232,7 @@ def imported(content: str | bytes, options: dict[str, Any]) -> Imported:
 
 
 @pytest.mark.parametrize("kind", READ)
-def test_a_file_is_read_value_by_value(kind: str) -> None:
+def test_every_value_of_a_foreign_file_is_read(kind: str) -> None:
     content, options = READ[kind]
     record, reading = imported(content, options)
     np.testing.assert_array_equal(record.u, options.get("u_read", U))
@@ -244,7 +244,7 @@ def test_a_file_is_read_value_by_value(kind: str) -> None:
         assert reading.largest_step_s == pytest.approx(PERIOD_S, rel=options.get("even", 1e-3))
 
 
-def test_what_was_read_is_said() -> None:
+def test_the_reading_reports_columns_units_and_rows() -> None:
     text = lines("t [ms],mode,u [V],y [rad],z,z", lambda k: f"{1e3 * T[k]:.1f},on,{U[k]},{Y[k]},1,2", "# by hand", "x")
     reading = imported(text, {"selection": Selection(skip=10, take=300)}).reading
     assert reading.columns == {"input": "u", "output": "y"}
@@ -265,7 +265,7 @@ def test_what_was_read_is_said() -> None:
     assert reading.sample_time_s == pytest.approx(PERIOD_S)
 
 
-def test_rows_that_are_commented_out_are_said() -> None:
+def test_the_reading_reports_commented_out_rows() -> None:
     text = lines("t,u,y", lambda k: plain(k) if k % 10 else f"# {plain(k)}")
     reading = imported(text, {"selection": Selection(resample=True)}).reading
     assert reading.rows_in_file == 360
@@ -273,7 +273,7 @@ def test_rows_that_are_commented_out_are_said() -> None:
     assert messages.comment_lines_with_numbers(count=39) in reading.notes[0]  # the first of them is above the first row
 
 
-def test_rows_in_reverse_order_are_named() -> None:
+def test_rows_in_reverse_order_are_rejected() -> None:
     text = lines("t,u,y", lambda k: plain(COUNT - 1 - k))
     with refused(RecordError, "rows_in_reverse_order", largest_step_s=pytest.approx(-PERIOD_S)):
         imported(text, {})
@@ -313,7 +313,7 @@ BACK = {
 
 
 @pytest.mark.parametrize("kind", BACK)
-def test_rows_that_run_back_are_refused_and_each_part_can_be_taken(kind: str) -> None:
+def test_decreasing_times_are_rejected_and_each_part_can_be_selected(kind: str) -> None:
     text, step_s, cause = BACK[kind]
     for resample in (False, True):
         with refused(
@@ -333,7 +333,7 @@ def test_rows_that_run_back_are_refused_and_each_part_can_be_taken(kind: str) ->
         imported(text, {"selection": Selection(skip=250)})
 
 
-def test_a_range_of_times_that_come_twice_is_refused() -> None:
+def test_a_time_range_that_occurs_twice_is_rejected() -> None:
     text = lines("t,u,y", lambda k: f"{(k % 300) * PERIOD_S:.3f},{U[k]},{Y[k]}")
     with pytest.raises(DataFileError) as refusal:
         imported(text, {"selection": Selection(start_s=0.0, end_s=0.05)})
@@ -501,7 +501,7 @@ REFUSED: dict[str, tuple[str | bytes, dict[str, Any], FileFault, str | None]] = 
 
 
 @pytest.mark.parametrize("kind", REFUSED)
-def test_what_is_not_clear_is_refused_with_the_option_that_resolves_it(kind: str) -> None:
+def test_an_ambiguous_file_is_rejected_with_the_option_that_resolves_it(kind: str) -> None:
     content, options, fault, option = REFUSED[kind]
     with pytest.raises(DataFileError) as refusal:
         imported(content, options)
@@ -510,7 +510,7 @@ def test_what_is_not_clear_is_refused_with_the_option_that_resolves_it(kind: str
 
 
 @pytest.mark.parametrize(("kind", "command"), [("table", "y = T.y"), ("timetable", "T.Properties.RowTimes")])
-def test_objects_of_matlab_are_named_with_the_command_that_saves_them(kind: str, command: str) -> None:
+def test_the_rejection_of_a_matlab_object_states_the_command_that_saves_it(kind: str, command: str) -> None:
     assert command in messages.save_command(name="T", kind=kind)
     with pytest.raises(DataFileError) as refusal:
         imported(objects(T=kind, s="string"), {})
@@ -527,7 +527,7 @@ def test_objects_of_matlab_are_named_with_the_command_that_saves_them(kind: str,
 
 
 @pytest.mark.parametrize(("unit", "days"), [("dmy", 1), ("mdy", 31)])
-def test_days_and_months_are_told_by_an_option(unit: str, days: int) -> None:
+def test_an_option_selects_the_order_of_days_and_months(unit: str, days: int) -> None:
     columns = read_csv(lines("time,u,y", lambda k: f"{1 + k // 200:02d}/01/2026 00:00:00.{k % 200:03d},{U[k]},{Y[k]}"))
     time = find_time_column(columns, ("u", "y"), unit=unit)
     assert time is not None
@@ -542,13 +542,13 @@ def test_columns_of_different_length_are_refused(short: str) -> None:
         imported(mat(values), {})
 
 
-def test_a_time_that_is_missing_is_refused() -> None:
+def test_rows_without_time_are_rejected() -> None:
     text = lines("t,u,y", lambda k: f"{T[k] if k < 390 else ''},{U[k]},{Y[k]}")
     with refused(RecordError, "rows_without_time", name="t", count=10, first_row=391):
         imported(text, {})
 
 
-def test_samples_that_are_missing_are_not_passed_over_by_resampling() -> None:
+def test_resampling_does_not_hide_missing_samples() -> None:
     text = lines("t,u,y", lambda k: f"{T[k]},{U[k]},{Y[k] if k != 200 else 'nan'}")
     with pytest.raises(DataFileError) as refusal:
         imported(text, {"selection": Selection(resample=True)})
@@ -557,7 +557,7 @@ def test_samples_that_are_missing_are_not_passed_over_by_resampling() -> None:
     assert refusal.value.message.values == {"name": "y", "count": 1, "first": 200}
 
 
-def test_stamps_in_nanoseconds_keep_their_digits() -> None:
+def test_timestamps_in_nanoseconds_are_read_without_loss() -> None:
     """Floating point has steps of 256 ns at 1.7e18; at 20 kHz that is half a per cent of the sample time."""
     stamps = EPOCH_S * 1_000_000_000 + 50_000 * np.arange(COUNT)
     for content in (
@@ -570,13 +570,13 @@ def test_stamps_in_nanoseconds_keep_their_digits() -> None:
         assert reading.least_step_s == pytest.approx(5e-5, rel=1e-9)
 
 
-def test_the_model_is_that_of_the_plain_file() -> None:
+def test_a_file_with_thousands_separators_gives_the_same_model_as_a_plain_file() -> None:
     found = estimate_model(imported(READ["thousands"][0], {}).record, "first").first_order
     assert pytest.approx(2000.0, rel=5e-3) == found.K
     assert pytest.approx(0.02, rel=2e-2) == found.T
 
 
-def test_zones_count_by_hours_and_minutes() -> None:
+def test_time_zones_are_read_with_hours_and_minutes() -> None:
     """Each cell is the same moment, 04:50:30 UTC, and a second more."""
     cells = [
         "2026-03-04T10:20:30+0530",

@@ -47,7 +47,7 @@ def measured(runs: list[TensionRun]) -> LoadFrictionFit:
 
 
 @pytest.mark.parametrize("delay", [0, 12])
-def test_a_motor_in_closed_form_gives_its_friction_and_torque_constant(delay: int) -> None:
+def test_friction_and_torque_constant_of_a_closed_form_motor_are_found(delay: int) -> None:
     found = measured([computed(1, 12.0, delay=delay), computed(2, 31.0, delay=delay)])
     assert found.c0 == pytest.approx(C0, rel=0.01)
     assert found.c1 == pytest.approx(C1, rel=0.01)
@@ -56,7 +56,7 @@ def test_a_motor_in_closed_form_gives_its_friction_and_torque_constant(delay: in
 
 
 @pytest.mark.parametrize("name", ["lab", "lab-stick"])
-def test_the_simulators_own_friction_is_found_at_two_tensions(name: str) -> None:
+def test_the_friction_of_the_simulator_is_found_from_two_tensions(name: str) -> None:
     """Smoothed and sticking friction alike. Motor A's torque constant is 0.99 of 0.3 N·m/V."""
     parameters = load_parameters(name)
     found = measured(of_simulator(parameters, 0, (10.0, 40.0)))
@@ -69,13 +69,13 @@ def test_the_simulators_own_friction_is_found_at_two_tensions(name: str) -> None
         assert std < 0.02 * truth
 
 
-def test_a_motor_without_friction_has_none() -> None:
+def test_the_estimated_friction_of_a_frictionless_motor_is_zero() -> None:
     found = measured(of_simulator(load_parameters("ideal"), 0, (10.0, 40.0)))
     assert abs(found.c0) < 2e-4
     assert abs(found.c1) < 1e-3
 
 
-def test_twenty_seeds_cover_the_truth() -> None:
+def test_confidence_intervals_of_twenty_seeds_cover_the_truth() -> None:
     """Of 20 intervals of 95 % fewer than 16 hold the truth in 1 of 400 trials, of each of the two estimates."""
     lab = load_parameters("lab")
     found = [measured(of_simulator(lab, seed, (10.0, 20.0, 30.0, 40.0))) for seed in range(20)]
@@ -85,7 +85,7 @@ def test_twenty_seeds_cover_the_truth() -> None:
     assert sum(abs(one.c1 - lab.motor.c1) < 1.96 * one.c1_std for one in found) >= 16
 
 
-def test_one_tension_or_two_that_are_near_measure_nothing() -> None:
+def test_one_tension_or_two_similar_tensions_give_no_estimate() -> None:
     for runs in ([], [computed(1, 20.0)], [computed(1, 20.0), computed(2, 24.0)]):
         found = estimate_load_friction(runs, R_M)
         assert found.estimate is None
@@ -94,7 +94,7 @@ def test_one_tension_or_two_that_are_near_measure_nothing() -> None:
         assert found.problem.values["minimum_distance_N"] == 5.0
 
 
-def test_a_run_that_cannot_be_used_is_left_out_with_the_reason() -> None:
+def test_an_unusable_run_is_omitted_with_a_reason() -> None:
     whole, still, broken = computed(1, 12.0), computed(2, 31.0, speed=0.001), computed(3, 31.0)
     gap = np.array(broken.columns["F_A"])
     gap[700] = np.nan
@@ -106,6 +106,6 @@ def test_a_run_that_cannot_be_used_is_left_out_with_the_reason() -> None:
     assert [reason.partition(":")[0] for reason in found.left_out] == ["run 2", "run 3", "run 4"]
 
 
-def test_value_and_error_have_the_digits_of_the_error() -> None:
+def test_a_value_is_rounded_to_the_digits_of_its_error() -> None:
     assert with_error(0.0201131, 0.000121) == "0.02011 ± 0.00012"
     assert with_error(-0.00003, 0.4) == "−0.00 ± 0.40"

@@ -56,7 +56,7 @@ READ = {
 
 
 @pytest.mark.parametrize("kind", READ)
-def test_tables_as_people_save_them_are_read(kind: str) -> None:
+def test_common_table_formats_are_read(kind: str) -> None:
     record = record_from(read_csv(READ[kind]), "u", "y")
     np.testing.assert_array_equal(record.u, U)
     np.testing.assert_array_equal(record.y, Y)
@@ -91,13 +91,13 @@ def test_a_time_column_is_recognized_by_its_name_and_unit(heading: str) -> None:
         record_from(read_csv(text), "u", "y", 0.0101)
 
 
-def test_dates_are_a_time_column_too() -> None:
+def test_a_column_of_dates_is_a_time_column() -> None:
     stamps = np.datetime64("2026-03-04T10:20:30") + np.round(1e6 * T).astype("timedelta64[us]")
     text = "timestamp,u,y\n" + "".join(f"{stamp}Z,{u},{y}\n" for stamp, u, y in zip(stamps, U, Y, strict=True))
     assert record_from(read_csv(text), "u", "y").period_s == pytest.approx(0.01, rel=1e-9)
 
 
-def test_a_signal_called_t_is_a_signal() -> None:
+def test_a_signal_named_t_is_not_a_time_column() -> None:
     record = record_from(read_csv("u,T\n" + "".join(f"{u},{y}\n" for u, y in zip(U, Y, strict=True))), "u", "T", 0.01)
     np.testing.assert_array_equal(record.y, Y)
 
@@ -119,7 +119,7 @@ def test_a_signal_called_t_is_a_signal() -> None:
         ("", "y", "no_heading", {}),
     ],
 )
-def test_what_cannot_be_read_is_said_with_line_and_column(
+def test_an_unreadable_cell_is_reported_with_line_and_column(
     text: str, column: str, code: str, values: dict[str, object]
 ) -> None:
     with refused(DataFileError, code, **values):
@@ -182,7 +182,7 @@ def errors_in_std(record: Record) -> float:
     return max(abs(found.K - K_M) / K_std, abs(found.T - T_M) / T_std)
 
 
-def test_a_gap_is_refused_and_the_part_before_it_is_right() -> None:
+def test_a_gap_is_rejected_and_the_part_before_it_is_accepted() -> None:
     t, u, y = moving()
     kept = (t < 4.01) | (t > 4.41)
     columns = Columns({"Time": t[kept], "u": u[kept], "y": y[kept]})
@@ -196,7 +196,7 @@ def test_a_gap_is_refused_and_the_part_before_it_is_right() -> None:
     assert errors_in_std(record_from(columns, "u", "y", selection=Selection(end_s=4.0))) < 4.0
 
 
-def test_uneven_rows_are_refused_and_taken_at_even_instants_on_request() -> None:
+def test_uneven_rows_are_rejected_and_resampled_on_request() -> None:
     t, u, y = moving()
     dropped = np.random.default_rng(3).random(t.size) < 0.02
     columns = Columns({"Time": t[~dropped], "u": u[~dropped], "y": y[~dropped]})
@@ -208,7 +208,7 @@ def test_uneven_rows_are_refused_and_taken_at_even_instants_on_request() -> None
     assert errors_in_std(record) < 4.0
 
 
-def test_a_period_one_per_cent_off_is_refused_and_right_when_resampled() -> None:
+def test_a_sample_time_one_percent_off_is_rejected_and_correct_when_resampled() -> None:
     t, u, y = moving()
     columns = Columns({"t": 1.009 * t, "u": u, "y": y})
     with refused(IdentificationError, "sample_time_differs", sample_time_s=pytest.approx(0.001009)):
@@ -219,7 +219,7 @@ def test_a_period_one_per_cent_off_is_refused_and_right_when_resampled() -> None
     assert abs(resampled.first_order.T / (1.009 * T_M) - 1.0) < 0.004
 
 
-def test_a_file_may_be_as_long_as_is_said_and_no_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_beyond_the_stated_length_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("backend.identification.tables.MAX_SAMPLES", 3)
     np.testing.assert_array_equal(read_csv("u\n1\n2\n3\n")["u"], [1.0, 2.0, 3.0])
     with refused(DataFileError, "too_many_rows", rows=4, maximum=3):

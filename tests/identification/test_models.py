@@ -31,7 +31,7 @@ from tests.refusals import refused
         (f"order:{MAX_ORDER}", MAX_ORDER),
     ],
 )
-def test_a_name_says_the_order(name: str, order: int) -> None:
+def test_the_name_of_a_structure_determines_its_order(name: str, order: int) -> None:
     plain, late = find_structure(name), find_structure(f"{name}{DEAD_TIME}")
     assert plain.order == late.order == order
     assert not plain.delayed
@@ -40,7 +40,7 @@ def test_a_name_says_the_order(name: str, order: int) -> None:
 
 
 @pytest.mark.parametrize("name", ["", "lags1", f"lags{MAX_LAGS + 1}", "order:0", f"order:{MAX_ORDER + 1}", "fourth"])
-def test_what_does_not_exist_is_refused_with_what_does(name: str) -> None:
+def test_a_structure_beyond_the_largest_order_is_rejected_with_the_known_ones(name: str) -> None:
     assert f"lags2 .. lags{MAX_LAGS}, order:1 .. order:{MAX_ORDER}" in KNOWN
     with refused(StructureError, "unknown_structure", name=name, known=KNOWN):
         find_structure(name)
@@ -59,14 +59,14 @@ NOMINAL_S = {10.0: 8.24, 20.0: 10.55, 30.0: 12.43, 40.0: 14.06}
 
 
 @pytest.mark.parametrize("tension", PRINTED)
-def test_each_number_is_the_papers(tension: float) -> None:
+def test_table_1_contains_the_numbers_of_the_paper(tension: float) -> None:
     row, (K_q, T_q, a2_q, a1_q, K_S, T_S, a2_S, a1_S) = TABLE_1[tension], map(float, PRINTED[tension])
     assert (row.S, row.K_q, row.T_q, row.a2_q) == (NOMINAL_S[tension], K_q, T_q, a2_q)
     assert row.a1_q == pytest.approx(a1_q / 10.0, rel=1e-12)
     assert (row.K_S, row.T_S, row.a2_S, row.a1_S) == (K_S, T_S, a2_S, a1_S)
 
 
-def test_there_are_no_other_rows() -> None:
+def test_table_1_has_no_additional_rows() -> None:
     assert set(TABLE_1) == set(PRINTED)
 
 
@@ -84,7 +84,7 @@ MODELS = [
 
 
 @pytest.mark.parametrize(("name", "parameters"), MODELS)
-def test_held_input_gives_the_exact_response(name: str, parameters: list[float]) -> None:
+def test_the_response_to_a_held_input_is_exact(name: str, parameters: list[float]) -> None:
     shape = find_structure(name)
     values = np.array(parameters)
     u = np.repeat(np.random.default_rng(0).standard_normal(60), 50)
@@ -104,7 +104,7 @@ def test_free_responses_span_every_decay_of_the_system() -> None:
 
 
 @pytest.mark.parametrize("order", [1, 3])
-def test_free_responses_are_followed_to_e_to_the_minus_40_and_are_nothing_from_there_on(order: int) -> None:
+def test_free_responses_below_e_to_the_minus_40_are_zero(order: int) -> None:
     """Subnormal numbers, which a decay comes to in the end, are computed a hundred times slower than others."""
     rate = 16.0
     columns = free_responses(np.full(order, -rate, dtype=np.complex128), PERIOD_S, 10_000)
@@ -128,7 +128,7 @@ def test_unstable_and_unsampled_poles_are_refused(poles: list[complex]) -> None:
 
 
 @pytest.mark.parametrize(("name", "parameters"), MODELS)
-def test_a_structure_finds_its_own_denominator_again(name: str, parameters: list[float]) -> None:
+def test_a_structure_recovers_its_denominator(name: str, parameters: list[float]) -> None:
     shape = find_structure(name)
     values = np.array(parameters)
     again = shape.denominator(shape.from_denominator(1.0, shape.denominator(values)))

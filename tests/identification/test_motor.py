@@ -51,7 +51,7 @@ def angles(u: np.ndarray, u_c: float, delay_s: float = 0.0) -> np.ndarray:
         ("sines", 2.0, 0.0),
     ],
 )
-def test_gain_lag_friction_and_dead_time_come_back_from_voltage_and_angle(
+def test_gain_lag_friction_and_dead_time_are_estimated_from_voltage_and_angle(
     kind: str, u_c: float, delay_s: float
 ) -> None:
     u = voltages(kind, 12_000 if kind == "sines" else 6000)
@@ -67,7 +67,7 @@ def test_gain_lag_friction_and_dead_time_come_back_from_voltage_and_angle(
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_equation_17_of_scipy_comes_back_in_noise(seed: int) -> None:
+def test_the_parameters_of_equation_17_simulated_by_scipy_are_estimated_in_noise(seed: int) -> None:
     """Free of friction, on a grid ten times finer, dead time of 13.7 samples, white noise, a record cut in motion."""
     u, finer = voltages("levels", 5000, seed), 10
     t = np.arange(finer * u.size) * PERIOD_S / finer
@@ -83,7 +83,7 @@ def test_equation_17_of_scipy_comes_back_in_noise(seed: int) -> None:
 
 @pytest.mark.parametrize("late", [0.4, 0.8])
 @pytest.mark.parametrize("seed", range(2))
-def test_what_came_before_a_record_does_not_show_in_a_dead_time_of_less_than_a_sample(seed: int, late: float) -> None:
+def test_the_voltage_before_a_record_does_not_bias_a_dead_time_below_one_sample(seed: int, late: float) -> None:
     """Twenty samples a second, cut in motion: in the first sample the voltage of before the record still drives."""
     period_s, finer = 0.05, 50
     random = np.random.default_rng(seed)
@@ -99,7 +99,7 @@ def test_what_came_before_a_record_does_not_show_in_a_dead_time_of_less_than_a_s
 
 
 @pytest.mark.parametrize(("noise", "grade"), [(0.49, Grade.CAUTION), (0.5, Grade.UNUSABLE)])
-def test_a_motor_that_explains_less_than_half_of_the_angle_is_not_usable(noise: float, grade: Grade) -> None:
+def test_a_motor_model_that_explains_less_than_half_of_the_angle_is_not_usable(noise: float, grade: Grade) -> None:
     """However white the rest, and though gain, lag, friction and dead time are known well enough."""
     u = voltages("levels", 12_000)
     u -= np.mean(u)
@@ -114,7 +114,7 @@ def test_a_motor_that_explains_less_than_half_of_the_angle_is_not_usable(noise: 
 
 @pytest.mark.parametrize("u_c", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_one_voltage_does_not_tell_gain_from_friction(seed: int, u_c: float) -> None:
+def test_a_single_voltage_does_not_distinguish_gain_from_friction(seed: int, u_c: float) -> None:
     u = np.where(np.arange(6000) < 500, 0.0, 4.0)
     noise = 0.5 * np.random.default_rng(seed).standard_normal(u.size)
     y = COUNT_RAD * np.round(motor(u, u_c)[1] / COUNT_RAD + noise)
@@ -125,7 +125,7 @@ def test_one_voltage_does_not_tell_gain_from_friction(seed: int, u_c: float) -> 
 
 
 @pytest.mark.parametrize("scale", [0.02, 0.005, 0.002])
-def test_a_weak_voltage_is_right_within_its_errors_and_the_weaker_the_less_is_known(scale: float) -> None:
+def test_estimates_from_a_weak_voltage_are_within_their_larger_errors(scale: float) -> None:
     u = scale * voltages("binary", 6000)
     found = identify_motor_record(Record(PERIOD_S, u, angles(u, 0.0, 0.05)), COUNT_RAD)
     assert worst_error(found, 0.0, 0.05) < 4.0
@@ -133,7 +133,7 @@ def test_a_weak_voltage_is_right_within_its_errors_and_the_weaker_the_less_is_kn
     assert (found.verdict.grade is Grade.USABLE) is (found.fit_percent >= 80.0 and found.spread_percent <= 3.0)
 
 
-def test_friction_that_is_not_the_same_both_ways_is_told() -> None:
+def test_the_verdict_reports_asymmetric_friction() -> None:
     u = voltages("levels", 6000)
     y = np.cumsum(motor(u, 0.3)[0] * (1.0 + 0.1 * (motor(u, 0.3)[0] > 0.0))) * PERIOD_S
     found = identify_motor_record(Record(PERIOD_S, u, COUNT_RAD * np.round(y / COUNT_RAD)), COUNT_RAD)
@@ -141,7 +141,7 @@ def test_friction_that_is_not_the_same_both_ways_is_told() -> None:
     assert "motor_residuals_not_white" in list_codes(found.verdict)
 
 
-def test_an_angle_that_hardly_moves_is_refused() -> None:
+def test_an_angle_with_hardly_any_motion_is_rejected() -> None:
     u = 0.0002 * voltages("binary")
     with refused(RecordError, "motor_hardly_moves", minimum=20.0):
         identify_motor_record(Record(PERIOD_S, u, angles(u, 0.0)), COUNT_RAD)
@@ -179,7 +179,7 @@ def with_nan(signal: NDArray[np.float64]) -> NDArray[np.float64]:
     return spoilt
 
 
-def test_a_run_says_when_it_steps_and_how_high() -> None:
+def test_a_step_record_finds_the_time_and_voltage_of_its_step() -> None:
     assert (GOOD.first, GOOD.voltage) == (50, 3.0)
     assert (replace(GOOD, u=-U).first, replace(GOOD, u=-U).voltage) == (50, -3.0)
 
@@ -205,7 +205,7 @@ def test_a_run_says_when_it_steps_and_how_high() -> None:
         ({"theta": 0.05 * THETA}, "motor_hardly_moves", {"minimum": 200.0}),
     ],
 )
-def test_what_is_no_free_step_is_refused(
+def test_a_record_that_is_not_a_free_step_is_rejected(
     change: dict[str, NDArray[np.float64]], code: str, values: dict[str, object]
 ) -> None:
     with refused(RecordError, code, **values):

@@ -109,26 +109,28 @@ def test_good_records_pass(u: NDArray[np.float64], y: NDArray[np.float64]) -> No
     Record(PERIOD_S, u, y, t=T)
 
 
-def test_a_record_keeps_its_signals_from_being_changed() -> None:
+def test_the_signals_of_a_record_are_read_only() -> None:
     with pytest.raises(ValueError, match="read-only"):
         Record(PERIOD_S, U, Y).u[0] = 5.0
 
 
-def test_a_part_keeps_all_columns_aligned() -> None:
+def test_the_columns_of_a_part_are_aligned() -> None:
     part = Record(PERIOD_S, U, Y, r=2 * U, t=T).part(100, 400)
     assert part.r is not None
     np.testing.assert_array_equal(part.r, 2 * part.u)
     np.testing.assert_array_equal(part.y, Y[100:400])
 
 
-def test_two_samples_have_a_sample_time() -> None:
+def test_two_samples_suffice_for_a_sample_time() -> None:
     assert mean_period(np.array([2.0, 2.5])) == 0.5
     with refused(RecordError, "time_does_not_increase", duration_s=0.0):
         mean_period(np.array([2.0, 2.0]))
 
 
 @pytest.mark.parametrize(("low", "high", "limit"), [(-0.7, 0.9, -0.7), (-0.9, 0.7, 0.7)])
-def test_the_longer_rest_at_a_limit_is_found_with_its_share(low: float, high: float, limit: float) -> None:
+def test_the_longer_rest_at_a_limit_is_found_with_its_share_of_the_record(
+    low: float, high: float, limit: float
+) -> None:
     y = np.clip(SINE, low, high)
     found = rest_at_limit(SINE, y)
     assert found is not None

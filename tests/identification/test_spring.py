@@ -22,7 +22,7 @@ def cubic(x: Signal) -> Signal:
     return np.asarray(200.0 * x + 500_000.0 * x**3)
 
 
-def test_a_quadratic_spring_is_found_as_it_is_and_kept_at_the_lowest_order() -> None:
+def test_a_quadratic_spring_is_found_exactly_with_the_lowest_order() -> None:
     found = identify_spring(STEPS, quadratic(STEPS))
     assert found.best.k == pytest.approx((0.0, 100.0, 15_000.0), abs=1e-6)
     assert (found.recommended, found.best.rising) == (2, True)
@@ -30,7 +30,7 @@ def test_a_quadratic_spring_is_found_as_it_is_and_kept_at_the_lowest_order() -> 
 
 
 @pytest.mark.parametrize("spring", [quadratic, cubic])
-def test_the_fitted_force_is_that_of_the_spring_between_its_points_and_beyond(
+def test_the_fitted_force_matches_the_spring_between_and_beyond_its_points(
     spring: Callable[[Signal], Signal],
 ) -> None:
     x = np.array([[-0.001, 0.0, 0.0123], [0.0271, 0.04, 0.045]])
@@ -38,7 +38,7 @@ def test_the_fitted_force_is_that_of_the_spring_between_its_points_and_beyond(
         np.testing.assert_allclose(fit.force(x), spring(x), atol=1e-6)
 
 
-def test_a_cubic_spring_calls_for_the_order_that_predicts_its_points() -> None:
+def test_the_recommended_order_for_a_cubic_spring_is_the_one_that_predicts_its_points() -> None:
     found = identify_spring(STEPS, cubic(STEPS) + TREMOR)
     second, third, fifth = found.fits
     assert (found.recommended, found.reason.code) == (3, "higher_order_is_better")
@@ -47,7 +47,7 @@ def test_a_cubic_spring_calls_for_the_order_that_predicts_its_points() -> None:
     assert third.k[3] == pytest.approx(500_000.0, rel=0.05)
 
 
-def test_points_left_out_one_at_a_time_are_predicted_as_by_fits_without_them() -> None:
+def test_cross_validation_equals_fits_without_one_point_each() -> None:
     F = cubic(STEPS) + TREMOR
     missed = []
     for left_out in range(STEPS.size):
@@ -58,13 +58,13 @@ def test_points_left_out_one_at_a_time_are_predicted_as_by_fits_without_them() -
 
 
 @pytest.mark.parametrize(("softest", "rises"), [(0.3, True), (-0.3, False)])
-def test_a_spring_rises_that_rises_however_little(softest: float, rises: bool) -> None:
+def test_a_spring_with_a_small_positive_slope_counts_as_rising(softest: float, rises: bool) -> None:
     """Slopes in N/m: the least is at the beginning."""
     x = np.linspace(0.0, 1.0, 25)
     assert identify_spring(x, 0.02 + softest * x + 2.0 * x**2).fits[0].rising is rises
 
 
-def test_a_higher_order_that_falls_is_not_recommended() -> None:
+def test_a_higher_order_with_a_falling_force_is_not_recommended() -> None:
     """Beyond its top a cubic would take a tighter tendon for a slacker one."""
     x = np.linspace(0.0, 1.0, 25)
     F = 3.0 * x - 2.0 * x**3
@@ -73,6 +73,6 @@ def test_a_higher_order_that_falls_is_not_recommended() -> None:
     assert (found.fits[1].rising, found.recommended) == (False, 2)
 
 
-def test_what_no_spring_of_a_tendon_can_have_is_refused() -> None:
+def test_spring_data_that_are_physically_impossible_are_rejected() -> None:
     with refused(RecordError, "tendon_pushes", force_N=pytest.approx(-2.0)):
         identify_spring(STEPS, quadratic(STEPS) - 2.0)

@@ -69,7 +69,7 @@ def test_a_point_is_outside_the_drawn_bound_exactly_where_the_test_fails(colour:
     assert outcomes == ({True, False} if colour else {True})
 
 
-def test_statistic_and_bound_are_in_standard_deviations_at_the_level_for_all_lags() -> None:
+def test_statistic_and_bound_are_in_standard_deviations_for_the_level_over_all_lags() -> None:
     found = made(3)[0]
     outcome = read_whiteness_test(found)
     # The autocorrelations of white noise have the standard deviation 1/sqrt(n).
@@ -81,12 +81,12 @@ def test_statistic_and_bound_are_in_standard_deviations_at_the_level_for_all_lag
 
 
 @pytest.mark.parametrize("which", [0, 1])
-def test_noise_fails_in_one_record_of_a_hundred(which: int) -> None:
+def test_the_residual_tests_reject_white_noise_in_one_record_of_a_hundred(which: int) -> None:
     failed = sum(not made(seed)[which].passed for seed in range(1000, 1600))
     assert failed <= 14  # binomial, 600 trials of 1 %: more than 14 once in 1400
 
 
-def test_a_test_that_was_stored_with_one_lags_band_gets_the_bound_of_the_whole_test() -> None:
+def test_a_stored_residual_test_with_a_band_for_one_lag_is_upgraded_to_the_bound_for_all() -> None:
     found = made(5, colour=0.2)[0]
     band = [norm.isf(0.005) / np.sqrt(N)] * 25
     old = {"lags_s": list(found.lags_s), "correlation": list(found.correlation), "band": band, "passed": found.passed}
@@ -98,7 +98,7 @@ def test_a_test_that_was_stored_with_one_lags_band_gets_the_bound_of_the_whole_t
 
 
 @pytest.mark.parametrize("D", [[1.0], [1.0, -0.8], [1.0, -1.2, 0.7]])
-def test_the_noise_model_is_the_polynomial_that_coloured_the_noise(D: list[float]) -> None:
+def test_the_noise_model_recovers_the_polynomial_of_the_coloured_noise(D: list[float]) -> None:
     e = lfilter([1.0], D, np.random.default_rng(3).standard_normal(50 * N))
     found = fit_autoregression(e)
     assert found.size == len(D)
@@ -120,7 +120,7 @@ def by_scipy(system: tuple[list[float], Signal], u: Signal) -> Signal:
     return np.asarray(dlsim(cont2discrete(tf2ss(*system), PERIOD_S_RESIDUALS, method="zoh"), u)[1][:, 0])
 
 
-def test_the_true_model_explains_a_cut_record_with_an_offset_whole() -> None:
+def test_the_true_model_explains_all_of_a_cut_record_with_an_offset() -> None:
     u = excitation(12_000, 1)
     y = 0.3 + by_scipy(TRUE, u)
     found = validate_on_record(
@@ -131,7 +131,7 @@ def test_the_true_model_explains_a_cut_record_with_an_offset_whole() -> None:
     assert found.fit_percent == pytest.approx(100.0, abs=1e-3)
 
 
-def test_fit_and_residual_of_another_model_are_those_of_a_simulation_by_scipy() -> None:
+def test_fit_and_residual_of_a_wrong_model_match_a_simulation_by_scipy() -> None:
     """From rest the simulation is SciPy's; what no model tells is fitted to the difference by plain least squares."""
     other = Model("first", {"K": 0.9 * K, "T": 0.35})
     u, noise = excitation(9_000, 2), np.random.default_rng(3).normal(0.0, 1e-3, 9_000)
@@ -150,7 +150,7 @@ def test_fit_and_residual_of_another_model_are_those_of_a_simulation_by_scipy() 
     assert 20.0 < found.fit_percent < 80.0
 
 
-def test_what_is_held_out_has_no_part_in_its_prediction() -> None:
+def test_validation_data_do_not_affect_their_prediction() -> None:
     """The end of the record is spoiled: its prediction is that of a model which was given the beginning only."""
     u, noise = excitation(9_000, 4), np.random.default_rng(5).normal(0.0, 1e-3, 9_000)
     y = by_scipy(TRUE, u) + noise
@@ -168,7 +168,7 @@ def test_what_is_held_out_has_no_part_in_its_prediction() -> None:
     assert found.fit_percent < 50.0
 
 
-def test_a_step_of_a_motor_is_predicted_as_scipy_integrates_it() -> None:
+def test_the_predicted_step_of_a_motor_matches_the_integration_by_scipy() -> None:
     K_m, T_m, u_c, voltage = 2.86, 0.22, 0.07, -4.0
     t = np.arange(1_200) * PERIOD_S_RESIDUALS
     drive = voltage + u_c
@@ -188,7 +188,7 @@ def test_a_step_of_a_motor_is_predicted_as_scipy_integrates_it() -> None:
     assert slower.fit_percent == pytest.approx(90.0, abs=1e-6)
 
 
-def test_where_nothing_moved_there_is_nothing_to_explain() -> None:
+def test_a_constant_output_has_no_fit() -> None:
     stuck = ModelComparison(0, np.full(50, 0.25), np.full(50, 0.26))
     assert stuck.rms == pytest.approx(0.01)
     with refused(IdentificationError, "comparison_output_constant"):
@@ -216,7 +216,9 @@ def claimed(found: Estimate) -> float:
 @pytest.mark.parametrize("noise", [0.01, 0.1])
 @pytest.mark.parametrize("u_c", [0.0, 0.05, 0.2, 1.0, 3.0])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_motor_with_dry_friction_is_right_or_its_friction_is_named(kind: str, u_c: float, noise: float) -> None:
+def test_a_motor_with_coulomb_friction_is_accurate_or_its_friction_is_reported(
+    kind: str, u_c: float, noise: float
+) -> None:
     found = motor_found(kind, u_c, noise)
     friction = found.friction
     assert friction is not None
@@ -237,7 +239,7 @@ def test_a_motor_with_dry_friction_is_right_or_its_friction_is_named(kind: str, 
     assert (found.verdict.grade is Grade.UNUSABLE) or off < 0.11
 
 
-def test_a_model_with_friction_that_explains_less_than_the_linear_one_tells_of_none() -> None:
+def test_a_friction_model_that_explains_less_than_the_linear_model_is_not_reported() -> None:
     """Behind a lag as long as the motor's own, friction is over-told by more than its error: no word is the truth."""
     u, lag = voltages("sines", 7000), 1.0 - np.exp(-PERIOD_S / T_M)
     speed = lfilter([lag], [1.0, lag - 1.0], motor(u, 1.0)[0])
@@ -248,7 +250,7 @@ def test_a_model_with_friction_that_explains_less_than_the_linear_one_tells_of_n
     assert estimate_model(record, "first").friction is None
 
 
-def test_the_fit_with_friction_is_what_the_noise_leaves() -> None:
+def test_the_fit_with_friction_is_limited_only_by_the_noise() -> None:
     """Against the true motor's own speed, by another integration; the linear model leaves more."""
     u = voltages("levels", 7000)
     clean = motor(u, 1.0)[0]
@@ -261,7 +263,7 @@ def test_the_fit_with_friction_is_what_the_noise_leaves() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_motor_without_friction_is_usable_and_right(kind: str) -> None:
+def test_a_motor_without_friction_is_usable_and_accurate(kind: str) -> None:
     found = motor_found(kind, 0.0, 0.01)
     assert found.verdict.grade is Grade.USABLE
     assert claimed(found) < 4.0
@@ -273,7 +275,7 @@ def test_a_motor_without_friction_is_usable_and_right(kind: str) -> None:
 
 @pytest.mark.parametrize("structure", ["first", "order:2"])
 @pytest.mark.parametrize("delay_s", [0.02, 0.1])
-def test_a_dead_time_that_the_structure_leaves_out_is_told(delay_s: float, structure: str) -> None:
+def test_a_dead_time_outside_the_structure_is_reported(delay_s: float, structure: str) -> None:
     u = voltages("binary")
     found = estimate_model(Record(PERIOD_S, u, noisy(motor(u, delay_s=delay_s)[0], 0.01)), structure)
     assert found.verdict.grade is not Grade.USABLE
@@ -281,7 +283,7 @@ def test_a_dead_time_that_the_structure_leaves_out_is_told(delay_s: float, struc
 
 
 @pytest.mark.parametrize(("noise", "grade"), [(0.3, Grade.CAUTION), (3.0, Grade.UNUSABLE)])
-def test_a_model_that_explains_little_is_not_usable_however_white_the_rest(noise: float, grade: Grade) -> None:
+def test_a_model_with_a_low_fit_is_not_usable_even_with_white_residuals(noise: float, grade: Grade) -> None:
     u = voltages("binary")
     found = estimate_model(Record(PERIOD_S, u, noisy(motor(u)[0], noise)), "first")
     assert found.residuals.whiteness.passed
@@ -297,7 +299,7 @@ def test_an_excitation_too_weak_for_the_sensor_is_refused() -> None:
     assert find_reason(found.verdict, "too_little_motion")["counts"] == pytest.approx(np.ptp(y) / 0.1)
 
 
-def test_an_output_that_moves_in_its_last_third_only_has_no_fit_on_unseen_data() -> None:
+def test_an_output_that_moves_only_in_its_last_third_has_no_fit_on_validation_data() -> None:
     u = voltages("levels")
     u[:8000] = 0.0
     found = estimate_model(Record(PERIOD_S, u, motor(u)[0]), "first")
@@ -306,7 +308,7 @@ def test_an_output_that_moves_in_its_last_third_only_has_no_fit_on_unseen_data()
     assert "output_at_rest" in list_codes(found.verdict)
 
 
-def test_a_structure_too_rich_for_the_record_is_not_usable() -> None:
+def test_a_structure_too_complex_for_the_record_is_not_usable() -> None:
     u = voltages("sines")
     found = estimate_model(Record(PERIOD_S, u, noisy(motor(u)[0], 0.3)), "order:2")
     ratio = found.std_errors["a2"] / found.model.parameters["a2"]
@@ -316,7 +318,7 @@ def test_a_structure_too_rich_for_the_record_is_not_usable() -> None:
     assert any(reason.code in uncertain and reason.values["parameter"] == "a2" for reason in found.verdict.reasons)
 
 
-def test_missing_dynamics_count_without_a_known_sensor_too() -> None:
+def test_missing_dynamics_are_reported_without_a_known_sensor() -> None:
     u = voltages("levels")
     found = estimate_model(Record(PERIOD_S, u, lagged(motor(u)[0])), "first")
     assert not found.residuals.whiteness.passed
@@ -365,7 +367,7 @@ NAN = float("nan")
     ],
     ids=str,
 )
-def test_a_figure_that_could_not_be_had_grants_nothing(change: dict[str, Any]) -> None:
+def test_a_missing_statistic_makes_a_model_unusable(change: dict[str, Any]) -> None:
     assert judge(GOOD_VERDICTS).grade is Grade.USABLE
     assert judge(replaced(change)).grade is Grade.UNUSABLE
 
@@ -376,7 +378,7 @@ def replaced(change: dict[str, Any]) -> ValidationData:
     )
 
 
-def test_what_makes_a_model_unusable_is_told_before_what_makes_it_doubtful() -> None:
+def test_reasons_for_unusable_precede_reasons_for_caution() -> None:
     verdict = judge(replaced({"fit": 70.0, "first_order": FirstOrder(1.0, 0.2, NAN, 2e-4)}))
     assert verdict.grade is Grade.UNUSABLE
     assert list_codes(verdict) == ["parameter_undetermined", "fit_too_low"]
@@ -419,7 +421,7 @@ BOUNDS: list[tuple[dict[str, Any], Grade, str, dict[str, Any]]] = [
 
 
 @pytest.mark.parametrize(("change", "grade", "code", "values"), BOUNDS)
-def test_the_bounds_are_those_of_the_table_of_verdicts(
+def test_the_bounds_of_the_verdict_match_the_documented_table(
     change: dict[str, Any], grade: Grade, code: str, values: dict[str, Any]
 ) -> None:
     """Just this side and just that side of each bound in docs/explanation/identification.md."""
@@ -429,12 +431,12 @@ def test_the_bounds_are_those_of_the_table_of_verdicts(
         assert [(reason.code, reason.values) for reason in verdict.reasons] == [(code, values)]
 
 
-def test_a_linear_model_is_so_many_per_cent_off_one_with_friction_in_gain_and_in_lags_with_dead_time() -> None:
+def test_the_deviation_of_a_linear_from_a_friction_model_covers_gain_lags_and_dead_time() -> None:
     found = DryFriction(True, 2.0, 0.1, 0.05, 0.0, 0.0, 0.0, 99.0, t_d=0.02)
     assert found.off_percent(2.2, 0.108) == pytest.approx((10.0, -10.0))
 
 
-def test_a_wrapped_angle_is_named_where_no_model_is_found() -> None:
+def test_the_rejection_names_a_wrapped_angle() -> None:
     random = np.random.default_rng(0)
     u = np.repeat(random.choice([-3.0, 3.0], 100), 20)
     y: Array = np.round(np.mod(np.cumsum(u + 1.0) * 0.01, 2.0 * np.pi), 4).astype(np.float64)
@@ -443,7 +445,7 @@ def test_a_wrapped_angle_is_named_where_no_model_is_found() -> None:
         estimate_model(Record(1e-3, u, y), "first+delay")
 
 
-def test_an_output_without_lag_is_named_where_no_model_is_found() -> None:
+def test_the_rejection_names_an_output_without_lag() -> None:
     random = np.random.default_rng(0)
     u = np.round(np.cumsum(random.standard_normal(400)) * 0.1, 3)
     y = np.round(2.0 * u, 3)
@@ -453,7 +455,7 @@ def test_an_output_without_lag_is_named_where_no_model_is_found() -> None:
         assert reason.values["gain"] == pytest.approx(2.0)
 
 
-def test_a_coefficient_that_underflows_is_refused_and_drops_no_pole() -> None:
+def test_a_coefficient_that_underflows_is_rejected() -> None:
     with pytest.raises(UnstableModelError):
         find_structure("order:3").poles(np.array([1.0, 1e-3, 1e-5, 1e-323]))
 
@@ -513,7 +515,7 @@ def outcome(case: Provoked) -> Outcome:
 
 
 @pytest.mark.parametrize(("kind", "seed"), FIRST_OF_EACH)
-def test_the_first_record_of_each_kind(kind: str, seed: int) -> None:
+def test_the_first_provoked_record_of_each_kind_has_a_correct_verdict(kind: str, seed: int) -> None:
     found = outcome(provoked(kind, seed))
     assert not found.wrong, found
     if kind in GOOD:
@@ -522,7 +524,7 @@ def test_the_first_record_of_each_kind(kind: str, seed: int) -> None:
         assert found.grade is not Grade.USABLE, found
 
 
-def test_none_of_all_provoked_records_is_usable_and_wrong() -> None:
+def test_no_provoked_record_is_graded_usable_and_wrong() -> None:
     outcomes = {(kind, seed): outcome(provoked(kind, seed)) for kind, seed in each(KINDS_PROVOKED, SEEDS)}
     assert len(outcomes) >= 200
     assert [(at, found) for at, found in outcomes.items() if found.wrong] == []
@@ -532,7 +534,7 @@ def test_none_of_all_provoked_records_is_usable_and_wrong() -> None:
 
 @pytest.mark.parametrize("case", without_lag())
 @pytest.mark.parametrize("structure", ["first", "first+delay", "order:2", "order:3+delay", "third", "lags3", "motor"])
-def test_an_output_without_lag_ends_in_a_verdict_that_is_not_wrong(case: str, structure: str) -> None:
+def test_an_output_without_lag_gets_a_correct_verdict(case: str, structure: str) -> None:
     u, y = without_lag()[case]
     found = outcome(Provoked(u, y, structure, None, 1e-3))
     assert found.words
@@ -554,13 +556,13 @@ def test_an_output_without_lag_ends_in_a_verdict_that_is_not_wrong(case: str, st
         ("step_from_rest", "input_of_one_step", {}),
     ],
 )
-def test_what_is_wrong_is_named(kind: str, code: str, values: dict[str, object]) -> None:
+def test_the_verdict_names_the_fault_of_a_provoked_record(kind: str, code: str, values: dict[str, object]) -> None:
     found = outcome(provoked(kind, 0))
     assert any(reason.code == code and values.items() <= dict(reason.values).items() for reason in found.reasons), found
 
 
 @pytest.mark.parametrize("count", [50, 56, 58, 60])
-def test_a_record_shorter_than_its_regression_shows_no_feedback(count: int) -> None:
+def test_a_record_shorter_than_its_regression_indicates_no_feedback(count: int) -> None:
     """With few samples or none to spare, 29 regressors explain independent noise; no feedback follows from that."""
     for seed in range(50):
         random = np.random.default_rng(seed)
