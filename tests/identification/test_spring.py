@@ -73,6 +73,6 @@ def test_a_higher_order_with_a_falling_force_is_not_recommended() -> None:
     assert (found.fits[1].rising, found.recommended) == (False, 2)
 
 
-def test_spring_data_that_are_physically_impossible_are_rejected() -> None:
+def test_spring_data_of_a_pushing_tendon_are_rejected() -> None:
     with refused(RecordError, "tendon_pushes", force_N=pytest.approx(-2.0)):
         identify_spring(STEPS, quadratic(STEPS) - 2.0)

@@ -81,7 +81,7 @@ def read(page: str) -> _Reader:
     return reader
 
 
-def test_page_loads_nothing_and_keeps_its_ids_apart(page: str) -> None:
+def test_the_page_loads_no_resources_and_has_unique_ids(page: str) -> None:
     reader = read(page)
     assert reader.loads == []
     assert "script" not in reader.tags
@@ -90,7 +90,7 @@ def test_page_loads_nothing_and_keeps_its_ids_apart(page: str) -> None:
     assert reader.tags.count("svg") == 4
 
 
-def test_page_states_run_tuning_lineage_and_figures(page: str) -> None:
+def test_the_page_states_run_tuning_lineage_and_metrics(page: str) -> None:
     text = re.sub(r"\s+", " ", "".join(read(page).text))
     for statement in (
         messages.verdict_on_criteria(criteria=4, failed=(), unmeasured=()),
@@ -109,12 +109,12 @@ def test_page_states_run_tuning_lineage_and_figures(page: str) -> None:
         assert statement in text, statement
 
 
-def test_text_from_outside_is_never_markup(page: str, pdf: bytes) -> None:
+def test_text_that_persons_entered_is_escaped(page: str, pdf: bytes) -> None:
     assert "&lt;b&gt;first&lt;/b&gt; &amp; last; #eval(1)" in page
     assert pdf.startswith(b"%PDF-")
 
 
-def test_same_run_gives_the_same_bytes(page: str, pdf: bytes, tracking_source: RunData) -> None:
+def test_the_report_of_a_run_is_reproducible_byte_for_byte(page: str, pdf: bytes, tracking_source: RunData) -> None:
     again = tracking_report(tracking_source)
     assert to_html(again) == page
     assert to_pdf(again) == pdf
@@ -128,7 +128,7 @@ def test_every_table_row_has_a_cell_for_each_column(report: Report) -> None:
     assert [block.name for block in blocks if isinstance(block, Figure)] == ["separate", "together", "tension", "steps"]
 
 
-def test_a_failed_criterion_is_named_and_so_is_a_change_of_lambda() -> None:
+def test_the_report_names_a_failed_criterion_and_a_change_of_lambda() -> None:
     columns = samples(PLAN)
     columns["F_A"] = columns["F_A"].copy()
     columns["F_A"][5_000] = 3.0
@@ -141,7 +141,7 @@ def test_a_failed_criterion_is_named_and_so_is_a_change_of_lambda() -> None:
     assert any(changed in fact.text for fact in report.facts)
 
 
-def test_a_stopped_run_is_incomplete() -> None:
+def test_the_report_of_a_stopped_run_is_incomplete() -> None:
     part = {name: column[:9_500] for name, column in samples(PLAN).items()}
     report = tracking_report(source_of(part, end_state="stopped"))
     assert report.outcome == "incomplete"
@@ -150,7 +150,7 @@ def test_a_stopped_run_is_incomplete() -> None:
     assert to_pdf(report).startswith(b"%PDF-")
 
 
-def test_what_was_not_measured_is_said_with_its_reason_in_every_table(tracking_source: RunData) -> None:
+def test_every_table_states_unmeasured_metrics_with_their_reason(tracking_source: RunData) -> None:
     """The steps of q take longer than their holds: no result of them can be told, and none is drawn as a dash."""
     slow = source_of(samples(PLAN, lam_q=3.0))
     assert slow.result is not None
@@ -174,7 +174,7 @@ def test_what_was_not_measured_is_said_with_its_reason_in_every_table(tracking_s
     assert not any(cell == "–" for table in (criteria, metrics, missing) for row in table.rows for cell in row)
 
 
-def test_a_result_of_an_older_version_is_shown_and_says_what_it_lacks(tracking_source: RunData) -> None:
+def test_a_result_of_an_older_version_is_shown_with_what_is_missing(tracking_source: RunData) -> None:
     result = tracking_source.result
     assert result is not None
     metrics, criteria = METRICS.write(result.metrics), CRITERIA.write(result.criteria)
@@ -204,7 +204,7 @@ def test_a_run_without_samples_still_has_a_report(tracking_source: RunData) -> N
     assert to_pdf(report).startswith(b"%PDF-")
 
 
-def test_files_for_a_folder_say_the_same_as_the_report(
+def test_the_files_of_a_report_folder_agree_with_the_report(
     tracking_source: RunData, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("backend.reports.build.evaluate_pending_runs", lambda *_: None)
@@ -260,7 +260,7 @@ def controller(source: RunData) -> Fact:
     return next(fact for fact in tuning_facts(source) if fact.label == "Controller")
 
 
-def test_a_report_says_by_what_references_were_followed() -> None:
+def test_the_report_states_how_references_were_followed() -> None:
     for source, U_plan, k_ext in (
         (planned(), 8.5, 0.0),
         (planned(k_ext=0.7), 8.5, 0.7),
@@ -272,7 +272,7 @@ def test_a_report_says_by_what_references_were_followed() -> None:
         assert ("U_plan = 8.5 V" in text, "k_ext = 0.7" in text) == (U_plan > 0.0, k_ext > 0.0)
 
 
-def test_what_the_paper_s_law_would_take_is_a_simulation_of_its_own(report_plan: Report) -> None:
+def test_the_times_of_the_papers_law_come_from_a_separate_simulation(report_plan: Report) -> None:
     """The largest step of q in the table, against the same step from rest and counted here."""
     tuning = make_cascade_tuning(load_parameters("ideal"), TuningParameters(lam_q=0.5, lam_S=0.42))
     high = float(PLAN.values["q_amplitude"])
@@ -285,7 +285,7 @@ def test_what_the_paper_s_law_would_take_is_a_simulation_of_its_own(report_plan:
     assert float(largest[0][5]) == pytest.approx(float(largest[0][4]) / float(largest[0][3]), rel=0.01)
 
 
-def test_the_figures_show_it_and_say_what_it_is(report_plan: Report) -> None:
+def test_the_figures_show_the_papers_law_and_label_it(report_plan: Report) -> None:
     figures = {f.name: f for section in report_plan.sections for f in section.blocks if isinstance(f, Figure)}
     assert figures["separate"].caption == messages.separate_steps_figure(is_simulated=True, is_planned=True)
     assert figures["together"].caption == messages.simultaneous_steps_figure(is_simulated=True, is_planned=True)
@@ -302,7 +302,7 @@ def test_the_figures_show_it_and_say_what_it_is(report_plan: Report) -> None:
     assert len(re.findall("<path", figures["separate"].svg)) > len(re.findall("<path", plain["separate"].svg))
 
 
-def test_nothing_is_beside_a_run_that_had_the_governor_or_another_law() -> None:
+def test_runs_in_lambda_motion_or_with_another_law_have_no_comparison() -> None:
     assert simulate_paper_law(source_of(samples(PLAN))) is None
     assert simulate_paper_law(planned(motion="lambda")) is None
     other = planned()
@@ -311,7 +311,7 @@ def test_nothing_is_beside_a_run_that_had_the_governor_or_another_law() -> None:
     assert simulate_paper_law(replace(other, run=replace(other.run, settings=settings))) is None
 
 
-def test_what_cannot_be_computed_says_why() -> None:
+def test_a_comparison_that_cannot_be_computed_has_a_reason() -> None:
     source = planned()
     changed = {**source.columns, "lam_q": np.linspace(0.5, 0.6, source.columns["t"].size)}
     gaps = {name: np.delete(column, 500) for name, column in source.columns.items()}
@@ -324,7 +324,7 @@ def test_what_cannot_be_computed_says_why() -> None:
     assert Paragraph(messages.paper_law_not_computed(reason=messages.lambda_was_changed())) in notes.blocks
 
 
-def test_a_step_that_does_not_get_there_is_not_measured(law_plan: PaperLawResponse) -> None:
+def test_a_step_that_does_not_reach_its_reference_is_not_measured(law_plan: PaperLawResponse) -> None:
     step = StepFigures(
         signal="q", phase="q", start_s=0.0, end_s=0.1, before=0.0, after=9.0, alone=True, rise_s=None, reach_s=None,
         settling_s=None, overshoot_percent=None, steady_error=None, cross_coupling=None,
@@ -356,7 +356,7 @@ def settings_in(report: Report) -> set[str]:
 
 
 @pytest.mark.parametrize("law", ["single-loop", "feedback-linearization"])
-def test_a_law_for_comparison_lists_only_what_it_uses_and_says_what_it_knows(law: str) -> None:
+def test_the_report_of_a_comparison_law_lists_only_the_settings_that_it_uses(law: str) -> None:
     source = of_law(law)
     report = build_report(source)
     symbols = settings_in(report)
@@ -372,7 +372,7 @@ def test_a_law_for_comparison_lists_only_what_it_uses_and_says_what_it_knows(law
     assert Paragraph(messages.gains_of_geometry()) not in made.blocks
 
 
-def test_the_cascade_lists_all_of_its_tuning() -> None:
+def test_the_report_of_the_cascade_lists_the_whole_tuning() -> None:
     report = build_report(of_law("cascade"))
     assert {"λ_q", "λ_S", "λ_motor", "b", "bank", "interpolate", "motion", "U_plan", "k_ext"} <= settings_in(report)
     facts = {fact.label: fact.text for fact in report.facts}
@@ -383,7 +383,7 @@ def test_the_cascade_lists_all_of_its_tuning() -> None:
 
 
 @pytest.mark.parametrize("tuning_of", [make_single_loop_tuning, make_feedback_linearization_tuning])
-def test_what_is_left_out_changes_nothing_in_the_law(tuning_of: Any) -> None:
+def test_settings_that_a_law_does_not_use_do_not_change_its_tuning(tuning_of: Any) -> None:
     lab = load_parameters("lab")
     usual = tuning_of(lab, TuningParameters())
     assert tuning_of(lab, TuningParameters(lam_motor=0.12, b=0.4)) == usual
@@ -433,7 +433,7 @@ def test_a_stored_experiment_that_cannot_be_read_is_refused(experiment: str) -> 
         find_control_law(run)
 
 
-def test_S_that_is_shown_is_wrong_by_as_much_as_the_springs_are() -> None:
+def test_the_error_of_the_shown_stiffness_equals_the_error_of_the_springs() -> None:
     """The note of every report, on a plant whose springs are 20 % stiffer than identified."""
     lab = load_parameters("lab")
     stiffer = replace(lab, asymmetry=replace(lab.asymmetry, spring_A=1.2, spring_B=1.2))
@@ -458,7 +458,7 @@ CHOICES = [PlantChoice(kind, package="servo-bench") for kind in PlantKind]
 
 
 @pytest.mark.parametrize("choice", CHOICES, ids=lambda choice: str(choice.kind))
-def test_a_report_names_what_was_driven(choice: PlantChoice) -> None:
+def test_the_report_names_the_plant(choice: PlantChoice) -> None:
     source = source_of(samples(PLAN))
     report = tracking_report(replace(source, run=replace(source.run, plant=choice.name)))
     facts = {fact.label: fact.text for fact in report.facts}

@@ -96,7 +96,7 @@ def report() -> Report:
     return build_report(source(identification(), replace(PLAYED, figures=(motion,))))
 
 
-def test_report_says_models_geometry_and_table_1(report: Report) -> None:
+def test_the_report_contains_models_geometry_and_table_1(report: Report) -> None:
     assert report.title == messages.actuator_identification_at(tension_N=20.0)
     assert (report.outcome, report.verdict) == ("incomplete", "Usable with caution for tuning: friction.")
     tables = [block for section in report.sections for block in section.blocks if isinstance(block, Table)]
@@ -119,7 +119,7 @@ def test_report_says_models_geometry_and_table_1(report: Report) -> None:
     ]
 
 
-def test_report_renders_with_its_four_figures(report: Report) -> None:
+def test_the_report_is_rendered_with_its_four_figures(report: Report) -> None:
     figures = [block.name for section in report.sections for block in section.blocks if isinstance(block, Figure)]
     assert figures == ["record", "bode", "step", "residuals"]
     assert to_html(report).count("<svg") == 4
@@ -130,7 +130,7 @@ def test_report_renders_with_its_four_figures(report: Report) -> None:
     ("angles", "step_rad", "words", "ends"),
     [(DEG, np.radians(10.0), "10°", (0.5, 0.1256)), (RAD, 1.0, "1 rad", (0.05, 0.72))],
 )
-def test_the_step_that_is_drawn_is_round_as_it_is_read(
+def test_the_drawn_step_has_a_round_size_in_the_unit_of_the_axis(
     angles: AngleUnit, step_rad: float, words: str, ends: tuple[float, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The caption names the step, and the first order reductions end at K times it, in the unit of the axis."""
@@ -154,14 +154,14 @@ def test_the_step_that_is_drawn_is_round_as_it_is_read(
     assert seen["S [N·m/rad]"] == pytest.approx(ends[1], rel=5e-3)
 
 
-def test_a_run_without_a_model_says_why() -> None:
+def test_the_report_of_a_run_without_a_model_has_a_reason() -> None:
     report = build_report(source(None, replace(PLAYED, complete=False, problem="somebody stopped it")))
     assert report.outcome == "incomplete"
     assert report.verdict == "somebody stopped it"
     assert to_pdf(report).startswith(b"%PDF-")
 
 
-def test_the_simulation_drawn_beside_the_record_is_that_of_the_model() -> None:
+def test_the_simulation_in_the_record_figure_is_that_of_the_model() -> None:
     columns = record()
     right = simulated_from_rest(columns, REST, "q", Model("lags4", {"K": 0.05, "tau": 0.0854}), T_s)
     wrong = simulated_from_rest(columns, REST, "q", Model("lags4", {"K": 0.05, "tau": 0.2}), T_s)

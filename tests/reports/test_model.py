@@ -42,7 +42,7 @@ def test_measured_numbers_show_three_significant_digits(value: float | None, tex
     assert format_measured(value) == text
 
 
-def test_chosen_numbers_lose_nothing_and_gain_no_zeros() -> None:
+def test_exact_numbers_keep_all_digits_without_trailing_zeros() -> None:
     assert [exact(value) for value in (0.0854, 10.0, -1.0471976, 1e5)] == ["0.0854", "10", "−1.0472", "100000"]
 
 
@@ -65,7 +65,7 @@ SOURCES: dict[str, Callable[[], RunData]] = {
 
 
 @pytest.mark.parametrize("name", SOURCES)
-def test_report_interface_and_file_say_the_same(name: str) -> None:
+def test_report_interface_and_metrics_file_agree(name: str) -> None:
     source = SOURCES[name]()
     report, document = build_report(source), build_metrics_document(source)
     view = build_experiment_view(source.run, source.result, 1.0)
@@ -79,7 +79,7 @@ def test_report_interface_and_file_say_the_same(name: str) -> None:
         assert view.outcome != "passed"
 
 
-def test_a_result_without_reasons_says_that_it_is_old() -> None:
+def test_a_result_without_reasons_is_described_as_older() -> None:
     source = source_of(samples(PLAN, lam_q=3.0))
     assert source.result is not None
 
@@ -170,7 +170,7 @@ def axes(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 @pytest.mark.parametrize("angles", [DEG, RAD])
-def test_no_text_of_a_report_has_another_unit_or_digits_that_nobody_reads(
+def test_report_texts_use_the_selected_angle_unit_and_significant_digits(
     tracking_source: RunData, angles: AngleUnit, axes: list[str]
 ) -> None:
     report = build_report(replace(tripped(tracking_source), angles=angles))
@@ -186,7 +186,7 @@ def test_no_text_of_a_report_has_another_unit_or_digits_that_nobody_reads(
     assert "S [N·m/rad]" in axes
 
 
-def test_figures_settings_steps_and_reasons_are_converted(tracking_source: RunData) -> None:
+def test_metrics_settings_steps_and_reasons_are_converted(tracking_source: RunData) -> None:
     """What is printed in degrees is a full turn's share of what is printed in radians."""
     degrees, radians = (build_report(replace(tripped(tracking_source), angles=angles)) for angles in (DEG, RAD))
     metrics = table(degrees, "Metrics")
@@ -209,7 +209,7 @@ def test_figures_settings_steps_and_reasons_are_converted(tracking_source: RunDa
     assert any(format_text(TRIP, RAD) in fact.text for fact in radians.facts)
 
 
-def test_what_somebody_wrote_or_named_stays_as_it_was_written(tracking_source: RunData) -> None:
+def test_texts_that_persons_wrote_are_not_converted(tracking_source: RunData) -> None:
     said, source = "limit 1.5 rad, see mail", "datasheet: 0.5 rad at 20 N"
     parameters = copy.deepcopy(tracking_source.run.parameters)
     parameters["geometry"]["r_j"]["source"] = source

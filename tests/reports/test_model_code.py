@@ -71,7 +71,7 @@ def test_a_dead_time_is_in_the_code() -> None:
     np.testing.assert_allclose(found["G_S"](s), 0.7 / (0.3 * s + 1), rtol=1e-12)
 
 
-def test_coefficients_that_follow_from_parameters_have_standard_errors() -> None:
+def test_coefficients_that_are_computed_from_parameters_have_standard_errors() -> None:
     """a_i of K/(τ s + 1)⁴ is binomial(4, i) τ^i, so its relative error is i times that of τ."""
     blocks = actuator_blocks(model(channel("order:4", ORDER_4), channel("lags4", LAGS_4)))
     table = blocks[0]
@@ -94,7 +94,7 @@ def test_a_model_of_an_earlier_version_has_no_standard_errors() -> None:
     assert "not known" in blocks[1].text
 
 
-def test_motors_are_rebuilt_too() -> None:
+def test_the_code_rebuilds_identified_motors() -> None:
     numbers: dict[Side, tuple[float, float]] = {"A": (2.861, 0.2213), "B": (2.93, 0.2187)}
     motors = {
         side: IdentifiedMotor(
@@ -114,7 +114,7 @@ def test_motors_are_rebuilt_too() -> None:
         np.testing.assert_allclose(found[f"motor_{side}"](s), K_m / (s * (T_m * s + 1)), rtol=1e-12)
 
 
-def test_springs_are_rebuilt_too() -> None:
+def test_the_code_rebuilds_identified_springs() -> None:
     fits = tuple(
         StoredSpringFit(len(k) - 1, k, tuple(0.1 for _ in k), 0.1, 0.2, 0.1, True)
         for k in ((-2.498, 331.49, 8543.8), (0.1, 200.0, 9000.0, 12.5))

@@ -49,7 +49,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> RunData:
     return source
 
 
-def test_it_passes_shows_every_hit_and_holds(source: RunData) -> None:
+def test_the_impact_report_passes_lists_every_hit_and_is_verified(source: RunData) -> None:
     report = build_report(source)
     assert (report.title, report.outcome) == ("Impact", "passed")
     blocks = {section.heading: section.blocks for section in report.sections}
@@ -62,7 +62,7 @@ def test_it_passes_shows_every_hit_and_holds(source: RunData) -> None:
     assert verify_report(to_html(report), source.columns) == Verified((), ())
 
 
-def test_the_table_is_what_was_recorded_in_the_unit_of_who_reads(source: RunData) -> None:
+def test_the_table_of_hits_matches_the_recording_in_the_angle_unit_of_the_reader(source: RunData) -> None:
     hits = find_hits(source.columns, PLAN_IMPACT.program())
     limits, estimate = source.columns["limits"].astype(int), np.abs(source.columns["F_ext_hat"])
     for angles, factor in ((AngleUnit.RADIANS, 1.0), (AngleUnit.DEGREES, 180.0 / np.pi)):
@@ -81,7 +81,7 @@ def test_the_table_is_what_was_recorded_in_the_unit_of_who_reads(source: RunData
     assert [hit.speed for hit in hits] == pytest.approx([0.3, 0.6] * 4, rel=0.05)
 
 
-def test_hits_with_reaction_stand_beside_those_without(source: RunData) -> None:
+def test_the_reaction_table_pairs_hits_with_and_without_reaction(source: RunData) -> None:
     hits = find_hits(source.columns, PLAN_IMPACT.program())
     (table,) = reaction_tables(hits, AngleUnit.RADIANS)
     for row, plain, reacted in zip(table.rows, (*hits[:2], *hits[2:4]), (*hits[6:], *hits[4:6]), strict=True):
@@ -91,14 +91,14 @@ def test_hits_with_reaction_stand_beside_those_without(source: RunData) -> None:
     assert reaction_tables(hits[:4], AngleUnit.RADIANS) == ()
 
 
-def test_a_hit_that_was_not_felt_says_so(source: RunData) -> None:
+def test_an_undetected_hit_is_shown_as_not_detected(source: RunData) -> None:
     hit = find_hits(source.columns, PLAN_IMPACT.program())[-1]._replace(
         detection_s=float("nan"), reaction_s=float("nan")
     )
     assert hits_table([hit], AngleUnit.RADIANS).rows[0][7:9] == 2 * (messages.not_detected(),)
 
 
-def test_a_hit_without_a_speed_says_that_it_was_not_measured(source: RunData) -> None:
+def test_the_missing_speed_of_a_hit_is_shown_as_not_measured(source: RunData) -> None:
     table = hits_table([find_hits(source.columns)[0]._replace(speed=float("nan"))], AngleUnit.RADIANS)
     assert table.rows[0][2] == messages.not_measured()
 
@@ -133,7 +133,7 @@ def compliance_source() -> RunData:
     return RunData(run, replace(tracked.result, metrics=metrics, criteria=criteria), columns, None)
 
 
-def test_compliance_report_judges_the_force_error_and_draws_figure_8() -> None:
+def test_the_compliance_report_evaluates_the_force_error_and_draws_figure_8() -> None:
     report = build_report(compliance_source())
     assert (report.title, report.outcome) == ("Compliance experiment", "passed")
     assert report.verdict == messages.verdict_on_criteria(criteria=2, failed=(), unmeasured=())
@@ -146,7 +146,7 @@ def test_compliance_report_judges_the_force_error_and_draws_figure_8() -> None:
     assert to_pdf(report).startswith(b"%PDF-")
 
 
-def test_a_session_is_shown_and_not_judged() -> None:
+def test_the_report_of_a_session_has_no_criteria() -> None:
     tracked = source_of(samples(PLAN))
     columns = dict(tracked.columns)
     columns["q_ref"] = columns["q_ref"].copy()
@@ -175,7 +175,7 @@ def test_a_session_is_shown_and_not_judged() -> None:
         ),
     ],
 )
-def test_the_report_says_the_whole_tuning_or_what_is_not_known_of_it(
+def test_the_report_states_the_whole_tuning_or_its_unknown_settings(
     settings: dict[str, object], lam_motor_s: float, b: float | None
 ) -> None:
     tracked = source_of(samples(PLAN))
@@ -189,7 +189,7 @@ def test_the_report_says_the_whole_tuning_or_what_is_not_known_of_it(
     assert [fact.text for fact in build_report(session).facts if fact.label == "Tuning"] == [", ".join(tuning)]
 
 
-def test_an_own_sequence_has_figures_but_no_criteria() -> None:
+def test_the_report_of_a_sequence_has_metrics_but_no_criteria() -> None:
     tracked = source_of(samples(PLAN))
     assert tracked.result is not None
     plan = find_experiment("sequence").make_plan({"segments": '[{"duration_s": 1, "q_ref": 0.1, "S_ref": 10}]'})
@@ -257,7 +257,7 @@ def tables_of(report: Report, drawn: str) -> list[Table]:
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_what_is_measured_stands_in_figure_and_table_and_is_held_by_the_samples(
+def test_measurements_are_in_figure_and_table_and_verified_by_the_samples(
     database: Database, bank: int, name: str
 ) -> None:
     source = played(
@@ -276,7 +276,7 @@ def test_what_is_measured_stands_in_figure_and_table_and_is_held_by_the_samples(
     assert verify_report(forged, source.columns).differences
 
 
-def test_the_prediction_is_of_the_bank_that_was_in_use(database: Database, bank: int) -> None:
+def test_the_prediction_uses_the_bank_that_was_active(database: Database, bank: int) -> None:
     """Gains of geometry would expect another response: it is the bank's that the lab's friction spares."""
     source = played(database, "frequency_response", {"period_s": 8.0}, bank=bank, lam_q=0.7, lam_S=0.7)
     assert source.result is not None
@@ -312,7 +312,7 @@ def test_a_series_shows_both_laws_on_the_same_axes(database: Database) -> None:
     assert "bode" not in names
 
 
-def test_lines_that_a_limit_spoilt_say_so_and_have_no_figures(database: Database) -> None:
+def test_lines_during_an_active_limit_are_marked_and_have_no_metrics(database: Database) -> None:
     name = "frequency_response"
     wild = {**QUICK[name], "q_amplitude": 1.0}
     settings = LoopSettings()

@@ -25,7 +25,7 @@ TITLE = "阻抗 λ 測試 😀"
 THERE = "aäλφЖعﻉ−≈′₂²·…“”"
 
 
-def test_letters_that_the_fonts_have_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_available_letters_are_not_reported_as_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert missing_letters([THERE, "λ_q′"]) == set()
     plain = "".join(pdf._PLAIN - {"\n"})
     monkeypatch.setattr(pdf, "_PLAIN", frozenset("\n"))
@@ -33,7 +33,7 @@ def test_letters_that_the_fonts_have_are_known(monkeypatch: pytest.MonkeyPatch) 
     assert missing_letters([TITLE, THERE]) == set("阻抗測試😀")
 
 
-def test_letters_that_no_font_has_are_boxes() -> None:
+def test_letters_missing_from_all_fonts_are_replaced_by_boxes() -> None:
     assert missing_letters([TITLE, THERE]) == set("阻抗測試😀")
     assert missing_letters([BOX]) == set()
     assert with_boxes({"a": [TITLE, 1.5]}, missing_letters([TITLE])) == {"a": ["□□ λ □□ □", 1.5]}
@@ -47,7 +47,7 @@ def printed(pdf: bytes) -> str:
     return " ".join(" ".join(page.extract_text().split()) for page in PdfReader(io.BytesIO(pdf)).pages)
 
 
-def test_a_report_says_which_letters_its_pdf_lacks() -> None:
+def test_the_report_lists_the_letters_missing_from_its_pdf() -> None:
     report = build_report(source_of(samples(PLAN)))
     assert BOX not in printed(to_pdf(report))
     report = replace(report, title=TITLE)
@@ -58,7 +58,7 @@ def test_a_report_says_which_letters_its_pdf_lacks() -> None:
     assert TITLE in to_html(report)
 
 
-def test_a_sheet_says_which_letters_it_lacks() -> None:
+def test_a_chart_sheet_lists_its_missing_letters() -> None:
     head = '<svg xmlns="http://www.w3.org/2000/svg" width="180mm" height="90mm" viewBox="0 0 900 450" font-size="12">'
     read = printed(render_sheet_pdf(f'{head}<text x="9" y="40">{TITLE}</text></svg>'))
     where = messages.sheet_as_svg_shows_text()
@@ -93,7 +93,7 @@ def test_no_page_is_more_than_half_empty(kind: str) -> None:
     assert min(shares) >= 0.5, shares
 
 
-def test_what_is_measured_sees_an_empty_page(tracking_source: RunData) -> None:
+def test_the_page_measurement_detects_an_empty_page(tracking_source: RunData) -> None:
     """Two lines on the last page are seen as such: the measure of the test above can fail."""
     report = build_report(tracking_source)
     line = Paragraph("One line.")
@@ -101,7 +101,7 @@ def test_what_is_measured_sees_an_empty_page(tracking_source: RunData) -> None:
     assert max(filled_shares(short)) < 0.5
 
 
-def test_code_is_set_as_it_is(tracking_source: RunData) -> None:
+def test_code_blocks_are_typeset_literally(tracking_source: RunData) -> None:
     """No symbol, no quote and no dash of a block to copy becomes another one, in the PDF as in the page."""
     report = build_report(tracking_source)
     text = "sinew experiment tracking --set 'q_ref=-0.5' \\\n  --set lam_q=0.5 --set K=1e-05 # S_ref \"q\" -- fi"

@@ -36,7 +36,7 @@ from tests.reports.tracking_run import PLAN, samples
     ("low", "high"),
     [(0.0, 1.0), (6.2, 7.6), (9.9998, 10.0003), (-2.5, 10.0), (1e-4, 9e-4), (0.0, 2e-5), (1234.5, 1234.9), (0, 3e5)],
 )
-def test_labels_tell_where_their_lines_are(low: float, high: float) -> None:
+def test_axis_labels_match_the_positions_of_their_lines(low: float, high: float) -> None:
     with figure(1, height_in=2.0) as (drawn, axes):
         axes.plot(np.linspace(low, high, 50), np.linspace(low, high, 50))
         drawn.draw_without_rendering()
@@ -44,7 +44,7 @@ def test_labels_tell_where_their_lines_are(low: float, high: float) -> None:
 
 
 @pytest.mark.parametrize("swing", [6e-3, 6e-4, 0.6])
-def test_the_swing_of_a_held_stiffness_is_read_beside_its_name(swing: float) -> None:
+def test_axis_numbers_of_a_held_stiffness_do_not_overlap_the_axis_name(swing: float) -> None:
     """Looked at as it is drawn (conftest): long numbers ran into the name of their axis."""
     t = np.linspace(0.0, 20.0, 20000)
     columns = dict.fromkeys(("q", "q_ref", "S_ref", "u_A", "u_B"), np.zeros_like(t))
@@ -53,7 +53,7 @@ def test_the_swing_of_a_held_stiffness_is_read_beside_its_name(swing: float) -> 
     assert "<svg" in hold_panels(columns, [held], 1e-3, "holds")
 
 
-def test_frequencies_are_numbered_as_they_are_spoken_of() -> None:
+def test_frequency_axes_have_plain_decimal_labels() -> None:
     with figure(1, height_in=2.0) as (drawn, axes):
         axes.semilogx([0.06, 1.25], [0.0, 1.0])
         frequency_axis(axes)
@@ -63,7 +63,7 @@ def test_frequencies_are_numbered_as_they_are_spoken_of() -> None:
     assert seen == ["0.1", "0.2", "0.5", "1"]
 
 
-def test_what_is_cut_or_covered_is_found() -> None:
+def test_the_legibility_check_detects_cut_or_covered_words() -> None:
     """The look at the words of figures, at figures that are wrong."""
     for spoil in (
         lambda axes: axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.5)),
@@ -85,14 +85,14 @@ def test_what_is_cut_or_covered_is_found() -> None:
 
 @pytest.mark.parametrize("first", [1, 10000])
 @pytest.mark.parametrize("runs", [3, 8, 9])
-def test_runs_are_named_in_one_line_above_their_curves(first: int, runs: int) -> None:
+def test_the_legend_of_runs_fits_on_one_line_above_the_curves(first: int, runs: int) -> None:
     """Looked at as it is drawn (conftest): the names of seven runs took two lines and left the figure."""
     t = np.linspace(0.0, 1.0, 50)
     columns = dict.fromkeys(("t", "q", "S", "q_ref", "S_ref"), t)
     assert "<svg" in overlay([(first + place, columns) for place in range(runs)], AngleUnit.DEGREES)
 
 
-def test_an_estimate_has_its_hat_and_what_is_measured_has_none() -> None:
+def test_estimates_have_a_hat_and_measured_signals_have_none() -> None:
     section = ReportSection("One", (Paragraph("F_ext_hat against F_ext"),))
     said = Report("Title", "", "passed", "", (), (section,), "", datetime(2026, 1, 1, tzinfo=UTC))
     assert "<i>F\N{COMBINING CIRCUMFLEX ACCENT}</i><sub>ext</sub> against <i>F</i><sub>ext</sub>" in to_html(said)
@@ -131,7 +131,7 @@ def counted() -> Iterator[tuple[Callable[..., str], list[Given]]]:
 
 
 @pytest.mark.parametrize("other", OTHERS)
-def test_the_same_is_drawn_once_and_anything_else_anew(
+def test_equal_arguments_are_drawn_once_and_others_are_drawn_again(
     counted: tuple[Callable[..., str], list[Given]], other: str
 ) -> None:
     draw, calls = counted
@@ -143,7 +143,7 @@ def test_the_same_is_drawn_once_and_anything_else_anew(
     assert len(calls) == 2
 
 
-def test_only_the_last_drawings_are_kept(counted: tuple[Callable[..., str], list[Given]]) -> None:
+def test_only_the_latest_drawings_are_cached(counted: tuple[Callable[..., str], list[Given]]) -> None:
     draw, calls = counted
     for number in range(100):
         draw(number)
@@ -155,13 +155,13 @@ def test_only_the_last_drawings_are_kept(counted: tuple[Callable[..., str], list
     assert len(calls) == 102
 
 
-def test_what_a_drawing_cannot_be_known_by_is_refused(counted: tuple[Callable[..., str], list[Given]]) -> None:
+def test_an_argument_that_cannot_be_a_cache_key_is_rejected(counted: tuple[Callable[..., str], list[Given]]) -> None:
     draw, _ = counted
     with pytest.raises(TypeError, match="a drawing is made of data: function"):
         draw(lambda: 1)
 
 
-def test_a_report_from_remembered_drawings_is_that_of_new_ones(tracking_source: RunData) -> None:
+def test_a_report_from_cached_drawings_equals_one_from_new_drawings(tracking_source: RunData) -> None:
     pages = [to_html(tracking_report(tracking_source)) for _ in range(2)]
     forget_drawings()
     assert {*pages, to_html(tracking_report(tracking_source))} == {pages[0]}
@@ -212,13 +212,13 @@ def test_a_deviation_of_a_fiftieth_fills_its_panel(
     assert [len(panel.lines) - 2 for panel in (u_A, u_B)] == [1, 1]  # each voltage beside its two bounds
 
 
-def test_tensions_that_are_equal_have_a_panel_each(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_equal_tensions_have_separate_panels(monkeypatch: pytest.MonkeyPatch) -> None:
     t = np.arange(2000) * 1e-3
     figure = drawn(monkeypatch, tension_panel, {"t": t, "F_A": 20.0 + t, "F_B": 20.0 + t}, 50.0, "tension")
     assert [panel.lines[0].get_label() for panel in figure.axes] == ["$F_A$", "$F_B$"]
 
 
-def test_the_way_to_a_new_reference_is_none_of_the_error() -> None:
+def test_the_transition_to_a_new_reference_is_excluded_from_the_error() -> None:
     t = np.arange(4000) * 1e-3
     reference = np.where(t < 1.0, 0.0, 1.0)
     error = np.where(t < 1.0, 0.0, -np.exp(-(t - 1.0) / 0.1))

@@ -74,14 +74,14 @@ def account(page: str) -> SeriesEvidence:
     return found
 
 
-def test_what_differs_is_lambda_alone(sources: list[RunData]) -> None:
+def test_the_differences_of_the_series_contain_only_lambda(sources: list[RunData]) -> None:
     (differing,) = tables(series_report(sources), "Differences")
     ((title, *cells),) = differing.rows
     assert "λ_q [s]" in title
     assert cells == ["0.4", "0.5", "0.6"]
 
 
-def test_metrics_and_their_spread_are_those_of_the_samples(sources: list[RunData]) -> None:
+def test_metrics_and_their_spread_match_the_samples(sources: list[RunData]) -> None:
     beside, spread = tables(series_report(sources), "Metrics")
     rms = [float(np.sqrt(np.mean((s.columns["q"] - s.columns["q_ref"]) ** 2))) for s in sources]
     row = next(row for row in beside.rows if row[0] == "RMSE of q")
@@ -93,7 +93,7 @@ def test_metrics_and_their_spread_are_those_of_the_samples(sources: list[RunData
     assert [float(cell) for cell in row[3:7]] == pytest.approx(expected, rel=5e-3)
 
 
-def test_of_seven_runs_five_stand_beside_each_other(sources: list[RunData]) -> None:
+def test_a_table_of_a_series_shows_at_most_five_runs_side_by_side(sources: list[RunData]) -> None:
     many = [replace(sources[0], run=replace(sources[0].run, id=number)) for number in range(1, 8)]
     report = series_report(many)
     first, second, spread = tables(report, "Metrics")
@@ -104,7 +104,7 @@ def test_of_seven_runs_five_stand_beside_each_other(sources: list[RunData]) -> N
     assert to_pdf(report).startswith(b"%PDF-")
 
 
-def test_what_differs_names_versions_text_bank_and_what_was_granted(sources: list[RunData]) -> None:
+def test_the_differences_list_versions_text_bank_and_granted_scheduling(sources: list[RunData]) -> None:
     run = sources[0].run
     settings = copy.deepcopy(run.settings)
     settings["versions"]["NumPy"] = "1.0"
@@ -155,7 +155,7 @@ def test_values_of_an_experiment_that_are_not_finite_are_compared_as_text(source
     assert rows == {"experiment.b": ("1", "inf")}
 
 
-def test_what_was_not_measured_whole_is_marked_and_counted_apart(sources: list[RunData]) -> None:
+def test_partially_measured_metrics_are_marked_and_counted_separately(sources: list[RunData]) -> None:
     first = sources[0].result
     assert first is not None
     in_part = tuple(
@@ -177,19 +177,19 @@ def test_what_was_not_measured_whole_is_marked_and_counted_apart(sources: list[R
         assert f"{reason} (run {partial.run.id})" in str(said)
 
 
-def test_a_drawing_more_is_found(database: Database, page: str) -> None:
+def test_an_additional_drawing_is_detected(database: Database, page: str) -> None:
     more = page.replace("</main>", "<svg><text>0.1</text></svg></main>", 1)
     found = verify_series_report(more, account(more), lambda one: read_stored_samples(database, one)[0])
     assert messages.number_of_drawings() in [one.name for one in found.differences]
 
 
-def test_a_series_holds_where_its_runs_are_stored(database: Database, page: str) -> None:
+def test_a_series_report_is_verified_where_its_runs_are_stored(database: Database, page: str) -> None:
     assert "<script" not in page
     held = verify_series_report(page, account(page), lambda one: read_stored_samples(database, one)[0])
     assert held == Verified((), ())
 
 
-def test_a_change_is_found_and_named_with_its_run(database: Database, page: str) -> None:
+def test_a_change_in_a_series_is_reported_with_its_run(database: Database, page: str) -> None:
     def bent(one: ReportManifest) -> Columns | None:
         columns, number = read_stored_samples(database, one)
         if columns is None or number != 2:
@@ -208,14 +208,14 @@ def test_a_change_is_found_and_named_with_its_run(database: Database, page: str)
     assert "λ_q" in found.differences[0].name
 
 
-def test_a_series_is_no_report_of_a_run_and_needs_its_runs(page: str, sources: list[RunData]) -> None:
+def test_a_series_report_is_rejected_as_a_run_report_and_requires_its_runs(page: str, sources: list[RunData]) -> None:
     with refused(EvidenceError, "report_of_a_series"):
         verify_report(page, sources[0].columns)
     with refused(EvidenceError, "samples_of_run_missing", run_id=1):
         verify_series_report(page, account(page), lambda _: None)
 
 
-def test_the_run_is_found_by_its_samples_whatever_its_number(database: Database, sources: list[RunData]) -> None:
+def test_a_run_is_found_by_its_samples_under_another_number(database: Database, sources: list[RunData]) -> None:
     manifest = account(to_html(series_report(sources))).runs[1]
     elsewhere = replace(manifest, run=replace(manifest.run, id=77))
     columns, number = read_stored_samples(database, elsewhere)
@@ -230,17 +230,17 @@ def test_the_run_is_found_by_its_samples_whatever_its_number(database: Database,
 
 
 @pytest.mark.parametrize("numbers", [[1], [1, 1]])
-def test_what_makes_no_series_is_refused(database: Database, numbers: list[int]) -> None:
+def test_a_series_with_an_invalid_number_of_runs_is_rejected(database: Database, numbers: list[int]) -> None:
     with refused(RequestRejectedError, "wrong_number_of_runs", runs=1, minimum=2, maximum=100):
         load_series(database, numbers, AngleUnit.DEGREES)
 
 
-def test_a_series_with_a_run_that_there_is_not_is_refused(database: Database) -> None:
+def test_a_series_with_an_unknown_run_is_rejected(database: Database) -> None:
     with pytest.raises(UnknownRecordError, match="no run 99"):
         load_series(database, [1, 99], AngleUnit.DEGREES)
 
 
-def test_a_pdf_holds_by_the_page_beside_it(sources: list[RunData], tmp_path: Path) -> None:
+def test_a_pdf_is_verified_with_its_page(sources: list[RunData], tmp_path: Path) -> None:
     report = build_report(sources[0])
     page, pdf = to_html(report), to_pdf(report)
     assert verify_pdf(pdf, page, sources[0].columns) == Verified((), ())

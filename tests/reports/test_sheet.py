@@ -58,7 +58,7 @@ def printed() -> PdfReader:
     return PdfReader(io.BytesIO(render_sheet_pdf(drawing())))
 
 
-def test_the_page_is_the_sheet(printed: PdfReader) -> None:
+def test_the_pdf_page_has_the_size_and_title_of_the_sheet(printed: PdfReader) -> None:
     (page,) = printed.pages
     size = [float(side) * MM_PER_POINT for side in (page.mediabox.width, page.mediabox.height)]
     assert size == pytest.approx([WIDTH_MM, HEIGHT_MM], abs=0.1)
@@ -66,7 +66,7 @@ def test_the_page_is_the_sheet(printed: PdfReader) -> None:
     assert printed.metadata.title == FOOT
 
 
-def test_its_letters_are_letters_of_fonts_that_it_carries(printed: PdfReader) -> None:
+def test_the_text_of_the_sheet_uses_embedded_fonts(printed: PdfReader) -> None:
     (page,) = printed.pages
     text = page.extract_text()
     for words in (HEADING, *TICKS, FOOT, SPAN, "q − q_ref′", "−0.123 … 4.567", "& ", "< θ_A"):
@@ -80,7 +80,7 @@ def test_its_letters_are_letters_of_fonts_that_it_carries(printed: PdfReader) ->
     assert any("Libertinus" in str(font.get_object()["/BaseFont"]) for font in fonts.values())
 
 
-def test_it_is_drawn_in_lines_and_not_in_dots(printed: PdfReader) -> None:
+def test_the_sheet_contains_vector_graphics_only(printed: PdfReader) -> None:
     (page,) = printed.pages
     kinds = []
 
@@ -98,7 +98,7 @@ def test_it_is_drawn_in_lines_and_not_in_dots(printed: PdfReader) -> None:
     assert b"BI " not in contents.get_data()
 
 
-def test_what_is_read_is_written_anew_without_what_is_not_drawn() -> None:
+def test_the_sheet_is_rewritten_without_elements_that_are_not_drawn() -> None:
     sheet = read_sheet(drawing())
     assert (sheet.width_mm, sheet.height_mm, sheet.title) == (WIDTH_MM, HEIGHT_MM, FOOT)
     assert "data-" not in sheet.svg
@@ -180,7 +180,7 @@ LINK = 'xmlns:xlink="http://www.w3.org/1999/xlink"'
         (svg(f"<{'x' * 5000}/>"), Reason("element_not_allowed", element=f"{'x' * 40}…")),
     ],
 )
-def test_what_is_no_sheet_is_refused_with_what_is_wrong_and_what_to_do(hostile: str, reason: Reason) -> None:
+def test_an_invalid_sheet_is_rejected_with_reason_and_remedy(hostile: str, reason: Reason) -> None:
     with pytest.raises(RequestRejectedError) as caught:
         read_sheet(hostile)
     message = caught.value.message
@@ -229,7 +229,7 @@ def test_a_sheet_at_all_bounds_is_drawn() -> None:
         (f"<title>{'a' * (MOST_OF_A_TITLE + 1)}</title>", "characters of the title", MOST_OF_A_TITLE),
     ],
 )
-def test_more_than_the_bounds_is_refused_before_it_is_drawn(inside: str, quantity: str, most: int) -> None:
+def test_a_sheet_beyond_the_bounds_is_rejected_before_drawing(inside: str, quantity: str, most: int) -> None:
     with pytest.raises(RequestRejectedError) as caught:
         read_sheet(svg(inside))
     assert caught.value.code == "sheet_too_large"

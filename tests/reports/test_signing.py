@@ -33,7 +33,7 @@ PUBLISHED = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOMqqnkVzrm0SdG6UOoqKLsabgH5C9o
 FINGERPRINT = "SHA256:+DiY3wvvV6TuJJhbpZisF/zLDA0zPMSvHdkr4UvCOqU"
 
 
-def test_it_is_verified_by_nothing_but_the_page_and_the_documented_message() -> None:
+def test_the_signature_is_verified_with_only_the_page_and_the_documented_message() -> None:
     """By hand, without a line of ours: heading, all else that the element says, the page without it."""
     signed = sign_page(PAGE, KEY, "<rig> & λ")
     begin = signed.index(b'<template id="signature">')
@@ -54,7 +54,7 @@ def test_it_is_verified_by_nothing_but_the_page_and_the_documented_message() -> 
         key.verify(value, PAGE)
 
 
-def test_signing_again_replaces_and_reading_gives_the_page_back() -> None:
+def test_signing_again_replaces_the_signature_and_reading_returns_the_original_page() -> None:
     signed = sign_page(PAGE, KEY, "rig-1")
     again = sign_page(signed, OTHER, "rig-2")
     assert again == sign_page(PAGE, OTHER, "rig-2")
@@ -66,7 +66,7 @@ def test_signing_again_replaces_and_reading_gives_the_page_back() -> None:
     assert read_signature(PAGE).signature is None
 
 
-def test_whose_key_it_is() -> None:
+def test_the_owner_of_a_signing_key_is_determined() -> None:
     found, one, other = read_signature(sign_page(PAGE, KEY, "")), derive_public_key(KEY), derive_public_key(OTHER)
     assert found.whose(one, one) == KeyOwner.GIVEN
     assert found.whose(other, one) == found.whose(None, one) == KeyOwner.OWN
@@ -78,12 +78,12 @@ def test_whose_key_it_is() -> None:
 
 
 @pytest.mark.parametrize("page", [b"", b"<html></html>", PAGE + b'<template id="signature">' * 2])
-def test_what_is_no_report_is_not_signed(page: bytes) -> None:
+def test_a_page_that_is_not_a_report_is_not_signed(page: bytes) -> None:
     with pytest.raises(UnsignableError):
         sign_page(page, KEY, "")
 
 
-def test_a_fingerprint_is_the_one_that_openssh_gives() -> None:
+def test_the_fingerprint_of_a_key_matches_openssh() -> None:
     key = parse_public_key(f"{PUBLISHED} github.com")
     assert (key.fingerprint, key.text) == (FINGERPRINT, PUBLISHED)
 
@@ -92,7 +92,7 @@ def test_a_fingerprint_is_the_one_that_openssh_gives() -> None:
     "text",
     ["", "ssh-ed25519", PUBLISHED[:-4], PUBLISHED + "AAAA", PUBLISHED.replace("ed25519", "rsa"), "ssh-ed25519 λ"],
 )
-def test_what_is_no_public_key_is_refused(tmp_path: Path, text: str) -> None:
+def test_an_invalid_public_key_is_rejected(tmp_path: Path, text: str) -> None:
     with pytest.raises(SigningKeyError):
         parse_public_key(text)
     file = tmp_path / "key.pub"
@@ -101,7 +101,7 @@ def test_what_is_no_public_key_is_refused(tmp_path: Path, text: str) -> None:
         find_public_key(str(file))
 
 
-def test_a_public_key_is_found_in_a_text_or_a_file_of_one(tmp_path: Path) -> None:
+def test_a_public_key_is_read_from_a_text_or_a_file(tmp_path: Path) -> None:
     file = tmp_path / "key.pub"
     file.write_text(f"# of rig 2\n{PUBLISHED} rig-2\n\n")
     assert find_public_key(str(file)) == find_public_key(f" {PUBLISHED} rig-2 ") == parse_public_key(PUBLISHED)
@@ -111,7 +111,7 @@ def test_a_public_key_is_found_in_a_text_or_a_file_of_one(tmp_path: Path) -> Non
             find_public_key(other)
 
 
-def test_a_key_is_made_once_and_stays_with_its_owner(tmp_path: Path) -> None:
+def test_the_signing_key_is_created_once_with_private_permissions(tmp_path: Path) -> None:
     data = tmp_path / "data"
     assert load_own_public_key(data) is None
     assert not data.exists()
@@ -131,7 +131,7 @@ def test_a_key_is_made_once_and_stays_with_its_owner(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"junk", b"-----BEGIN "])
-def test_a_damaged_key_is_refused_and_left_as_it_is(tmp_path: Path, content: bytes) -> None:
+def test_a_damaged_signing_key_is_rejected_and_unchanged(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "signing-key").write_bytes(content)
     with refused(SigningKeyError, "signing_key_unusable", file=tmp_path / "signing-key"):
         load_or_make_signing_key(tmp_path)
@@ -139,7 +139,7 @@ def test_a_damaged_key_is_refused_and_left_as_it_is(tmp_path: Path, content: byt
     assert (tmp_path / "signing-key").read_bytes() == content
 
 
-def test_nothing_loads_the_library_but_a_signature() -> None:
+def test_the_cryptography_library_is_loaded_only_for_signatures() -> None:
     code = (
         "import sys, backend.main, backend.app, backend.cli.report, backend.reports.signing\n"
         "backend.reports.signing.read_signature(b'<html></html>')\n"

@@ -16,7 +16,7 @@ def rows(source: RunData) -> dict[str, tuple[str, ...]]:
     return {row[0]: row[1:] for row in table.rows}
 
 
-def test_lateness_deadlines_and_gaps_are_those_of_the_samples(tracking_source: RunData) -> None:
+def test_lateness_overruns_and_gaps_match_the_samples(tracking_source: RunData) -> None:
     columns = dict(tracking_source.columns)
     size = columns["t"].size
     late = np.full(size, 20e-6)
@@ -33,7 +33,7 @@ def test_lateness_deadlines_and_gaps_are_those_of_the_samples(tracking_source: R
     assert found["Lateness, largest"][:2] == ("1.50", "ms")
 
 
-def test_what_the_machine_granted_is_told_and_what_not(tracking_source: RunData) -> None:
+def test_the_report_states_the_granted_and_refused_real_time_settings(tracking_source: RunData) -> None:
     granted = StoredRealTimeStatus(
         60, memory_locked=False, timer_slack_ns=1, refusals=("locked memory: raise memlock",)
     )
@@ -45,11 +45,11 @@ def test_what_the_machine_granted_is_told_and_what_not(tracking_source: RunData)
     assert found["Not granted"][-1] == "locked memory: raise memlock"
 
 
-def test_a_run_on_no_clock_was_granted_nothing(tracking_source: RunData) -> None:
+def test_the_report_of_a_batch_run_has_no_real_time_settings(tracking_source: RunData) -> None:
     assert {"Scheduling", "Memory"} & rows(tracking_source).keys() == set()
     assert rows(tracking_source)["Lateness"][0] == "none"
 
 
-def test_without_a_sample_there_is_no_timing(tracking_source: RunData) -> None:
+def test_a_run_without_samples_has_no_timing_section(tracking_source: RunData) -> None:
     empty = {name: column[:0] for name, column in tracking_source.columns.items()}
     assert timing_section(replace(tracking_source, columns=empty)) == ()

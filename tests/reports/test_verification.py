@@ -92,11 +92,11 @@ def names(found: Verified) -> list[str]:
     return [one.name for one in found.differences]
 
 
-def test_one_that_nobody_touched_holds(report: Made) -> None:
+def test_an_unchanged_report_is_verified(report: Made) -> None:
     assert verify_report(report.page, report.source.columns) == Verified((), ())
 
 
-def test_two_installations_write_the_same_bytes_but_for_the_date(report: Made, tmp_path: Path) -> None:
+def test_reports_of_two_installations_are_equal_except_for_the_date(report: Made, tmp_path: Path) -> None:
     other = made(tmp_path)
     run = replace(other.run, started_at=report.source.run.started_at, ended_at=report.source.run.ended_at)
     again = replace(other, run=run)
@@ -169,7 +169,7 @@ ACCOUNTS: dict[str, tuple[Callable[[Document], None], str]] = {
 
 
 @pytest.mark.parametrize("what", ACCOUNTS)
-def test_a_change_of_what_it_carries_is_found_and_named(report: Made, what: str) -> None:
+def test_a_change_of_the_manifest_is_reported_with_its_name(report: Made, what: str) -> None:
     change, name = ACCOUNTS[what]
     found = verify_report(report.with_account(change), report.source.columns)
     assert name in names(found)
@@ -210,7 +210,7 @@ MORE = "a drawing more in a cell", "a drawing more that is a script", "a form fe
 
 
 @pytest.mark.parametrize("what", SEEN)
-def test_a_change_of_what_is_read_is_found_and_named(report: Made, what: str) -> None:
+def test_a_change_of_the_visible_text_is_reported_with_its_name(report: Made, what: str) -> None:
     old, new, name = SEEN[what]
     visible, mark, carried = report.page.partition(BEGIN)
     assert old in visible
@@ -220,7 +220,7 @@ def test_a_change_of_what_is_read_is_found_and_named(report: Made, what: str) ->
     assert all(one.said != one.found for one in found)
 
 
-def test_a_drawing_less_is_found_and_so_is_a_missing_last_newline(report: Made) -> None:
+def test_a_missing_drawing_or_a_missing_final_newline_is_detected(report: Made) -> None:
     begin, end = report.page.index("<svg"), report.page.index("</svg>") + len("</svg>")
     assert messages.number_of_drawings() in names(
         verify_report(report.page[:begin] + report.page[end:], report.source.columns)
@@ -236,7 +236,7 @@ def test_a_drawing_less_is_found_and_so_is_a_missing_last_newline(report: Made) 
         ('"complete":true', '"complete": true'),
     ],
 )
-def test_nothing_else_stands_in_the_account(report: Made, old: str, new: str) -> None:
+def test_additional_content_in_the_manifest_is_detected(report: Made, old: str, new: str) -> None:
     assert report.page.count(old) >= 1
     assert names(verify_report(report.page.replace(old, new, 1), report.source.columns)) == [
         messages.manifest_as_written()
@@ -253,7 +253,7 @@ IMPOSSIBLE: dict[str, tuple[Callable[[Document], None], str]] = {
 
 
 @pytest.mark.parametrize("what", IMPOSSIBLE)
-def test_what_cannot_be_is_a_difference(report: Made, what: str) -> None:
+def test_impossible_manifest_values_are_reported_as_differences(report: Made, what: str) -> None:
     change, name = IMPOSSIBLE[what]
     found = names(verify_report(report.with_account(change), report.source.columns))
     assert name in found
@@ -261,7 +261,7 @@ def test_what_cannot_be_is_a_difference(report: Made, what: str) -> None:
 
 
 @pytest.mark.parametrize(("signal", "at"), [("q", 3200), ("F_B", 0), ("u_A", 12_999), ("lateness_s", 5000)])
-def test_one_sample_is_found_and_named(report: Made, signal: str, at: int) -> None:
+def test_one_changed_sample_is_reported_with_its_signal(report: Made, signal: str, at: int) -> None:
     columns: Columns = dict(report.source.columns)
     columns[signal] = columns[signal].copy()
     columns[signal][at] = np.float32(columns[signal][at] + 1e-3)
@@ -270,7 +270,7 @@ def test_one_sample_is_found_and_named(report: Made, signal: str, at: int) -> No
     assert messages.hash_of_input(name="samples") in found
 
 
-def test_another_time_of_a_sample_is_found_and_named(report: Made) -> None:
+def test_one_changed_sample_time_is_reported(report: Made) -> None:
     columns: Columns = report.source.columns | {"t": report.source.columns["t"].copy()}
     columns["t"][3200] += 1e-4
     found = names(verify_report(report.page, columns))
@@ -287,7 +287,7 @@ def test_another_time_of_a_sample_is_found_and_named(report: Made) -> None:
         ("", "", []),
     ],
 )
-def test_a_file_of_samples_is_held_against_what_it_says_of_itself(
+def test_a_samples_file_is_compared_with_its_own_metadata(
     report: Made, tmp_path: Path, old: str, new: str, reasons: list[Reason]
 ) -> None:
     file = tmp_path / "data.csv"
@@ -296,7 +296,7 @@ def test_a_file_of_samples_is_held_against_what_it_says_of_itself(
     assert [one.found for one in problems] == reasons
 
 
-def test_missing_samples_are_counted_where_they_are_missing(report: Made) -> None:
+def test_missing_samples_are_counted_in_their_interval(report: Made) -> None:
     kept = np.ones(report.source.columns["t"].size, bool)
     kept[[500, 501, 7000]] = False
     columns = {name: column[kept] for name, column in report.source.columns.items()}
@@ -306,20 +306,20 @@ def test_missing_samples_are_counted_where_they_are_missing(report: Made) -> Non
     assert "metrics, missing_samples" in names(verify_report(to_html(build_report(fewer)), columns))
 
 
-def test_a_sample_more_or_less_is_found(report: Made) -> None:
+def test_a_different_number_of_samples_is_detected(report: Made) -> None:
     fewer = {name: column[:-1] for name, column in report.source.columns.items()}
     assert messages.number_of_samples() in names(verify_report(report.page, fewer))
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mat", ".mcap"])
-def test_it_holds_by_the_files_beside_it(report: Made, tmp_path: Path, suffix: str) -> None:
+def test_a_report_is_verified_with_the_exported_data_file(report: Made, tmp_path: Path, suffix: str) -> None:
     file = tmp_path / f"data{suffix}"
     file.write_bytes(written(report.source.columns, suffix[1:]))
     columns, problems = read_samples_file(file)
     assert (verify_report(report.page, columns), problems) == (Verified((), ()), ())
 
 
-def test_another_unit_in_the_columns_of_a_parquet_file_is_found(report: Made, tmp_path: Path) -> None:
+def test_a_changed_unit_in_a_parquet_file_is_detected(report: Made, tmp_path: Path) -> None:
     file = tmp_path / "data.parquet"
     file.write_bytes(written(report.source.columns, "parquet"))
     table = pyarrow.parquet.read_table(file)
@@ -330,7 +330,7 @@ def test_another_unit_in_the_columns_of_a_parquet_file_is_found(report: Made, tm
     assert [one.name for one in problems] == [messages.units_and_meanings_in_file(file="data.parquet")]
 
 
-def test_what_is_no_report_or_has_no_samples_cannot_be_told(report: Made, tmp_path: Path) -> None:
+def test_a_page_that_is_not_a_report_or_lacks_samples_is_rejected(report: Made, tmp_path: Path) -> None:
     with refused(EvidenceError, "samples_missing"):
         verify_report(report.page, None)
     for page in ("", "<html></html>", f"{BEGIN}{{}}{END}", f"{BEGIN}[1]{END}", f"{BEGIN}no JSON{END}"):
@@ -350,7 +350,7 @@ def test_what_is_no_report_or_has_no_samples_cannot_be_told(report: Made, tmp_pa
         read_samples_file(file)
 
 
-def test_of_a_report_of_another_version_the_words_are_not_compared(report: Made) -> None:
+def test_the_texts_of_a_report_of_another_version_are_not_compared(report: Made) -> None:
     found = verify_report(report.with_account(put("made_with", "Sinew", value="0.0.9")), report.source.columns)
     assert names(found) == [messages.hash_of_input(name="account")]
     assert found.left_out[0] == Reason("page_of_another_version", reported="0.0.9")
@@ -374,7 +374,7 @@ def test_a_page_of_another_layout_is_not_verified(report: Made, said: str | None
     assert len(found.left_out) == 1
 
 
-def test_signals_that_an_older_version_did_not_record_hold_by_an_export(report: Made, tmp_path: Path) -> None:
+def test_a_report_without_newer_signals_is_verified_with_its_export(report: Made, tmp_path: Path) -> None:
     """The stored run lacks them; the file that is written beside the report has them without values."""
     lacking = ("V_A", "n_q")
     columns = {name: column for name, column in report.source.columns.items() if name not in lacking}
@@ -391,7 +391,7 @@ def test_signals_that_an_older_version_did_not_record_hold_by_an_export(report: 
     }
 
 
-def test_a_report_that_was_made_without_a_result_holds_and_says_so(report: Made) -> None:
+def test_a_report_without_a_result_is_verified_and_the_missing_result_is_stated(report: Made) -> None:
     run = replace(report.source.run, end_state="service_died")
     without = to_html(build_report(replace(report.source, run=run, result=None)))
     found = verify_report(without, report.source.columns)
@@ -400,7 +400,7 @@ def test_a_report_that_was_made_without_a_result_holds_and_says_so(report: Made)
 
 
 @pytest.mark.parametrize(("changed", "names"), [({}, []), ({"lam_q": 0.7}, ["metrics.json, settings, loop, lam_q"])])
-def test_figures_of_an_earlier_version_beside_a_report_are_compared_in_the_present_form(
+def test_a_metrics_file_of_an_earlier_version_is_compared_in_the_current_form(
     report: Made, changed: Document, names: list[str]
 ) -> None:
     """Before the motion was kept, a voltage limit alone said that references are followed time-optimally."""
@@ -419,7 +419,7 @@ def test_figures_of_an_earlier_version_beside_a_report_are_compared_in_the_prese
 @pytest.mark.parametrize(
     ("one", "other"), [("usable " * 9, "usable " * 9 + "not"), ("<b>q</b>", "<b >q</b>"), ("", "0")]
 )
-def test_what_is_told_of_a_difference_is_never_the_same_twice(one: str, other: str) -> None:
+def test_the_two_texts_of_a_difference_are_never_equal(one: str, other: str) -> None:
     said, found = find_difference(one, other)
     assert said != found
 
@@ -457,7 +457,7 @@ def held(report: Made, forged: Iterator[tuple[str, str]]) -> tuple[int, list[str
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_sample_of_forgeries_holds(report_forged: Made, kind: str) -> None:
+def test_no_forgery_of_a_sample_of_forgeries_is_verified(report_forged: Made, kind: str) -> None:
     forge, every = KINDS[kind]
     some = (one for number, one in enumerate(forge(report_forged.page)) if number % every == 0)
     tried, found = held(report_forged, some)
@@ -466,7 +466,7 @@ def test_no_sample_of_forgeries_holds(report_forged: Made, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_forgery_holds(report_forged: Made, kind: str) -> None:
+def test_no_forgery_is_verified(report_forged: Made, kind: str) -> None:
     tried, found = held(report_forged, KINDS[kind][0](report_forged.page))
     assert tried >= (9 if kind == "versions" else 80)
     assert found == []
@@ -492,20 +492,20 @@ def valid(forged: Iterator[tuple[str, bytes]], page: bytes) -> tuple[int, list[s
     return tried, found
 
 
-def test_no_changed_byte_of_a_signed_page_keeps_its_signature(signed: bytes) -> None:
+def test_a_changed_byte_of_a_signed_page_invalidates_its_signature(signed: bytes) -> None:
     tried, found = valid(forgeries.single_bytes(signed, every=20_011), signed)
     assert tried > 300
     assert found == []
 
 
-def test_no_other_signature_is_one(signed: bytes) -> None:
+def test_a_forged_signature_is_invalid(signed: bytes) -> None:
     tried, found = valid(forgeries.of_the_signature(signed, OTHER), signed)
     assert tried > 25
     assert found == []
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_forgery_of_a_signed_page_keeps_its_signature(report_forged: Made, signed: bytes, kind: str) -> None:
+def test_a_forgery_of_a_signed_page_invalidates_its_signature(report_forged: Made, signed: bytes, kind: str) -> None:
     forge, every = KINDS[kind]
     some = (one for number, one in enumerate(forge(signed.decode())) if number % every == 0)
     tried, found = valid(((name, page.encode()) for name, page in some), signed)
@@ -514,7 +514,9 @@ def test_no_forgery_of_a_signed_page_keeps_its_signature(report_forged: Made, si
 
 
 @pytest.mark.parametrize("forge", ["of_the_signature", "by another key", "taken away"])
-def test_no_page_holds_as_one_of_the_key_without_its_signature(report_forged: Made, signed: bytes, forge: str) -> None:
+def test_a_page_without_a_signature_of_the_given_key_is_not_verified(
+    report_forged: Made, signed: bytes, forge: str
+) -> None:
     """Whatever its numbers: here they all hold."""
     pages = {
         "of_the_signature": dict(forgeries.of_the_signature(signed, OTHER))["another name"],
@@ -528,7 +530,7 @@ def test_no_page_holds_as_one_of_the_key_without_its_signature(report_forged: Ma
     assert apply_signature_check(found, read).holds is (forge != "of_the_signature")
 
 
-def test_a_page_of_nothing_but_beginnings_takes_no_longer_than_its_size(report_forged: Made) -> None:
+def test_the_verification_time_of_unclosed_tags_is_proportional_to_the_page_size(report_forged: Made) -> None:
     """Twice the page, about twice the time: within a run, so that no machine's speed matters."""
 
     def seconds(megabytes: int) -> float:

@@ -59,7 +59,7 @@ def identified(
     return request.param, first, second
 
 
-def test_one_that_nobody_touched_holds(identified: tuple[str, RunData, RunData]) -> None:
+def test_an_unchanged_report_is_verified(identified: tuple[str, RunData, RunData]) -> None:
     _, source, _ = identified
     assert source.identification is not None
     assert verify_report(to_html(build_report(source)), source.columns) == Verified((), ())
@@ -77,7 +77,9 @@ def with_another_number(kind: str, source: RunData) -> tuple[str, RunData]:
     return last, replace(source, identification=replace(source.identification, model=model))
 
 
-def test_another_model_with_all_its_hashes_is_found_and_named(identified: tuple[str, RunData, RunData]) -> None:
+def test_a_changed_model_with_correct_hashes_is_reported_with_its_name(
+    identified: tuple[str, RunData, RunData],
+) -> None:
     kind, source, _ = identified
     assert source.identification is not None
     last, touched = with_another_number(kind, source)
@@ -98,7 +100,7 @@ def of_another_layout(source: RunData) -> str:
     return page.replace(find_element(page), to_element(manifest))
 
 
-def test_of_another_layout_numbers_of_a_model_are_compared_and_its_sentences_are_not(
+def test_only_the_numbers_of_a_model_in_another_layout_are_compared(
     identified: tuple[str, RunData, RunData],
 ) -> None:
     kind, source, _ = identified
@@ -111,7 +113,7 @@ def test_of_another_layout_numbers_of_a_model_are_compared_and_its_sentences_are
     assert any(name.startswith("identification, model, ") and name.endswith(f", {last}") for name in names)
 
 
-def test_an_account_with_documents_of_an_earlier_form_is_compared_as_others_are(
+def test_a_manifest_with_documents_of_an_earlier_form_is_compared(
     identified: tuple[str, RunData, RunData],
 ) -> None:
     kind, source, _ = identified
@@ -139,7 +141,7 @@ def test_an_account_with_documents_of_an_earlier_form_is_compared_as_others_are(
     assert (found.holds, found.differences) == (None, ())
 
 
-def test_evaluated_again_it_is_the_same_bytes(identified: tuple[str, RunData, RunData]) -> None:
+def test_the_report_of_a_second_evaluation_is_equal_byte_for_byte(identified: tuple[str, RunData, RunData]) -> None:
     _, first, second = identified
     assert first.identification is not None
     assert second.identification is not None
