@@ -55,7 +55,7 @@ def named(*entries: BankEntry) -> list[NamedEntry]:
     return [NamedEntry(f"entry {position}", item) for position, item in enumerate(entries, start=1)]
 
 
-def test_entries_come_out_in_order_of_stiffness(ideal: PlantParameters) -> None:
+def test_bank_entries_are_sorted_by_stiffness(ideal: PlantParameters) -> None:
     assert require_consistent(ideal, named(*reversed(GOOD))) == GOOD
 
 
@@ -85,7 +85,7 @@ def test_entries_come_out_in_order_of_stiffness(ideal: PlantParameters) -> None:
         ((entry(-1.0, 20.0),), "not_positive", {"parameter": "S_nominal", "value": -1.0}),
     ],
 )
-def test_entries_that_do_not_fit_make_no_bank(
+def test_inconsistent_entries_are_rejected(
     ideal: PlantParameters, entries: tuple[BankEntry, ...], code: str, values: dict[str, object]
 ) -> None:
     with refused(BankError, code, **values):
@@ -100,7 +100,7 @@ def test_models_of_another_plant_are_refused(ideal: PlantParameters) -> None:
         require_same_parameters(ideal, "identification 3", load_parameters("lab").to_document())
 
 
-def test_a_difference_shows_models_gains_and_robustness(ideal: PlantParameters) -> None:
+def test_the_comparison_of_banks_shows_models_gains_and_robustness(ideal: PlantParameters) -> None:
     slower = entry(10.60, 20.0, T_q=0.45)
     changes = compare_entries(ideal, LAMBDAS, GOOD, merge_entries(GOOD, [slower]))
     assert len(changes) == 4
@@ -119,7 +119,7 @@ def test_a_difference_shows_models_gains_and_robustness(ideal: PlantParameters) 
     assert changed.after.stiffness.M_s == pytest.approx(changed.before.stiffness.M_s, abs=0.01)
 
 
-def test_entries_that_are_new_or_gone_stand_alone(ideal: PlantParameters) -> None:
+def test_added_and_removed_entries_have_no_counterpart(ideal: PlantParameters) -> None:
     changes = compare_entries(ideal, LAMBDAS, GOOD[:2], GOOD[1:3])
     assert [(change.before is None, change.after is None) for change in changes] == [
         (False, True),
@@ -128,7 +128,7 @@ def test_entries_that_are_new_or_gone_stand_alone(ideal: PlantParameters) -> Non
     ]
 
 
-def test_an_unstable_loop_has_no_peak(ideal: PlantParameters) -> None:
+def test_an_unstable_loop_has_no_sensitivity_peak(ideal: PlantParameters) -> None:
     assert _compute_figures(ideal, replace(LAMBDAS, lam_q=0.1), GOOD[1]).position.M_s is None
 
 
@@ -157,7 +157,7 @@ def test_a_bank_is_unchanged_after_export_and_import(ideal: PlantParameters, dat
         ({"name": "n" * 61}, "file_without_name", {"maximum": 60}),
     ],
 )
-def test_files_that_are_no_bank_are_refused(
+def test_invalid_bank_files_are_rejected(
     ideal: PlantParameters, database: Database, change: dict[str, object], code: str, values: dict[str, object]
 ) -> None:
     with database.session() as session:
@@ -175,6 +175,6 @@ def test_files_that_are_no_bank_are_refused(
         ('{"name": "\\ud800"}', "invalid_text_in_file"),
     ],
 )
-def test_text_that_is_no_bank_is_refused(text: str, code: str) -> None:
+def test_an_invalid_bank_text_is_rejected(text: str, code: str) -> None:
     with refused(BankError, code):
         parse_bank_file(text)

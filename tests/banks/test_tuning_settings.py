@@ -44,13 +44,13 @@ OTHER: dict[str, Any] = {
 """Each part of a tuning at another value than its default."""
 
 
-def test_every_part_is_tried_here() -> None:
+def test_the_test_values_cover_every_setting_of_the_tuning() -> None:
     assert list(OTHER) == [field.name for field in fields(TuningSettings)]
     assert all(value != getattr(TuningSettings(), name) for name, value in OTHER.items())
     assert {field.name for field in fields(TuningParameters)} <= set(OTHER)
 
 
-def test_the_text_of_a_change_contains_all_of_it() -> None:
+def test_the_text_of_a_tuning_change_contains_every_setting() -> None:
     before, after = TuningSettings(), TuningSettings(**OTHER)
     assert parse_changes(", ".join(after.list_differences(before))) == OTHER
     assert parse_changes(", ".join(before.list_differences(after))) == before.to_document()
@@ -81,7 +81,7 @@ def test_tunings_that_differ_in_one_setting_are_not_equal(name: str, tmp_path: P
 
 
 @pytest.mark.parametrize("schema", [TuningParts, TuningRequest, TuningView, ChosenTuning, SavedTuning, TrialView])
-def test_every_body_of_the_interface_has_every_part(schema: type[TuningParts]) -> None:
+def test_every_request_body_of_the_interface_has_every_setting(schema: type[TuningParts]) -> None:
     missing = set(OTHER) - set(schema.model_fields)
     assert missing <= {"bank"}  # a bank is activated, and what is saved is saved for one
     for name in set(OTHER) - {"bank"}:
@@ -89,7 +89,7 @@ def test_every_body_of_the_interface_has_every_part(schema: type[TuningParts]) -
         assert schema.model_fields[name].annotation in (kind, kind | None)
 
 
-def test_b_reaches_the_gains_of_the_loop() -> None:
+def test_the_setpoint_weight_changes_the_gains_of_the_loop() -> None:
     """Table 2 with a weighed reference: k_r = b k_p, all else as without."""
     ideal = load_parameters("ideal")
     plain, weighed = (build_tuning_command(ideal, TuningSettings(b=b), None).entries[0] for b in (0.0, 0.7))
@@ -99,7 +99,7 @@ def test_b_reaches_the_gains_of_the_loop() -> None:
 
 
 @pytest.mark.parametrize("lam_motor", [0.05, 0.0854])
-def test_the_offered_range_leaves_voltage_with_b_too(lam_motor: float) -> None:
+def test_the_offered_range_respects_the_voltage_limit_with_a_setpoint_weight(lam_motor: float) -> None:
     """A reference that is felt at once takes more voltage: the range that was found without it would clip."""
     lab = load_parameters("lab")
     previewer = TuningPreviewer(lab, lam_motor=lam_motor, b=1.0)
@@ -130,7 +130,7 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> PlantParameters:
 
 
 @pytest.mark.parametrize("name", ["ideal", "lab"])
-def test_the_method_decides_where_its_lambdas_are_offered(name: str) -> None:
+def test_the_default_tuning_uses_the_lambdas_of_the_method_if_they_are_offered(name: str) -> None:
     default = compute_default_tuning(load_parameters(name))
     assert (default.tuning, default.moved) == (METHOD, "")
     assert METHOD.motion == "lambda"
@@ -147,7 +147,7 @@ def test_the_method_decides_where_its_lambdas_are_offered(name: str) -> None:
         ({"motion": "time-optimal", "u_plan": 3.0}, "time-optimal", 3.0),
     ],
 )
-def test_a_stored_tuning_has_the_motion_that_it_ran_with(stored: dict[str, Any], motion: str, budget: float) -> None:
+def test_a_stored_tuning_has_the_motion_of_its_run(stored: dict[str, Any], motion: str, budget: float) -> None:
     for choice in (
         TuningSettings.from_values(stored),
         load_initial_tuning(SETTINGS.read(upgrade_run_settings({"loop": stored}), "run 7").loop),
@@ -156,18 +156,18 @@ def test_a_stored_tuning_has_the_motion_that_it_ran_with(stored: dict[str, Any],
         assert (choice.motion, choice.budget) == (motion, budget)
 
 
-def test_a_stored_loop_knows_the_limit_that_it_ran_with() -> None:
+def test_stored_loop_settings_have_the_voltage_limit_of_their_run() -> None:
     assert StoredLoopSettings(motion="time-optimal", u_plan=3.0).budget == 3.0
     assert StoredLoopSettings(motion="lambda", u_plan=3.0).budget == StoredLoopSettings().budget == 0.0
 
 
-def test_the_budget_is_one_that_this_plant_offers(weak: PlantParameters) -> None:
+def test_the_default_voltage_limit_is_within_the_range_of_the_plant(weak: PlantParameters) -> None:
     for parameters in (weak, replace(weak, motor=replace(weak.motor, u_max=5.0))):
         u_max = parameters.motor.u_max
         assert 0.5 * u_max < compute_default_tuning(parameters).tuning.u_plan < u_max
 
 
-def test_a_position_loop_that_takes_all_of_the_voltage_is_slower_by_default(
+def test_a_position_loop_that_needs_all_of_the_voltage_is_slower_by_default(
     tmp_path: Path, weak: PlantParameters
 ) -> None:
     default = compute_default_tuning(weak)
@@ -185,14 +185,14 @@ def test_a_position_loop_that_takes_all_of_the_voltage_is_slower_by_default(
                 pass
 
 
-def test_a_quick_motor_gets_the_largest_motor_lambda_that_leaves_its_loop_a_damping(quick: PlantParameters) -> None:
+def test_a_fast_motor_has_the_largest_default_motor_lambda_with_a_damped_loop(quick: PlantParameters) -> None:
     default = compute_default_tuning(quick)
     assert default.tuning.lam_motor == pytest.approx(3.8 * quick.identified.T_m)
     assert LAM_MOTOR_MIN < default.tuning.lam_motor < METHOD.lam_motor
     assert default.moved.endswith("λ_motor 0.0854 → 0.076 s")
 
 
-def test_the_models_of_a_bank_decide_too() -> None:
+def test_the_default_lambda_depends_on_the_models_of_the_bank() -> None:
     """With the T of a joint with friction (table 1 has 0.8 s and more) λ_q is out of range on any plant."""
     ideal, points = load_parameters("ideal"), (replace(POINT, T_q=0.9),)
     default = compute_default_tuning(ideal, points)
@@ -202,6 +202,6 @@ def test_the_models_of_a_bank_decide_too() -> None:
     assert default.tuning.lam_q > 0.8
 
 
-def test_a_bank_is_judged_at_a_motor_lambda_that_is_offered(quick: PlantParameters) -> None:
+def test_a_bank_is_checked_at_an_offered_motor_lambda(quick: PlantParameters) -> None:
     entry = BankEntry(10.55, {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342})
     assert require_consistent(quick, [NamedEntry("the entry", entry)]) == (entry,)

@@ -89,7 +89,7 @@ def perform(
 
 
 @pytest.mark.parametrize("parameters", ["lab"])
-def test_a_run_is_stored_whole_with_its_settings_and_its_result(station: ExperimentRig) -> None:
+def test_a_run_is_stored_completely_with_settings_and_result(station: ExperimentRig) -> None:
     outcome = perform(station, HASTY)
     run, result = outcome.run, outcome.evaluation.result
     assert (run.end_state, run.end_detail, run.who, run.note) == ("completed", "", "A. Operator", "a note")
@@ -124,7 +124,7 @@ def test_a_run_is_stored_whole_with_its_settings_and_its_result(station: Experim
 @pytest.mark.parametrize(
     ("parameters", "overshoot", "deviation_S", "tension"), [("ideal", 1, 0.1, 5), ("lab", 2, 0.2, 4)]
 )
-def test_tracking_meets_its_criteria(
+def test_the_tracking_experiment_passes_its_criteria(
     station: ExperimentRig, overshoot: float, deviation_S: float, tension: float
 ) -> None:
     plan = build_ready_plan("tracking", q_duration_s=4.0, S_duration_s=4.0)
@@ -154,7 +154,7 @@ def test_tracking_meets_its_criteria(
         (Stop(Fault.SERVICE_ENDED, hard=False), "stopped", "service ended"),
     ],
 )
-def test_a_run_that_ends_early_is_closed_with_its_data(
+def test_an_interrupted_tracking_run_is_stored_with_its_data(
     station: ExperimentRig, command: Stop, end_state: str, detail: str
 ) -> None:
     sent = False
@@ -186,7 +186,7 @@ def test_a_run_that_ends_early_is_closed_with_its_data(
     assert create_run(station, RunRequest(HASTY, LoopSettings(), "A. Operator")).id > outcome.run.id
 
 
-def test_identification_finds_the_geometric_gains_and_feeds_a_bank(station: ExperimentRig) -> None:
+def test_identification_finds_the_geometric_gains_and_provides_a_bank_entry(station: ExperimentRig) -> None:
     outcome = perform(station, ActuatorIdentificationPlan(tension_N=20.0))
     found = outcome.evaluation.identification
     assert found is not None, outcome.evaluation.problem
@@ -214,7 +214,7 @@ def test_identification_finds_the_geometric_gains_and_feeds_a_bank(station: Expe
 
 
 @pytest.mark.parametrize("parameters", ["lab"])
-def test_compliance_agrees_with_the_commanded_stiffness_once_the_sensor_delay_is_out(station: ExperimentRig) -> None:
+def test_compliance_matches_the_commanded_stiffness_after_removal_of_the_sensor_delay(station: ExperimentRig) -> None:
     outcome = perform(station, build_ready_plan("compliance", pushes=2, hold_s=1.0))
     result = outcome.evaluation.result
     assert result is not None
@@ -241,7 +241,7 @@ def test_an_identification_that_ends_early_gives_no_model(station: ExperimentRig
         assert identifications.find(session) == []
 
 
-def test_settings_that_are_not_safe_never_reach_a_loop(tmp_path: Path) -> None:
+def test_unsafe_settings_are_rejected_before_the_control_loop_starts(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     with (
         pytest.raises(OutOfRangeError, match=r"λ_q|position loop") as refused,
@@ -315,7 +315,7 @@ PAIRS = [("tracking", ending) for ending in ENDINGS] + list(zip(list(AFTER_S)[1:
 other."""
 
 
-def test_all_that_is_ready_made_is_cut_short_here_and_by_every_ending() -> None:
+def test_the_interruption_tests_cover_every_ready_made_experiment_and_every_ending() -> None:
     assert {*AFTER_S, *TOO_EARLY} == set(library.READY_NAMES)
     assert {name for name, _ in PAIRS} == set(AFTER_S)
     assert min(Counter(ending for _, ending in PAIRS).values()) > 2
@@ -380,7 +380,7 @@ async def brought_off_centre(station: ExperimentRig) -> None:
     await station.loop.advance(3.0)
 
 
-def test_compliance_from_off_centre_moves_to_0_first_and_takes_as_long_as_forecast(
+def test_compliance_off_centre_moves_to_zero_first_and_takes_the_forecast_time(
     station_homing: ExperimentRig,
 ) -> None:
     async def work() -> tuple[RunResult, float, float]:
@@ -427,7 +427,7 @@ def order(plan: MotorIdentificationPlan | SpringIdentificationPlan) -> RunReques
     return RunRequest(plan, LoopSettings(seed=2), "A. Operator")
 
 
-def test_voltage_steps_give_back_the_simulated_motors(station_unloaded: ExperimentRig, lab: PlantParameters) -> None:
+def test_voltage_steps_identify_the_simulated_motors(station_unloaded: ExperimentRig, lab: PlantParameters) -> None:
     outcome = asyncio.run(run_experiment(station_unloaded, order(MOTOR)))
     found, result = outcome.evaluation.identification, outcome.evaluation.result
     assert found is not None, outcome.evaluation.problem
@@ -459,7 +459,7 @@ def test_voltage_steps_give_back_the_simulated_motors(station_unloaded: Experime
     assert to_pdf(report).startswith(b"%PDF-")
 
 
-def test_a_sweep_gives_back_the_simulated_springs(station_unloaded: ExperimentRig, lab: PlantParameters) -> None:
+def test_a_load_sweep_identifies_the_simulated_springs(station_unloaded: ExperimentRig, lab: PlantParameters) -> None:
     outcome = asyncio.run(run_experiment(station_unloaded, order(SPRING)))
     found, result = outcome.evaluation.identification, outcome.evaluation.result
     assert found is not None, outcome.evaluation.problem
@@ -483,7 +483,7 @@ def test_a_sweep_gives_back_the_simulated_springs(station_unloaded: ExperimentRi
     assert predict_spring(SPRING, lab).is_feasible
 
 
-def test_a_run_that_ends_early_has_its_data_and_no_model(station_unloaded: ExperimentRig) -> None:
+def test_an_interrupted_motor_identification_has_data_and_no_model(station_unloaded: ExperimentRig) -> None:
     async def perform() -> str:
         stopped = False
         waiting = []
@@ -505,7 +505,7 @@ def test_a_run_that_ends_early_has_its_data_and_no_model(station_unloaded: Exper
     assert len(_stored(station_unloaded)) == before
 
 
-def test_steps_that_saturate_or_carry_load_are_refused_one_by_one(lab: PlantParameters) -> None:
+def test_motor_steps_in_saturation_or_under_load_are_rejected_individually(lab: PlantParameters) -> None:
     t = np.arange(1000) * 1e-3
     parts = []
     for voltage, load in ((3.0, 0.0), (10.0, 0.0), (4.0, 2.0)):
@@ -534,7 +534,7 @@ def test_steps_that_saturate_or_carry_load_are_refused_one_by_one(lab: PlantPara
     assert_reason(caught.value.args[0].values["reason"], "too_few_voltages")
 
 
-def test_predictions_say_what_is_wrong_before_anything_moves(lab: PlantParameters) -> None:
+def test_forecasts_report_infeasible_settings_before_motion(lab: PlantParameters) -> None:
     hasty = predict_motor(MotorIdentificationPlan(u_high=9.0, travel_rad=6.0), lab)
     assert not hasty.is_feasible
     assert_reason(hasty.message, "step_too_short", u_high=9.0)
@@ -547,7 +547,7 @@ def test_predictions_say_what_is_wrong_before_anything_moves(lab: PlantParameter
         build_plan(SpringIdentificationPlan, {"F_high": "49"})
 
 
-def test_a_measured_table_is_identified_with_its_digest() -> None:
+def test_an_identification_from_a_measured_table_stores_the_digest_of_the_table() -> None:
     x = np.linspace(8.0, 60.0, 40)
     F = -2.498 + 0.33149 * x + 8.5438e-3 * x**2
     text = "x [mm],F [N]\n" + "\n".join(f"{a:.4f},{b:.4f}" for a, b in zip(x, F, strict=True))

@@ -49,7 +49,7 @@ def loaded_by_a_dry_run(folder: Path, ready: bool) -> int:
 
 
 @pytest.mark.parametrize("ready", [True, False])
-def test_the_first_dry_run_loads_no_machine_code(tmp_path: Path, ready: bool) -> None:
+def test_the_first_dry_run_of_a_prepared_process_loads_no_machine_code(tmp_path: Path, ready: bool) -> None:
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as fresh:
         loaded = fresh.submit(loaded_by_a_dry_run, tmp_path, ready).result()
     assert (loaded == 0) is ready
@@ -123,7 +123,7 @@ def figures(outcome: RunResult) -> dict[str, tuple[float | None, str]]:
 
 
 @pytest.mark.parametrize("name", PLANS)
-def test_a_plan_comes_to_the_same_on_simulator_and_virtual_card(tmp_path: Path, name: str) -> None:
+def test_an_experiment_gives_the_same_results_on_simulator_and_virtual_card(tmp_path: Path, name: str) -> None:
     simulated, without_card = performed(tmp_path / "simulator", PLANS[name], SIMULATOR)
     virtual, with_card = performed(tmp_path / "card", PLANS[name], VIRTUAL)
     assert (simulated.run.plant, virtual.run.plant) == ("simulator", "virtual card")
@@ -142,7 +142,7 @@ def test_a_plan_comes_to_the_same_on_simulator_and_virtual_card(tmp_path: Path, 
     assert np.isnan(without_card["V_A"]).all()
 
 
-def test_a_rig_is_not_stepped_as_fast_as_it_goes(tmp_path: Path) -> None:
+def test_a_rig_is_rejected_in_a_batch(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     rig = PlantChoice(PlantKind.RIG)
     with (

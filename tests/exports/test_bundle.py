@@ -33,7 +33,7 @@ from tests.refusals import refused
 # A run with all that it came from moves to an empty installation; whatever was touched on the way is named.
 
 
-def test_it_comes_into_an_empty_installation_with_its_lineage(
+def test_a_bundle_is_imported_into_an_empty_installation_with_its_lineage(
     here: Database, there: Database, run: int, file: Path, tmp_path: Path
 ) -> None:
     with there.session() as session:  # so that all numbers are others
@@ -58,7 +58,7 @@ def test_it_comes_into_an_empty_installation_with_its_lineage(
     assert nothing_left(tmp_path / "there")
 
 
-def test_a_report_from_a_bundle_holds_where_it_was_taken_in(there: Database, file: Path, tmp_path: Path) -> None:
+def test_a_report_from_a_bundle_is_verified_after_the_import(there: Database, file: Path, tmp_path: Path) -> None:
     run = import_bundle(there, file, "Ben", tmp_path).run
     with there.reading() as session:
         kept = results.newest_report(session, run, "html")
@@ -71,7 +71,9 @@ def test_a_report_from_a_bundle_holds_where_it_was_taken_in(there: Database, fil
     assert verify_report(page, columns) == Verified((), ())
 
 
-def test_twice_is_told_and_does_nothing(here: Database, there: Database, run: int, file: Path, tmp_path: Path) -> None:
+def test_a_second_import_of_a_bundle_is_reported_and_changes_nothing(
+    here: Database, there: Database, run: int, file: Path, tmp_path: Path
+) -> None:
     assert import_bundle(there, file, "Ben", tmp_path).new
     before = held(there)
     assert import_bundle(there, file, "Ben", tmp_path) == ImportResult(run=2, was=2, new=False)
@@ -81,7 +83,7 @@ def test_twice_is_told_and_does_nothing(here: Database, there: Database, run: in
     assert held(here) == before
 
 
-def test_what_was_taken_in_can_be_handed_on(
+def test_an_imported_run_can_be_bundled_again(
     there: Database, run: int, file: Path, tmp_path: Path, here: Database
 ) -> None:
     taken = import_bundle(there, file, "Ben", tmp_path)
@@ -89,7 +91,7 @@ def test_what_was_taken_in_can_be_handed_on(
     assert import_bundle(here, file, "Ana", tmp_path) == ImportResult(run=run, was=taken.run, new=False)
 
 
-def test_every_single_change_is_found(there: Database, file: Path, tmp_path: Path) -> None:
+def test_every_changed_byte_of_a_bundle_is_detected(there: Database, file: Path, tmp_path: Path) -> None:
     whole, before = file.read_bytes(), held(there)
     for place in range(0, len(whole), len(whole) // 40):
         file.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
@@ -192,7 +194,7 @@ def last(document: Any) -> Any:
         ),
     ],
 )
-def test_what_was_changed_is_named(
+def test_the_rejection_of_a_bundle_names_the_change(
     there: Database,
     file: Path,
     tmp_path: Path,
@@ -363,7 +365,7 @@ def forged(change: Callable[[Any], None], *, alone: bool = False) -> Callable[[d
         ),
     ],
 )
-def test_hashes_that_hold_are_not_enough(
+def test_forged_records_with_correct_hashes_are_rejected(
     there: Database, file: Path, tmp_path: Path, change: Callable[[Any], None], code: str, values: dict[str, object]
 ) -> None:
     before = held(there)
@@ -375,14 +377,14 @@ def test_hashes_that_hold_are_not_enough(
     assert nothing_left(tmp_path / "there")
 
 
-def test_what_could_swell_is_refused(there: Database, file: Path, tmp_path: Path) -> None:
+def test_a_bundle_with_compressed_members_is_rejected(there: Database, file: Path, tmp_path: Path) -> None:
     remade(file, lambda members: members.update({"reports/2.html": bytes(50_000_000)}), zipfile.ZIP_DEFLATED)
     assert file.stat().st_size < 5_000_000
     with refused(ImportRefusedError, "member_compressed", member="records.json"):
         import_bundle(there, file, "Ben", tmp_path / "there")
 
 
-def test_a_run_that_is_not_over_is_not_bundled(here: Database, tmp_path: Path) -> None:
+def test_a_run_that_has_not_ended_is_not_bundled(here: Database, tmp_path: Path) -> None:
     with here.session() as session:
         run = runs.create(session, NEW).id
     with refused(ExportError, "run_not_ended", run_id=1):
@@ -392,7 +394,7 @@ def test_a_run_that_is_not_over_is_not_bundled(here: Database, tmp_path: Path) -
 # The banks of a run come with it, whenever it used them, and go by their numbers here; each station has its own.
 
 
-def test_a_run_that_was_imported_alone_is_given_its_bank(
+def test_a_bundle_adds_the_bank_to_a_run_that_was_imported_without_it(
     here: Database, there: Database, run: int, file: Path, tmp_path: Path
 ) -> None:
     with there.session() as session:  # which has the number of the run's own
@@ -438,7 +440,7 @@ def changing_bank(database: Database, *changes: dict[str, Any]) -> int:
 
 
 @pytest.mark.parametrize("change", [BY_NUMBER, BY_SETTING])
-def test_banks_that_a_run_changes_to_come_along(
+def test_a_bundle_contains_the_banks_that_its_run_activates(
     here: Database, there: Database, change: dict[str, Any], tmp_path: Path
 ) -> None:
     run = changing_bank(here, change)
@@ -463,7 +465,7 @@ def test_banks_that_a_run_changes_to_come_along(
     assert import_bundle(here, file, "Ana", tmp_path) == ImportResult(run=run, was=run, new=False)
 
 
-def test_a_bank_whose_number_is_computed_is_told(here: Database, tmp_path: Path) -> None:
+def test_a_run_with_a_computed_bank_number_is_not_bundled(here: Database, tmp_path: Path) -> None:
     run = changing_bank(here, COMPUTED)
     with refused(ExportError, "run_computes_bank", run_id=3, expression="1 + 1"):
         b"".join(bundle.write_bundle(here, run, None, tmp_path))
@@ -471,7 +473,7 @@ def test_a_bank_whose_number_is_computed_is_told(here: Database, tmp_path: Path)
     assert gains.no_sha256 == record_messages.bank_numbers_computed(expressions=["1 + 1"])
 
 
-def test_stations_on_one_database_each_get_their_own(there: Database, run: int, file: Path, tmp_path: Path) -> None:
+def test_each_station_of_a_database_imports_its_own_copy(there: Database, run: int, file: Path, tmp_path: Path) -> None:
     other = Database(there.engine, station="rig-b")
     taken = [import_bundle(database, file, "Ben", tmp_path) for database in (there, other)]
     assert [one.new for one in taken] == [True, True]

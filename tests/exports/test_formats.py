@@ -39,7 +39,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.usefixtures("without_name")
-def test_a_file_is_written_with_the_mode_of_the_one_before(tmp_path: Path) -> None:
+def test_a_replaced_file_retains_its_permissions(tmp_path: Path) -> None:
     (tmp_path / "there").write_bytes(b"old")
     (tmp_path / "there").chmod(0o640)
     (tmp_path / "link").symlink_to("there")
@@ -50,7 +50,7 @@ def test_a_file_is_written_with_the_mode_of_the_one_before(tmp_path: Path) -> No
 
 
 @pytest.mark.usefixtures("without_name", "small_files")
-def test_a_full_disk_leaves_all_files_as_they_were_and_names_the_one(tmp_path: Path) -> None:
+def test_a_full_disk_leaves_all_files_unchanged_and_the_error_names_the_file(tmp_path: Path) -> None:
     (tmp_path / "first").write_bytes(b"old")
     with pytest.raises(OSError, match="File too large") as refused:
         write_files_whole({tmp_path / "first": (b"new",), tmp_path / "second": (bytes(BOUND), b"more")})
@@ -59,7 +59,7 @@ def test_a_full_disk_leaves_all_files_as_they_were_and_names_the_one(tmp_path: P
 
 
 @pytest.mark.usefixtures("without_name")
-def test_content_that_cannot_be_made_leaves_nothing(tmp_path: Path) -> None:
+def test_an_error_while_generating_content_leaves_no_file(tmp_path: Path) -> None:
     def pieces() -> Iterator[bytes]:
         yield b"begun"
         raise LookupError
@@ -70,7 +70,7 @@ def test_content_that_cannot_be_made_leaves_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "error"), [("no/file", FileNotFoundError), ("folder", IsADirectoryError)])
-def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, name: str, error: type[OSError]) -> None:
+def test_the_error_names_a_path_that_cannot_be_written(tmp_path: Path, name: str, error: type[OSError]) -> None:
     (tmp_path / "folder").mkdir()
     with pytest.raises(error) as refused:
         write_file_whole((b"",), tmp_path / name)
@@ -78,7 +78,7 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, name: str, erro
     assert [file.name for file in tmp_path.iterdir()] == ["folder"]
 
 
-def test_a_process_that_is_killed_leaves_nothing(tmp_path: Path) -> None:
+def test_a_killed_process_leaves_no_partial_file(tmp_path: Path) -> None:
     program = (
         "import time; from pathlib import Path; from backend.exports import write_file_whole\n"
         "def pieces():\n yield bytes(1 << 20); print(flush=True); time.sleep(60)\n"

@@ -62,7 +62,7 @@ def sealed(text: str) -> str:
 
 
 @pytest.mark.parametrize("kind", DataFormat)
-def test_a_run_comes_back_with_its_samples_gaps_parameters_and_settings(
+def test_an_imported_run_has_its_samples_gaps_parameters_and_settings(
     here: Database, there: Database, run_imported: int, kind: DataFormat, tmp_path: Path
 ) -> None:
     taken = import_export(there, exported(here, run_imported, kind, tmp_path), "Ben")
@@ -82,7 +82,7 @@ def test_a_run_comes_back_with_its_samples_gaps_parameters_and_settings(
 
 
 @pytest.mark.parametrize("kind", DataFormat)
-def test_one_byte_of_the_samples_is_enough_to_be_refused(
+def test_an_export_with_one_changed_byte_is_rejected(
     here: Database, there: Database, run_imported: int, kind: DataFormat, tmp_path: Path
 ) -> None:
     file = exported(here, run_imported, kind, tmp_path)
@@ -102,7 +102,7 @@ def test_one_byte_of_the_samples_is_enough_to_be_refused(
     assert held(there) == before
 
 
-def test_what_a_csv_says_of_itself_has_to_hold(
+def test_a_csv_with_inconsistent_metadata_is_rejected(
     here: Database, there: Database, run_imported: int, tmp_path: Path
 ) -> None:
     file = exported(here, run_imported, "csv", tmp_path)
@@ -146,7 +146,7 @@ def test_what_a_csv_says_of_itself_has_to_hold(
     assert held(there) == before
 
 
-def test_a_csv_with_a_byte_order_mark_is_taken_in(
+def test_a_csv_with_a_byte_order_mark_is_imported(
     here: Database, there: Database, run_imported: int, tmp_path: Path
 ) -> None:
     file = exported(here, run_imported, "csv", tmp_path)
@@ -156,7 +156,7 @@ def test_a_csv_with_a_byte_order_mark_is_taken_in(
         assert compute_recording_digest(other, 1) == compute_recording_digest(one, run_imported)
 
 
-def test_a_run_that_says_something_else_here_is_refused(here: Database, run_imported: int, tmp_path: Path) -> None:
+def test_an_export_that_contradicts_a_stored_run_is_rejected(here: Database, run_imported: int, tmp_path: Path) -> None:
     file = exported(here, run_imported, "csv", tmp_path)
     whole = file.read_text(encoding="utf-8")
     file.write_text(sealed(whole.replace('"who":"Ana"', '"who":"Bob"', 1)), encoding="utf-8")
@@ -164,7 +164,7 @@ def test_a_run_that_says_something_else_here_is_refused(here: Database, run_impo
         import_export(here, file, "Ben")
 
 
-def test_only_runs_are_taken_in(there: Database, tmp_path: Path) -> None:
+def test_only_exports_of_runs_are_imported(there: Database, tmp_path: Path) -> None:
     trip = export_columns({"t": np.array([0.0, 0.001, 0.002]), "q": np.zeros(3)}, "trip 4")
     write_export(trip, DataFormat.CSV, tmp_path / "trip.csv")
     (tmp_path / "other.csv").write_text("t,q\n0,1\n")
@@ -202,7 +202,7 @@ def mat_that_swells(file: Path, facts: str) -> None:
         ("mat", mat_that_swells, "file_compressed", {}),
     ],
 )
-def test_what_would_swell_is_refused_unopened(
+def test_a_decompression_bomb_is_rejected_before_decompression(
     here: Database,
     there: Database,
     run_imported: int,
@@ -222,7 +222,7 @@ def test_what_would_swell_is_refused_unopened(
     tracemalloc.stop()
 
 
-def test_what_cannot_be_read_is_refused_before_the_first_byte(here: Database, tmp_path: Path) -> None:
+def test_an_unreadable_run_is_rejected_before_the_first_exported_byte(here: Database, tmp_path: Path) -> None:
     with here.session() as session:
         run = recorded(session, NEW, noise(10), cuts=(4,))
         session.connection().exec_driver_sql("UPDATE chunk SET samples = x'00' WHERE first_tick > 7000")
@@ -272,7 +272,7 @@ def earlier(here: Database, run: int) -> Database:
     return here
 
 
-def test_a_bundle_of_an_earlier_version_comes_in_whole(
+def test_a_bundle_of_an_earlier_version_is_imported_completely(
     earlier: Database, there: Database, run: int, tmp_path: Path
 ) -> None:
     file, later = tmp_path / "earlier.zip", tmp_path / "later.zip"
@@ -301,7 +301,7 @@ def test_a_bundle_of_an_earlier_version_comes_in_whole(
 
 
 @pytest.mark.parametrize("kind", DataFormat)
-def test_an_export_of_an_earlier_version_comes_in_once(
+def test_an_export_of_an_earlier_version_is_imported_once(
     earlier: Database, there: Database, run: int, kind: DataFormat, tmp_path: Path
 ) -> None:
     file, later = tmp_path / f"earlier.{kind}", tmp_path / f"later.{kind}"

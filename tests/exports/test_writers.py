@@ -71,7 +71,7 @@ def test_every_sample_reads_back_equal(kind: str) -> None:
         np.testing.assert_array_equal(found[name].astype(np.float32), COLUMNS[name].astype(np.float32), name)
 
 
-def test_csv_has_facts_a_heading_and_a_line_for_each_sample() -> None:
+def test_a_csv_has_metadata_a_heading_and_one_line_per_sample() -> None:
     lines = to_csv(COLUMNS).decode().splitlines()
     facts = [line for line in lines if line.startswith("#")]
     assert lines[: len(facts)] == facts
@@ -84,14 +84,14 @@ def test_csv_has_facts_a_heading_and_a_line_for_each_sample() -> None:
     assert rows[2][0] == "0.001"
 
 
-def test_parquet_carries_units_symbols_and_meanings() -> None:
+def test_a_parquet_file_contains_units_symbols_and_meanings() -> None:
     table = pyarrow.parquet.read_table(io.BytesIO(to_parquet(COLUMNS)))
     assert table.schema.field("S").metadata[b"unit"] == "N·m/rad".encode()
     assert table.schema.field("theta_A").metadata[b"symbol"] == "θ_A".encode()
     assert table.schema.metadata[b"notation"] == messages.notation().encode()
 
 
-def test_mat_has_units_symbols_and_meanings_beside_the_signals() -> None:
+def test_a_mat_file_contains_units_symbols_and_meanings_with_the_signals() -> None:
     file = io.BytesIO(to_mat({**COLUMNS, "q_old": COLUMNS["q"]}))
     content = loadmat(file, simplify_cells=True)  # type: ignore[arg-type]  # the stubs know paths only
     assert content["units"] == {**{name: UNITS[name] for name in ORDER}, "q_old": "1"}
@@ -100,7 +100,7 @@ def test_mat_has_units_symbols_and_meanings_beside_the_signals() -> None:
     assert content["notation"] == messages.notation()
 
 
-def test_mcap_has_a_schema_with_the_notation_and_brings_its_layout() -> None:
+def test_an_mcap_file_has_a_schema_with_the_notation_and_a_layout() -> None:
     reader = make_reader(io.BytesIO(written(COLUMNS, "mcap")))
     summary = reader.get_summary()
     assert summary is not None
@@ -120,7 +120,7 @@ def test_mcap_has_a_schema_with_the_notation_and_brings_its_layout() -> None:
 
 
 @pytest.mark.parametrize("kind", DataFormat)
-def test_own_reader_returns_facts_and_samples(kind: DataFormat, tmp_path: Path) -> None:
+def test_exports_are_read_back_with_metadata_and_samples(kind: DataFormat, tmp_path: Path) -> None:
     file = tmp_path / f"data.{kind}"
     export = export_columns(COLUMNS, "samples")
     formats.write_export(export, kind, file)
@@ -136,7 +136,7 @@ def test_own_reader_returns_facts_and_samples(kind: DataFormat, tmp_path: Path) 
 
 @pytest.mark.parametrize("kind", DataFormat)
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.99])
-def test_a_file_that_was_cut_off_is_refused(kind: DataFormat, share: float, tmp_path: Path) -> None:
+def test_a_truncated_file_is_rejected(kind: DataFormat, share: float, tmp_path: Path) -> None:
     file = tmp_path / f"data.{kind}"
     whole = written(COLUMNS, kind)
     file.write_bytes(whole[: int(share * len(whole))])
@@ -146,7 +146,7 @@ def test_a_file_that_was_cut_off_is_refused(kind: DataFormat, share: float, tmp_
         list(formats.read_export(file)[1])
 
 
-def test_what_is_too_long_for_matlab_is_refused_at_once(tmp_path: Path) -> None:
+def test_a_run_with_too_many_samples_for_matlab_is_rejected_immediately(tmp_path: Path) -> None:
     export = export_columns(COLUMNS, "run 7")
     object.__setattr__(export.facts, "samples", 268_435_456)
     with refused(ExportError, "too_many_samples_for_matlab", content="run 7", samples=268_435_456):
@@ -159,7 +159,7 @@ EXPRESSION = "(F_A + F_B) / 2"
 
 
 @pytest.mark.parametrize("kind", DataFormat)
-def test_it_is_taken_in_again_without_what_was_derived(
+def test_an_export_with_derived_signals_is_imported_without_them(
     here: Database, there: Database, kind: DataFormat, tmp_path: Path
 ) -> None:
     with here.session() as session:

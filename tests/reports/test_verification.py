@@ -296,7 +296,7 @@ def test_a_samples_file_is_compared_with_its_own_metadata(
     assert [one.found for one in problems] == reasons
 
 
-def test_missing_samples_are_counted_in_their_interval(report: Made) -> None:
+def test_missing_samples_that_the_result_does_not_count_are_reported(report: Made) -> None:
     kept = np.ones(report.source.columns["t"].size, bool)
     kept[[500, 501, 7000]] = False
     columns = {name: column[kept] for name, column in report.source.columns.items()}

@@ -74,9 +74,7 @@ def test_a_cluster_computes_the_same_table_bit_for_bit(database: Database, clust
     assert repr(table(database, here)) == repr(table(database, there))
 
 
-def test_a_worker_of_a_cluster_that_is_killed_loses_nothing(
-    database: Database, cluster: Cluster, tmp_path: Path
-) -> None:
+def test_a_killed_cluster_worker_loses_no_points(database: Database, cluster: Cluster, tmp_path: Path) -> None:
     study = begun(database)
 
     class Losing(ClusterExecutor):
@@ -106,7 +104,7 @@ def test_a_point_that_kills_its_worker_is_reported_and_recomputed_on_request(
     assert {row.state for row in table(database, study)} == {"completed"}
 
 
-def test_workers_of_another_version_leave_the_table_as_it_is(database: Database, cluster: Cluster) -> None:
+def test_workers_of_another_version_do_not_change_the_table(database: Database, cluster: Cluster) -> None:
     study = begun(database)
 
     def other(base: StudyBase) -> ClusterExecutor:

@@ -47,13 +47,13 @@ def design(body: str) -> Design:
     return parse_design(stored)
 
 
-def test_a_grid_is_all_combinations_the_last_axis_fastest() -> None:
+def test_a_grid_contains_all_combinations_and_the_last_axis_varies_fastest() -> None:
     grid = design("axes: [{over: lam_q, first: 0.4, last: 0.8, count: 3}, {over: lam_S, values: [0.3, 0.5]}]")
     found = [grid.point(number).settings for number in range(len(grid))]
     assert found == [{"lam_q": q, "lam_S": S} for q, S in itertools.product((0.4, 0.4 + 0.2, 0.8), (0.3, 0.5))]
 
 
-def test_equal_factors_are_a_geometric_row_with_its_ends_as_written() -> None:
+def test_factor_spacing_gives_a_geometric_sequence_with_exact_ends() -> None:
     grid = design("axes: [{over: lam_q, first: 0.4, last: 1.6, count: 5, spacing: factor}]")
     values = [grid.point(number).settings["lam_q"] for number in range(5)]
     assert values[0] == 0.4
@@ -61,7 +61,7 @@ def test_equal_factors_are_a_geometric_row_with_its_ends_as_written() -> None:
     assert values == pytest.approx([0.4 * 4.0 ** (index / 4) for index in range(5)])
 
 
-def test_every_combination_meets_the_same_draws_and_noise() -> None:
+def test_every_combination_uses_the_same_draws_and_noise_seeds() -> None:
     study = design(
         "axes: [{over: lam_q, values: [0.5, 0.8]}]\nspread: [{of: motor.c0, relative: 0.1}]\ndraws: 3\nseeds: 2"
     )
@@ -145,7 +145,7 @@ OVER: Place = ("axes", 0, "over")
         ("written: {format: 1, name: b, title: B, phases: []}", (4, ("written", "phases")), "list_is_empty", {}),
     ],
 )
-def test_what_cannot_be_is_refused_with_its_line_value_and_bound(
+def test_an_invalid_study_is_rejected_with_line_value_and_bound(
     body: str, place: tuple[int, Place], code: str, values: dict[str, object]
 ) -> None:
     with refused_because(ExperimentError, code, **values) as caught:
@@ -163,13 +163,15 @@ def test_what_cannot_be_is_refused_with_its_line_value_and_bound(
         ("spread: [{of: asymmetry.spring_A, by: normal, relative: 0.3}]", {"minimum": 0.5, "maximum": 2.0}),
     ],
 )
-def test_what_no_plant_can_have_is_refused_with_its_line_value_and_bound(body: str, values: dict[str, object]) -> None:
+def test_a_physically_impossible_parameter_is_rejected_with_line_value_and_bound(
+    body: str, values: dict[str, object]
+) -> None:
     with refused_because(ExperimentError, "parameter_out_of_range", **values) as caught:
         design(body)
     assert caught.value.line == 4
 
 
-def test_names_and_settings_of_experiments_are_checked_as_anywhere() -> None:
+def test_names_and_settings_of_the_experiment_of_a_study_are_checked() -> None:
     with refused_because(SettingError, "unknown_experiment"):
         design("experiment: nothing")
     with pytest.raises(OutOfRangeError) as caught:
@@ -177,7 +179,7 @@ def test_names_and_settings_of_experiments_are_checked_as_anywhere() -> None:
     assert (caught.value.quantity, caught.value.value, caught.value.maximum) == ("S_low", 13.0, 12.0)
 
 
-def test_a_study_may_hold_its_own_experiment() -> None:
+def test_a_study_may_contain_its_own_experiment() -> None:
     written = (
         "written:\n  format: 1\n  name: own\n  title: Own\n  settings:\n"
         "    - {name: depth, symbol: a, unit: rad, meaning: amplitude, default: 0.3, minimum: 0.1, maximum: 0.8}\n"
@@ -191,7 +193,7 @@ def test_a_study_may_hold_its_own_experiment() -> None:
     assert (caught.value.line, caught.value.path) == (14, ("written", "phases", 0, "parts", 0, "q_ref"))
 
 
-def test_every_number_that_is_offered_can_be_varied() -> None:
+def test_every_offered_parameter_can_be_varied() -> None:
     parameters = load_parameters("lab")
     offered = list_variable_numbers(parameters)
     assert {"motor.c0", "spring.k.1", "asymmetry.spring_A", "sensors.force_delay"} <= {one.name for one in offered}
@@ -209,7 +211,7 @@ def test_every_number_that_is_offered_can_be_varied() -> None:
 PAGE = Path(__file__).parents[2] / "frontend/src/pages/studies/NewStudy.tsx"
 
 
-def test_the_time_of_a_step_grows_with_lambda_whatever_the_operator_has_active(tmp_path: Path) -> None:
+def test_step_times_of_the_example_study_grow_with_lambda_for_any_active_tuning(tmp_path: Path) -> None:
     found = re.search(r"const EXAMPLE = `(.*?)`", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     assert found is not None
     active = TuningSettings(motion="time-optimal").to_document()

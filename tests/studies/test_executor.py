@@ -66,7 +66,7 @@ def executor() -> ExecutorWithFakePools:
     return executor
 
 
-def test_a_point_submitted_while_another_runs_alone_waits_for_its_end(executor: ExecutorWithFakePools) -> None:
+def test_a_submitted_point_waits_while_another_point_runs_alone(executor: ExecutorWithFakePools) -> None:
     for _ in range(2):
         executor.pools[-1].die()
         assert executor.collect_results(1.0) == []
@@ -120,7 +120,7 @@ def under_way(database: Database) -> tuple[StudyScheduler, Process, Process]:
     return StudyScheduler(database, load_parameters("lab"), TuningSettings, *processes, texts), computing, reading
 
 
-def test_a_stop_asked_while_the_process_comes_up_is_not_forgotten(database: Database) -> None:
+def test_a_stop_request_during_the_start_of_the_process_is_executed(database: Database) -> None:
     async def go() -> None:
         page, computing, reading = under_way(database)
         reading.gate.set()
@@ -136,7 +136,7 @@ def test_a_stop_asked_while_the_process_comes_up_is_not_forgotten(database: Data
     asyncio.run(go())
 
 
-def test_a_study_whose_last_attempt_only_ends_is_resumed_behind_it(database: Database) -> None:
+def test_a_study_is_resumed_after_the_end_of_its_previous_attempt(database: Database) -> None:
     async def go() -> None:
         page, computing, reading = under_way(database)
         reading.gate.set()
@@ -154,7 +154,7 @@ def test_a_study_whose_last_attempt_only_ends_is_resumed_behind_it(database: Dat
     asyncio.run(go())
 
 
-def test_no_more_wait_than_there_are_places_however_they_come(database: Database) -> None:
+def test_the_number_of_waiting_studies_is_bounded_for_simultaneous_requests(database: Database) -> None:
     async def go() -> None:
         page, _, reading = under_way(database)
         begins = [asyncio.ensure_future(page.start(SHORT, "Ana")) for _ in range(MAX_WAITING + 3)]
@@ -167,7 +167,7 @@ def test_no_more_wait_than_there_are_places_however_they_come(database: Database
     asyncio.run(go())
 
 
-def test_the_table_of_a_study_that_is_computed_is_not_read_at_each_look(
+def test_the_table_of_a_running_study_is_cached_between_requests(
     database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def go() -> None:

@@ -61,19 +61,21 @@ def runs_of(figure: str, *values: float | None) -> list[StudyPoint]:
         ("min_tension_N", "deviation", "deviation", math.sqrt(13.0)),
     ],
 )
-def test_a_cell_shows_the_worst_run_unless_another_is_picked(figure: str, pick: str, shown: str, value: float) -> None:
+def test_a_cell_shows_the_worst_run_unless_another_statistic_is_selected(
+    figure: str, pick: str, shown: str, value: float
+) -> None:
     drawn = build_map(runs_of(figure, 4.0, 9.0, None, 2.0), AXES, "lam_q", "lam_S", figure, pick)
     assert (drawn.pick, drawn.cells) == (shown, ((None, value), (None, None)))
     assert (drawn.counts, drawn.runs) == (((0, 3), (0, 0)), ((0, 4), (0, 0)))
 
 
-def test_what_is_no_pick_is_refused() -> None:
+def test_an_unknown_statistic_is_rejected() -> None:
     with refused_because(SettingError, "unknown_statistic") as caught:
         build_map([], AXES, "lam_q", "lam_S", "M_s_q", "spread")
     assert caught.value.legal == (WORST, *STATISTICS)
 
 
-def test_figures_whose_worst_is_not_the_largest_are_there() -> None:
+def test_the_lists_of_metrics_with_another_worst_contain_only_known_metrics() -> None:
     known = {item.name for figures in METRICS_BY_MEASURE.values() for item in fields(figures) if item.metadata} | set(
         LOOP_METRICS
     )
@@ -82,7 +84,7 @@ def test_figures_whose_worst_is_not_the_largest_are_there() -> None:
     assert WORST not in STATISTICS
 
 
-def test_neighbours_at_an_axis_read_differently() -> None:
+def test_adjacent_axis_labels_are_distinct() -> None:
     assert format_axis_labels((0.5, 0.8), "s", AngleUnit.DEGREES) == ["0.5", "0.8"]
     assert format_axis_labels((10.0051, 10.0053, 10.01), "N", AngleUnit.DEGREES) == ["10.0051", "10.0053", "10.01"]
     assert format_axis_labels((0.523598775598, 1.0), "rad", AngleUnit.DEGREES) == ["30", "57.3"]
@@ -90,7 +92,7 @@ def test_neighbours_at_an_axis_read_differently() -> None:
     assert format_axis_labels(("a", "b"), "1", AngleUnit.DEGREES) == ["a", "b"]
 
 
-def test_a_picture_distinguishes_its_numbers(tmp_path: Path) -> None:
+def test_a_drawn_map_shows_distinct_numbers(tmp_path: Path) -> None:
     drawn = tmp_path / "map.svg"
     study_map.draw_map(
         [[10.0051, None], [10.0093, 10.0]], ("λ_q [s]", ["0.5", "0.8"]), ("S", ["1", "2"]), "F [N]", drawn
@@ -107,18 +109,18 @@ ROWS = [
 ]
 
 
-def test_an_unstable_loop_is_stored_as_a_word() -> None:
+def test_an_unstable_loop_is_stored_as_text() -> None:
     assert ROWS[1].figures == {"M_s_q": UNSTABLE, "rmse_q": None}
 
 
-def test_no_cell_hides_an_unstable_loop_but_that_of_the_least() -> None:
+def test_every_statistic_except_the_least_shows_an_unstable_loop() -> None:
     drawn = {pick: build_map(ROWS, XY, "x", "y", "M_s_q", pick) for pick in ("mean", "largest", "least")}
     assert drawn["mean"].cells == drawn["largest"].cells == ((None, 1.3),)
     assert drawn["mean"].unstable == drawn["largest"].unstable == ((True, False),)
     assert (drawn["least"].cells, drawn["least"].unstable) == (((1.2, 1.3),), ((False, False),))
 
 
-def test_margins_of_an_unstable_loop_are_worse_than_any_other() -> None:
+def test_margins_of_an_unstable_loop_rank_as_the_worst() -> None:
     rows = [
         to_stored_point(StudyPoint(number, "completed", "", True, {"x": 1, "y": 1}, {"gain_margin_q": margin}))
         for number, margin in enumerate((3.0, -math.inf, 4.0))
@@ -139,7 +141,7 @@ def test_a_distribution_counts_unstable_loops() -> None:
     assert spread.p5 == pytest.approx(1.215)
 
 
-def test_a_spread_is_that_of_numpy_and_counts_the_runs_without_a_number() -> None:
+def test_a_distribution_matches_numpy_and_counts_runs_without_a_value() -> None:
     values = np.random.default_rng(4).normal(8.0, 2.0, 37)
     (spread,) = summarize_distributions(runs_of("rmse_q", *values, None, None), [named("rmse_q")])
     assert (spread.count, spread.missing, spread.unstable) == (37, 2, 0)
@@ -155,7 +157,7 @@ def ended(*ends: tuple[str, bool | None]) -> list[StudyPoint]:
     return [StudyPoint(number, state, "", passed, values, {}) for number, (state, passed) in enumerate(ends)]
 
 
-def test_shares_have_a_confidence_interval_and_count_runs_without_verdict() -> None:
+def test_shares_have_a_confidence_interval_and_count_runs_without_a_verdict() -> None:
     runs = ended(*[("completed", True)] * 8, *[("completed", False)] * 7, ("tripped", False), *[("refused", None)] * 2)
     not_completed, failed = compute_shares(runs)
     assert (not_completed.name, not_completed.count, not_completed.of, not_completed.left_out) == (
@@ -187,7 +189,7 @@ def test_a_map_of_a_share_has_the_interval_of_each_cell() -> None:
     assert drawn.intervals[1] == (None, None)
 
 
-def test_colours_tell_apart_what_differs_by_more_than_a_twentieth() -> None:
+def test_the_colour_range_spans_at_least_a_twentieth_of_the_value() -> None:
     low, high = study_map.colour_range([8.847, 8.856])
     assert high - low == pytest.approx(0.05 * 8.856)
     assert (low + high) / 2.0 == pytest.approx(8.8515)

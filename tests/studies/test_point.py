@@ -79,7 +79,7 @@ def by_hand(loop: np.ndarray) -> tuple[float, float, float]:
 
 
 @pytest.mark.parametrize("text", [GRID, DRAWN])
-def test_each_row_has_the_margins_of_its_plant_and_of_the_model(database: Database, text: str) -> None:
+def test_each_row_has_the_margins_of_the_drawn_plant_and_of_the_model(database: Database, text: str) -> None:
     design = build_design(database, text)
     for number in range(len(design)):
         values = design.point(number)
@@ -93,7 +93,7 @@ def test_each_row_has_the_margins_of_its_plant_and_of_the_model(database: Databa
                 assert found[f"phase_margin_{loop}{ending}"] == pytest.approx(phase_margin, abs=1e-3)
 
 
-def test_a_grid_of_motors_gives_the_sensitivity_peaks_of_an_analysis_by_others(database: Database) -> None:
+def test_sensitivity_peaks_of_a_motor_grid_match_a_published_analysis(database: Database) -> None:
     design = build_design(database, GRID)
     peaks = {}
     for number in range(len(design)):
@@ -112,7 +112,7 @@ def test_a_grid_of_motors_gives_the_sensitivity_peaks_of_an_analysis_by_others(d
         assert peaks[index] == pytest.approx(M_s, abs=0.005)
 
 
-def test_motors_and_springs_that_are_not_alike_have_loops_of_their_own(database: Database) -> None:
+def test_asymmetric_motors_and_springs_have_separate_loops(database: Database) -> None:
     axes = "axes: [{over: asymmetry.spring_A, values: [1.0, 1.3]}, {over: asymmetry.motor_B, values: [1.0, 1.2]}]"
     design = build_design(database, HEAD + axes)
     alike, motor, spring, _ = (figures_of(design, number) for number in range(4))
@@ -125,7 +125,7 @@ def test_motors_and_springs_that_are_not_alike_have_loops_of_their_own(database:
     assert spring["M_s_q_true"] != pytest.approx(alike["M_s_q_true"], abs=1e-4)
 
 
-def test_a_row_that_was_run_has_them_too(database: Database) -> None:
+def test_a_simulated_row_has_robustness_metrics(database: Database) -> None:
     design = build_design(database, HEAD + SHORT + f"axes: [{{over: motor.K_m, values: [{0.9 * K_m}]}}]")
     row = run_point(design.base, design.point(0))
     assert row.state == "completed"

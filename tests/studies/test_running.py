@@ -67,7 +67,7 @@ def test_a_study_uses_the_bank_active_at_its_creation(database: Database) -> Non
     assert {row.state for row in table(database, study)} == {"completed"}
 
 
-def test_a_row_is_what_the_experiment_gives_to_the_last_digit(database: Database, tmp_path: Path) -> None:
+def test_a_row_equals_the_result_of_the_experiment_exactly(database: Database, tmp_path: Path) -> None:
     study = begun(database)
     assert run_study(database, study, use_local_processes(2))
     rows = table(database, study)
@@ -101,7 +101,7 @@ def test_an_invalid_point_has_a_row_with_a_reason(database: Database) -> None:
     assert "M_s exceeds 1.7" in row.detail
 
 
-def test_a_worker_that_is_killed_loses_nothing(database: Database, tmp_path: Path) -> None:
+def test_a_killed_worker_loses_no_points(database: Database, tmp_path: Path) -> None:
     study = begun(database)
     assert run_study(database, study, with_work(studying.die_once, tmp_path))
     assert (tmp_path / "died").exists()
@@ -117,7 +117,7 @@ def test_a_point_that_kills_every_worker_is_reported_and_affects_no_other(databa
     assert f"died {CRASHES_MAX} times" in rows[5].detail
 
 
-def test_a_study_that_is_stopped_goes_on_with_what_is_missing(database: Database, tmp_path: Path) -> None:
+def test_a_stopped_study_continues_with_the_missing_points(database: Database, tmp_path: Path) -> None:
     study = begun(database)
     asked: list[int] = []
 
@@ -139,7 +139,7 @@ def test_a_study_that_is_stopped_goes_on_with_what_is_missing(database: Database
     assert Studies(database).load_view(study).state == "done"
 
 
-def test_two_do_not_compute_the_same_study(database: Database) -> None:
+def test_a_study_that_another_runner_computes_is_rejected(database: Database) -> None:
     study = begun(database)
     with database.session() as session:
         studies.claim(session, study, "elsewhere:1")
@@ -147,7 +147,9 @@ def test_two_do_not_compute_the_same_study(database: Database) -> None:
         run_study(database, study, use_local_processes(1))
 
 
-def test_another_version_computes_no_row_of_a_study(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_different_software_version_computes_no_points_of_a_study(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
     study = begun(database)
     monkeypatch.setattr(point, "__version__", "99.0")
     with refused(OtherSoftwareError, "other_software", installed="99.0"):
@@ -179,7 +181,7 @@ def test_a_requested_stop_holds_until_the_study_is_resumed(database: Database, t
     assert run_study(database, study, with_work(studying.quick, tmp_path))
 
 
-def test_a_study_that_stops_is_not_resumed_before_it_has(database: Database) -> None:
+def test_a_stopping_study_is_not_resumed_before_its_stop(database: Database) -> None:
     study = begun(database)
     with database.session() as session:
         studies.claim(session, study, "elsewhere:1")
@@ -203,7 +205,7 @@ if __name__ == "__main__":
 """
 
 
-def test_a_study_that_is_killed_goes_on_where_it_was(database: Database, tmp_path: Path) -> None:
+def test_a_killed_study_continues_with_the_missing_points(database: Database, tmp_path: Path) -> None:
     study = begun(database)
     script = tmp_path / "killed.py"
     script.write_text(KILLED)
@@ -240,7 +242,7 @@ def until(reached: Callable[[], bool]) -> None:
 
 
 @pytest.mark.parametrize(("seconds", "text"), [(59.7, "00:01:00"), (108_000.0, "30:00:00"), (360_000.0, "100:00:00")])
-def test_the_time_left_may_be_more_than_a_day(seconds: float, text: str) -> None:
+def test_a_remaining_time_above_one_day_is_formatted(seconds: float, text: str) -> None:
     assert _format_duration(seconds) == text
 
 

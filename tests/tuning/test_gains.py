@@ -47,7 +47,7 @@ def test_printed_formula_leaves_a_slow_pole_at_ten_newton() -> None:
     assert max(poles.real) == pytest.approx(-1.6, abs=0.1)
 
 
-def test_beyond_two_T_the_loop_is_integral_and_continuous() -> None:
+def test_the_outer_law_beyond_two_T_is_integral_and_continuous() -> None:
     T = 0.342
     at, beyond = outer_gains(1.0, T, 2.0 * T), outer_gains(1.0, T, 2.0 * T * (1.0 + 1e-9))
     assert at.k_p == pytest.approx(0.0, abs=1e-12)
@@ -72,7 +72,7 @@ def test_loop_gains_through_the_decoupler_are_one_at_the_geometric_gains() -> No
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf])
-def test_impossible_numbers_are_refused_by_name(bad: float) -> None:
+def test_invalid_model_parameters_are_rejected_with_their_symbol(bad: float) -> None:
     with refused(TuningError, "not_positive", symbol="λ_motor", unit="s"):
         motor_gains(K_m, T_m, bad)
     with refused(TuningError, "not_positive", symbol="K"):
@@ -83,7 +83,7 @@ def test_impossible_numbers_are_refused_by_name(bad: float) -> None:
         outer_gains(1.0, 0.342, bad)
 
 
-def test_too_slow_a_motor_loop_is_refused_with_its_bound() -> None:
+def test_a_motor_loop_that_is_too_slow_is_rejected_with_its_bound() -> None:
     with refused(TuningError, "motor_loop_too_slow", lam_motor=0.9, maximum_s=pytest.approx(0.88)):
         motor_gains(K_m, T_m, 0.9)
     with refused(TuningError, "weight_out_of_range", b=1.5):
@@ -98,7 +98,7 @@ def test_too_slow_a_motor_loop_is_refused_with_its_bound() -> None:
 
 @pytest.mark.parametrize("S", [8.24, 10.55, 14.06])
 @pytest.mark.parametrize("lam_motor", [0.06, 0.0854])
-def test_gains_and_lags_are_those_of_the_closed_form(S: float, lam_motor: float) -> None:
+def test_gains_and_lags_match_the_closed_form(S: float, lam_motor: float) -> None:
     parameters = load_parameters("ideal")
     g, known, K_t = parameters.geometry, parameters.identified, parameters.motor.K_t
     found = linearize_one_motor(parameters, make_motor_loops(parameters, lam_motor), S)

@@ -43,7 +43,7 @@ SMALL = Steps((0.0, 0.02), (10.55, 10.57))
 
 
 @pytest.mark.parametrize("lam", [0.4, 0.6, 1.2])
-def test_small_steps_are_those_of_the_linear_loop(previewer: TuningPreviewer, lam: float) -> None:
+def test_small_steps_match_the_linear_loop(previewer: TuningPreviewer, lam: float) -> None:
     """Of a state space that python-control closes and integrates: four lags of the motors, their load, the joint."""
     parameters, lambdas = load_parameters("ideal"), TuningParameters(lam_q=lam, lam_S=lam)
     preview = previewer.preview(lambdas, 10.55, steps=SMALL)
@@ -62,7 +62,7 @@ def test_small_steps_are_those_of_the_linear_loop(previewer: TuningPreviewer, la
 
 
 @pytest.mark.parametrize("S", [8.0, 11.0, 15.0])
-def test_margins_are_those_of_python_control(previewer: TuningPreviewer, S: float) -> None:
+def test_margins_match_python_control(previewer: TuningPreviewer, S: float) -> None:
     parameters, lambdas, s = load_parameters("ideal"), TuningParameters(lam_q=0.45, lam_S=0.4), control.tf("s")
     preview = previewer.preview(lambdas, S)
     model = decoupled_model(parameters, make_motor_loops(parameters, LAM_MOTOR), S)
@@ -83,7 +83,7 @@ def test_preview_shows_less_robustness_for_a_faster_loop(previewer: TuningPrevie
     assert fast.step_q.least_tension > 5.0
 
 
-def test_a_trajectory_makes_the_steps_and_lambda_the_recovery(previewer: TuningPreviewer) -> None:
+def test_the_trajectory_sets_the_step_time_and_lambda_sets_the_recovery_time(previewer: TuningPreviewer) -> None:
     slow, fast = (previewer.preview(TuningParameters(lam_q=lam), 10.0, u_plan=8.5) for lam in (1.0, 0.5))
     assert slow.step_q.t90_s == pytest.approx(fast.step_q.t90_s, abs=0.003)
     assert slow.pushes[0].recovery_s > 1.8 * fast.pushes[0].recovery_s
@@ -91,7 +91,7 @@ def test_a_trajectory_makes_the_steps_and_lambda_the_recovery(previewer: TuningP
     assert slow.step_q.t90_s == pytest.approx(2.0 * fast.step_q.t90_s, rel=0.1)
 
 
-def test_the_stiffness_of_the_preview_is_the_one_asked_for(previewer: TuningPreviewer) -> None:
+def test_the_preview_uses_the_requested_stiffness(previewer: TuningPreviewer) -> None:
     """10 N at S = 8.24 N·m/rad, 40 N at 14.06 (method section 1): no step of q leaves more than that."""
     for S, tension in ((8.24, 10.0), (14.06, 40.0)):
         preview = previewer.preview(TuningParameters(), S)
@@ -111,7 +111,7 @@ def test_lambda_outside_the_safe_range_is_refused(previewer: TuningPreviewer) ->
         previewer.require_safe(TuningParameters(lam_q=float("nan")))
 
 
-def test_full_voltage_leaves_the_range_to_robustness(previewer: TuningPreviewer) -> None:
+def test_robustness_bounds_the_lambda_range_at_full_voltage(previewer: TuningPreviewer) -> None:
     """With the paper's ±10 V the governor keeps the largest steps unclipped: M_s = 1.7 ends the range."""
     lam_q_min, lam_S_min = previewer.safe_range()
     preview = previewer.preview(TuningParameters(lam_q=lam_q_min, lam_S=lam_S_min))
@@ -119,7 +119,7 @@ def test_full_voltage_leaves_the_range_to_robustness(previewer: TuningPreviewer)
     assert preview.stiffness.robustness.M_s == pytest.approx(1.7, abs=1e-3)
 
 
-def test_a_weak_drive_narrows_the_range() -> None:
+def test_a_low_maximum_voltage_narrows_the_lambda_range() -> None:
     """With 4 V the same steps would clip: the range ends where the largest of them just does not."""
     ideal = load_parameters("ideal")
     weak = replace(ideal, motor=replace(ideal.motor, u_max=4.0))
@@ -139,7 +139,7 @@ def test_a_weak_drive_narrows_the_range() -> None:
     assert peak(lam_q_min - 0.005) == 4.0
 
 
-def test_lambda_for_a_wanted_sensitivity(previewer: TuningPreviewer) -> None:
+def test_lambdas_for_a_requested_sensitivity_peak_attain_it(previewer: TuningPreviewer) -> None:
     found = previewer.lambdas_for(1.4)
     lam_q, lam_S, lam_motor = (found[name] for name in ("lam_q", "lam_S", "lam_motor"))
     assert isinstance(lam_q, float)
@@ -157,7 +157,7 @@ def test_lambda_for_a_wanted_sensitivity(previewer: TuningPreviewer) -> None:
     assert preview.motor.M_s == pytest.approx(1.413, abs=1e-3)
 
 
-def test_a_sensitivity_out_of_reach_says_the_span(previewer: TuningPreviewer) -> None:
+def test_an_unattainable_sensitivity_peak_is_rejected_with_the_attainable_range(previewer: TuningPreviewer) -> None:
     found = previewer.lambdas_for(1.6)
     refusal = found["lam_motor"]
     assert isinstance(refusal, TuningError)
@@ -173,7 +173,7 @@ def test_a_sensitivity_out_of_reach_says_the_span(previewer: TuningPreviewer) ->
 
 
 @pytest.mark.parametrize("M_s", [1.45, 1.6, 1.69, 1.9])
-def test_no_lambda_is_given_that_would_be_refused(previewer: TuningPreviewer, M_s: float) -> None:
+def test_lambdas_for_a_sensitivity_peak_are_within_the_offered_range(previewer: TuningPreviewer, M_s: float) -> None:
     """What a wanted M_s gives can be put in force, or the refusal says where the offer begins."""
     found = previewer.lambdas_for(M_s)
     given = {name: lam for name, lam in found.items() if isinstance(lam, float)}
@@ -185,7 +185,7 @@ def test_no_lambda_is_given_that_would_be_refused(previewer: TuningPreviewer, M_
     assert ("lam_q" in given) == (M_s <= M_S_MAX)
 
 
-def test_two_motors_that_no_lambda_serves_are_refused() -> None:
+def test_two_motors_without_a_common_lambda_are_rejected() -> None:
     """One peaks above 1.7 below 0.12 s, the other's lag leaves no λ from 0.076 s on."""
     ideal = load_parameters("ideal")
     slow = motor_model(replace(ideal, motor=replace(ideal.motor, tau_e=0.02)), "A")
@@ -210,7 +210,7 @@ def test_a_slow_winding_narrows_the_range_of_the_motor_loop() -> None:
 # What a tuning would do is the same computed from what goes to another process as from the tuning in use.
 
 
-def test_previews_of_a_snapshot_are_the_same() -> None:
+def test_a_preview_from_a_pickled_snapshot_is_unchanged() -> None:
     tuning, _ = default_tuning(load_parameters("lab"))
     asked = pickle.loads(pickle.dumps(TuningSnapshot.from_active(tuning)))
     wanted = 0.6, 0.5, 10.0, -1.0, None, None, None, True
@@ -234,27 +234,27 @@ def test_models_are_cached_for_equal_tunings_only() -> None:
 PARAMETERS = load_parameters("ideal")
 
 
-def test_largest_step_of_the_paper() -> None:
+def test_the_least_reach_time_of_the_papers_largest_step() -> None:
     assert least_reach_time(PARAMETERS, 2.0 * math.pi / 3.0) == pytest.approx(0.875, abs=0.002)
 
 
-def test_without_lag_speed_alone_counts() -> None:
+def test_the_least_reach_time_without_lag_depends_only_on_the_speed() -> None:
     quick = replace(PARAMETERS, identified=replace(PARAMETERS.identified, T_m=1e-6))
     assert least_reach_time(quick, 2.0 * math.pi / 3.0) == pytest.approx(0.66, abs=0.002)
 
 
 @pytest.mark.parametrize("step", [-1.0, 0.3])
-def test_a_motor_at_full_voltage_gets_there_just_then(step: float) -> None:
+def test_a_motor_at_full_voltage_reaches_the_step_at_the_least_reach_time(step: float) -> None:
     t = least_reach_time(PARAMETERS, step)
     omega = 28.6 * (1.0 - np.exp(-np.linspace(0.0, t, 100_001) / 0.22))
     turned = float(np.trapezoid(omega, dx=t / 100_000))
     assert turned == pytest.approx(0.9 * abs(step) * 10.0, rel=1e-6)
 
 
-def test_the_slower_motor_counts() -> None:
+def test_the_slower_motor_determines_the_least_reach_time() -> None:
     slow = replace(PARAMETERS, sided={"identified_B": {"K_m": 1.43}})
     assert least_reach_time(slow, 1.0) > 1.5 * least_reach_time(PARAMETERS, 1.0)
 
 
-def test_no_step_takes_no_time() -> None:
+def test_the_least_reach_time_of_a_zero_step_is_zero() -> None:
     assert least_reach_time(PARAMETERS, 0.0) == 0.0

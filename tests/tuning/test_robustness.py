@@ -47,7 +47,7 @@ def exact_loop(omega: np.ndarray, lam: float, tau_e: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("lam", "M_s"), [(0.0854, 1.413), (0.05, 1.512), (0.0258, 1.725)])
-def test_motor_loop_is_the_sampled_one_with_its_electrical_lag(lam: float, M_s: float) -> None:
+def test_motor_robustness_matches_the_sampled_loop_with_electrical_lag(lam: float, M_s: float) -> None:
     robustness = motor_robustness(MOTOR, motor_gains(K_m, T_m, lam))
     omega = np.geomspace(1.0, np.pi / T_s, 3000)
     exact = float(np.max(1.0 / np.abs(1.0 + exact_loop(omega, lam, TAU_E))))
@@ -79,7 +79,7 @@ def test_motor_lambda_inverts_M_s_and_refuses_outside_its_span() -> None:
             motor_lambda(MOTOR, M_s)
 
 
-def test_where_M_s_rises_again_the_smaller_of_two_lambdas_is_meant() -> None:
+def test_the_smaller_of_two_lambdas_with_equal_M_s_is_returned() -> None:
     """Of a quick motor with a slow winding M_s falls to 1.41 at λ = 0.15 s, and is 1.52 at the last that is offered."""
     quick = MotorModel(K_m, 0.05, tau_e=0.01)
     lambdas = np.linspace(*motor_range(quick), 80)
@@ -149,7 +149,7 @@ def test_safe_range_ends_where_M_s_is_1_7() -> None:
     )
 
 
-def test_safe_range_begins_after_the_slowest_loop_that_is_too_lively() -> None:
+def test_the_safe_range_begins_above_the_largest_lambda_with_excessive_M_s() -> None:
     """One λ in the middle may be it alone: then neither the one before nor one further on bounds the search."""
     parameters = load_parameters("ideal")
     point = designed_point(parameters)
@@ -161,7 +161,7 @@ def test_safe_range_begins_after_the_slowest_loop_that_is_too_lively() -> None:
 
 
 @pytest.mark.parametrize(("F", "S"), [(10.0, 8.24), (20.0, 10.55), (30.0, 12.43), (40.0, 14.06)])
-def test_tension_at_a_stiffness_is_that_of_the_papers_nominal_points(F: float, S: float) -> None:
+def test_the_tension_at_a_stiffness_matches_the_papers_nominal_points(F: float, S: float) -> None:
     parameters = load_parameters("ideal")
     theta_A, _ = motor_positions(build_decoupler(parameters), 0.0, S)
     assert tendon_tension(parameters.make_identified_spring("A"), parameters.geometry.r_m * theta_A) == pytest.approx(

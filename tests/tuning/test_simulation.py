@@ -118,7 +118,7 @@ def by_hand(signal: str, lam: float, f: ArraySampledLoop = F) -> Complex:
 
 
 @pytest.mark.parametrize("lam", [0.355, 0.5, 0.65])
-def test_both_loops_answer_as_the_modes_written_out_do(lam: float) -> None:
+def test_both_loops_match_the_modal_equations(lam: float) -> None:
     loop = make_sampled_loop(IDEAL, make_cascade_tuning(IDEAL, TuningParameters(lam_q=lam, lam_S=lam)), S).closed
     H = loop.response(F)
     np.testing.assert_allclose(H[:, OUTPUTS.q, [INPUTS.q_ref, INPUTS.tau_ext]], by_hand("q", lam), rtol=2e-4)
@@ -126,13 +126,13 @@ def test_both_loops_answer_as_the_modes_written_out_do(lam: float) -> None:
     np.testing.assert_allclose(H[:, OUTPUTS.S, INPUTS.q_ref], 0.0, atol=1e-6)
 
 
-def test_without_the_joint_loop_a_torque_turns_the_joint_by_what_its_stiffness_says() -> None:
+def test_the_static_deflection_without_the_position_loop_follows_the_stiffness() -> None:
     loop = make_sampled_loop(IDEAL, make_cascade_tuning(IDEAL, TuningParameters()), S, position_loop=False).closed
     slow = np.abs(loop.response(np.array([1e-4]))[0, OUTPUTS.q, INPUTS.tau_ext])
     assert slow == pytest.approx(1.0 / S, rel=1e-3)
 
 
-def test_a_push_is_answered_as_a_differential_equation_says() -> None:
+def test_the_response_to_a_push_matches_a_differential_equation() -> None:
     """Continuous laws integrated by another method: the sampling is 1 ms, the loops' lags are hundreds of them."""
     lam, lam_m, tau = 0.5, 0.0854, 0.75
     D = 4.0 * T_M - lam_m
@@ -209,7 +209,7 @@ def loop_response(parameters: PlantParameters, tuning: cascade.CascadeTuning, S:
     return make_sampled_loop(parameters, tuning, S).closed.response(f)
 
 
-def test_with_a_plan_lambda_hardly_matters_and_neither_lags_nor_gain_are_left() -> None:
+def test_a_time_optimal_response_has_unit_gain_and_no_lag_for_any_lambda() -> None:
     slow, fast = (
         planned_response(
             IDEAL, make_cascade_tuning(IDEAL, TuningParameters(lam_q=lam, lam_S=lam), u_plan=8.5), S, F[:3]
@@ -257,7 +257,7 @@ def integrated(lam: float, k_ext: float, tau: float, seconds: float, f: float = 
 
 @pytest.mark.parametrize("k_ext", [0.0, 0.7, 1.0])
 @pytest.mark.parametrize("lam", [0.4, 1.0])
-def test_a_held_push_does_what_a_differential_equation_says(lam: float, k_ext: float) -> None:
+def test_the_forecast_of_a_held_push_matches_a_differential_equation(lam: float, k_ext: float) -> None:
     found = forecast_push(
         IDEAL_PUSH_FORECAST,
         make_cascade_tuning(IDEAL_PUSH_FORECAST, TuningParameters(lam_q=lam), k_ext=k_ext),
@@ -272,7 +272,7 @@ def test_a_held_push_does_what_a_differential_equation_says(lam: float, k_ext: f
 
 
 @pytest.mark.parametrize("k_ext", [0.0, 1.0])
-def test_the_joint_feels_as_hard_as_a_sine_of_force_finds_it(k_ext: float) -> None:
+def test_the_forecast_apparent_stiffness_matches_the_response_to_a_sine_force(k_ext: float) -> None:
     lam, tau = 1.0, 0.2
     found = forecast_push(
         IDEAL_PUSH_FORECAST,
@@ -290,7 +290,7 @@ def test_the_joint_feels_as_hard_as_a_sine_of_force_finds_it(k_ext: float) -> No
         assert felt == pytest.approx(tau / amplitude, rel=0.03)
 
 
-def test_it_is_harder_to_lean_on_and_softer_to_shake() -> None:
+def test_disturbance_rejection_raises_the_slow_and_lowers_the_fast_apparent_stiffness() -> None:
     """With a slow position loop: behind the motors' lags, what comes at 1 Hz comes with the push, not against it."""
     off, on = (
         forecast_push(LAB, make_cascade_tuning(LAB, TuningParameters(lam_q=2.0), k_ext=k), HELD, 2.0)
@@ -303,14 +303,14 @@ def test_it_is_harder_to_lean_on_and_softer_to_shake() -> None:
     assert on.recovery_s < 0.25 * off.recovery_s
 
 
-def test_what_does_not_come_back_in_time_is_not_said_to() -> None:
+def test_a_joint_that_does_not_recover_has_no_recovery_time() -> None:
     slow = make_cascade_tuning(IDEAL_PUSH_FORECAST, TuningParameters(lam_q=3.0))
     assert math.isnan(forecast_push(IDEAL_PUSH_FORECAST, slow, HELD, 0.1).recovery_s)  # looked at for 3.4 s
     assert math.isnan(forecast_push(IDEAL_PUSH_FORECAST, slow, HELD, 0.1).recovery_s)  # and as remembered
 
 
 @pytest.mark.parametrize("k_ext", [-0.1, 1.1, math.nan])
-def test_a_share_that_is_not_offered_is_refused(k_ext: float) -> None:
+def test_a_rejection_gain_outside_its_bounds_is_rejected(k_ext: float) -> None:
     with pytest.raises(OutOfRangeError) as refused:
         require_share(k_ext)
     assert (refused.value.quantity, refused.value.minimum, refused.value.maximum) == ("k_ext", 0.0, 1.0)
@@ -373,7 +373,7 @@ def M_s(A: Array, B: Array, C: Array) -> float:
 
 
 @pytest.mark.parametrize("lam", [0.355, 1.0, 2.0])
-def test_the_margins_of_a_free_joint_are_what_they_were(lam: float) -> None:
+def test_disturbance_rejection_does_not_change_the_margins_of_a_free_joint(lam: float) -> None:
     for S in (8.0, 15.0):
         without = M_s(*opened(lam, S, 0.0))
         assert M_s(*opened(lam, S, 1.0)) == pytest.approx(without, abs=1e-3)
@@ -382,7 +382,7 @@ def test_the_margins_of_a_free_joint_are_what_they_were(lam: float) -> None:
 
 
 @pytest.mark.parametrize("lam", [0.355, 0.5, 1.0, 2.0, 3.0])
-def test_nothing_grows_whatever_the_joint_leans_on(lam: float) -> None:
+def test_the_loop_is_stable_against_any_environment_stiffness(lam: float) -> None:
     for S in (8.0, 15.0):
         for k_ext in (0.7, 1.0):
             for K_env in (0.0, 1.0, 10.0, 100.0, 300.0):
@@ -390,14 +390,14 @@ def test_nothing_grows_whatever_the_joint_leans_on(lam: float) -> None:
                 assert np.max(np.abs(np.linalg.eigvals(A + np.outer(B, C)))) < 1.0
 
 
-def test_against_something_stiff_the_margin_is_paid_for_the_share() -> None:
+def test_contact_with_a_stiff_environment_reduces_the_margin_with_the_rejection_gain() -> None:
     """There the force grows as the joint presses: half of it fed forward doubles M_s at most, all has no bound."""
     assert M_s(*opened(2.0, 8.0, 0.0, 100.0)) < 1.1
     assert 2.0 < M_s(*opened(2.0, 8.0, 0.7, 100.0)) < 1.0 / (1.0 - 0.7)
     assert M_s(*opened(2.0, 8.0, 1.0, 100.0)) > 5.0
 
 
-def test_the_estimate_of_a_torque_lags_by_its_poles_and_a_tick() -> None:
+def test_the_torque_estimate_lags_by_the_observer_poles_and_one_tick() -> None:
     """The mean delay of a step: a tick for the reading, and decay/(1 − decay) ticks for each of three lags."""
     decay = math.exp(-disturbance_observer.POLE * T_s)
     missing = 1.0 - estimate_torque(np.ones(5000))
