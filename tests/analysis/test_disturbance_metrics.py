@@ -142,7 +142,7 @@ def of(plan: ExperimentPlan, tuning: TuningSettings | None = None) -> Evaluation
 
 
 def columns(plan: ExperimentPlan, q: Any = 0.0) -> dict[str, Any]:
-    """Samples as they are recorded: a push stands in the sample after the tick that it acted in."""
+    """Return recorded samples; a push is in the sample after the tick in which it acted."""
     segments = plan.program().segments
     force: list[float] = []
     before = 0.0
@@ -203,7 +203,7 @@ def test_push_peaks_match_the_prediction_on_the_ideal_plant_in_both_motions(moti
 
 @pytest.mark.parametrize("begun_with", [0.0, 0.8])
 def test_the_push_prediction_includes_disturbance_rejection_once_it_is_active(begun_with: float) -> None:
-    """A computed run learns first; the program then changes k_ext on its way. The second push is as the first one."""
+    """The bias is measured first; the program then changes k_ext before a second, equal push."""
     text = with_parts(HELD, STEP, REST, "{do: tuning, k_ext: 0.4}", STEP, REST, more="measures: [pushes]\n")
     settings = LoopSettings(lam_q=1.0, motion=TIME_OPTIMAL, k_ext=begun_with)
     played = simulate_in_memory(IDEAL, plan_of(text), settings, lambda _: pytest.fail("no bank"))
@@ -274,7 +274,7 @@ BACK = "{do: step, q_ref: 0.0, duration_s: 2.0}"
 
 
 def columns_holds(plan: ExperimentPlan) -> dict[str, Any]:
-    """An actuator that is where its references are, on whole counts."""
+    """Return samples of an actuator exactly at its references, on whole counts."""
     segments = plan.program().segments
     q_ref, S_ref = (
         np.repeat([getattr(one, name) for one in segments], [round(one.duration_s / T_s) for one in segments])
@@ -375,7 +375,7 @@ class Driven:
 
 @cache
 def impacts(name: str = "lab") -> Driven:
-    """The experiment as it is ready-made, with the plan's budget from the start."""
+    """Return the ready-made experiment, with the voltage limit from the start."""
     parameters = load_parameters(name)
     plant = Simulator(parameters)
     bench = BenchTop(parameters, make_tuning_command(parameters, TuningParameters(), u_plan=8.5), plant)
@@ -393,9 +393,9 @@ def impacts(name: str = "lab") -> Driven:
 
 
 def own_hit(driven: Driven, hit: Hit) -> tuple[float, float]:
-    """Largest force [N] and impulse [N·s] of a hit by the test's own integration under the voltages that were put out.
+    """Integrate a hit under the recorded voltages; return its peak force [N] and impulse [N·s].
 
-    The wall is written anew from its three numbers; ten points in each millisecond.
+    The obstacle is an independent implementation of its three parameters; ten steps per millisecond.
     """
     wall = next(wall for wall in PROGRAM.walls if wall is not None)
     r_j, step_V = LAB_IMPACT.geometry.r_j, 2.0 * LAB_IMPACT.motor.u_max / 2**16

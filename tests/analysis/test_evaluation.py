@@ -52,7 +52,7 @@ def plan(*parts: str, measures: tuple[Measure, ...], criteria: tuple[Bound, ...]
 
 
 def columns(played: ExperimentPlan) -> dict[str, Any]:
-    """A joint and motors that are where they should be, but for a push, which moves the joint by 0.05 rad."""
+    """Return samples at the references, except for a push that moves the joint by 0.05 rad."""
     segments = played.program().segments
     ticks = [round(one.duration_s * 1000) for one in segments]
     q_ref, S_ref, push = (

@@ -48,7 +48,7 @@ LAG_S = 0.4
 
 
 def references(program: Program) -> tuple[Array, Array]:
-    """What the loop's own player gives, tick by tick."""
+    """Return the references of the player of the control loop at every tick."""
     player, target = make_segment_player(program.segments, Setpoint(0.0, 10.0, 0.0)), Setpoint(0.0, 10.0, 0.0)
     rows = []
     done = False
@@ -61,7 +61,7 @@ def references(program: Program) -> tuple[Array, Array]:
 
 
 def behind(u: Array, lag_s: float) -> Array:
-    """A first-order lag, exact for an input that is held between samples."""
+    """Filter by a first-order lag, exact for an input held between samples."""
     pole = np.exp(-T_s / lag_s)
     return np.asarray(lfilter([0.0, 1.0 - pole], [1.0, -pole], u - u[0]) + u[0])
 
@@ -82,7 +82,7 @@ def columns_of(program: Program, lag_q: float = LAG_S, lag_S: float = LAG_S) -> 
 
 
 def lag(f: Array, lag_s: float) -> NDArray[np.complex128]:
-    """Response of the sampled lag: what a held input gives at the samples."""
+    """Return the response of the sampled lag to a held input."""
     pole, z = np.exp(-T_s / lag_s), np.exp(2j * np.pi * f * T_s)
     return np.asarray((1.0 - pole) / (z - pole))
 
@@ -166,7 +166,7 @@ def lags(f: Array, lag_s: float, count: int) -> NDArray[np.complex128]:
 
 @pytest.mark.parametrize(("count", "within"), [(1, 0.001), (2, 0.011), (4, 0.02)])
 def test_the_bandwidth_does_not_depend_on_the_frequencies_of_the_lines(count: int, within: float) -> None:
-    """From lines far below the bandwidth to a lowest one at which the gain is 0.6: equal lags, in closed form."""
+    """The lowest line varies from far below the bandwidth to a gain of 0.6; the lags are equal, in closed form."""
     lag_s = 0.5
     exact = np.sqrt(2.0 ** (1.0 / count) - 1.0) / (2.0 * np.pi * lag_s)
     highest = np.sqrt(LOW_GAIN_MIN ** (-2.0 / count) - 1.0) / (2.0 * np.pi * lag_s)

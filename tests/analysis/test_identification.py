@@ -64,7 +64,7 @@ BEFORE = 700
 
 
 def played(number: int, tension_N: float, **changes: Any) -> tuple[Run, Columns]:
-    """A run of that number: rest, and then a motor in closed form for as long as the excitation lasts."""
+    """Return a run with this number: rest, then a motor in closed form during the excitation."""
     tracked = source_of({name: column[:100] for name, column in samples(PLAN).items()}).run
     settings = {**tracked.settings, "plan": {**SETTINGS, "tension_N": tension_N}}
     run = replace(tracked, id=number, kind="actuator_identification", settings=settings, **changes)
@@ -120,7 +120,7 @@ PLAY_RAD = 0.4
 
 
 def columns_of(plan: ActuatorIdentificationPlan) -> dict[str, np.ndarray]:
-    """Four lags; the joint follows with play, as dry friction makes it, the stiffness without; both in counts."""
+    """Return samples of four lags in counts: the joint has play, as with Coulomb friction; the stiffness has none."""
     excitation = plan.excitation()
     levels = np.array([1.0 if level == "+" else -1.0 for level in excitation.levels])
     chips = np.repeat(np.tile(levels, excitation.periods), round(excitation.chip_s / T_s))
@@ -211,7 +211,7 @@ def test_the_report_of_an_earlier_identification_names_the_method_of_both_channe
 def test_model_estimate_report_and_bank_name_the_papers_arx_method(
     by_arx: Identification, record: dict[str, np.ndarray]
 ) -> None:
-    """A bank says of each entry what its identification was estimated by."""
+    """A bank states the estimation method of each entry."""
     named = identification_messages.arx_with_prefilter()
     assert by_arx.method == named
     for key in CHANNELS:
@@ -260,7 +260,7 @@ NAN = float("nan")
 
 
 def columns_of_grades(wander_rad: float) -> dict[str, np.ndarray]:
-    """Two steps each way of both motors; the angles wander by so much, as a slipping encoder's would."""
+    """Return two steps of both motors in each direction; the angles drift like those of a slipping encoder."""
     random, t = np.random.default_rng(5), np.arange(1500) * 1e-3
     parts = []
     for voltage in (2.0, -2.0, 5.0, -5.0):

@@ -47,7 +47,7 @@ def test_holds_that_are_too_short_for_steps_pass_only_the_tension_criterion() ->
 
 
 def test_a_step_that_begins_in_motion_has_no_metrics() -> None:
-    """S from 8 to 10 beginning at 8.36: 18 % of the interval. It crosses 10 % before it begins."""
+    """The step of S from 8 to 10 begins at 8.36, so S crosses 10 % before the step."""
     t = np.arange(0, 8, T_s)
     begins_at = 0.18
     y = 8.0 + 2.0 * (begins_at + (1 - begins_at) * double_lag(t, 0.42))
@@ -58,7 +58,7 @@ def test_a_step_that_begins_in_motion_has_no_metrics() -> None:
 
 
 def test_a_signal_that_passes_the_initial_value_in_motion_is_not_at_rest() -> None:
-    """It is where the step begins at that very moment, at 2 of its lengths a second."""
+    """The signal crosses the initial value of the step at that moment, at twice the step size per second."""
     t = np.arange(0, 8, T_s)
     before = -2.0 * T_s * np.arange(100, 0, -1, dtype=float)
     result = compute_step_metrics(t, double_lag(t, 0.5), step(), before)
@@ -81,7 +81,7 @@ def test_overshoot_requires_a_step_that_settled_or_overshot() -> None:
 
 
 def test_the_remainder_of_the_previous_motion_does_not_count_as_coupling() -> None:
-    """λ_q = 1 s and 3 s: after three λ a fifth of the last q step is still to go when S begins to step."""
+    """With λ_q = 1 s and holds of 3 s, a fifth of the last step of q remains when S begins to step."""
     plan = build_ready_plan("tracking", q_duration_s=3.0, S_duration_s=8.0)
     columns = tracked(plan, lam_q=1.0)
     metrics = compute_tracking_metrics(columns, plan.program(), plan.phases())

@@ -1,4 +1,4 @@
-"""The paper's load of 0.375 N·m, compared with the linear loop; what is not measured does not pass."""
+"""The paper's load of 0.375 N·m, compared with the linear loop; an unmeasured metric does not pass."""
 
 import asyncio
 import math
@@ -48,7 +48,7 @@ def ideal() -> PlantParameters:
 
 @pytest.fixture(scope="module")
 def source(ideal: PlantParameters, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunData]:
-    """Ordered, played, judged and stored as from the command line."""
+    """Return a run that was executed, evaluated and stored as by the command line."""
     database = open_database(tmp_path_factory.mktemp("robustness"))
     with open_headless_rig(database, ideal, LoopSettings()) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(PLAN, LoopSettings(), "A. Operator")))
@@ -62,7 +62,7 @@ def columns(source: RunData) -> RobustnessColumns:
 
 
 def linear_turn(parameters: PlantParameters, columns: RobustnessColumns, side: str, load_s: float) -> np.ndarray:
-    """Turn of a motor from ``load_s`` on by its continuous loop, L/R and filter in it, its reference as it moved."""
+    """Return the rotation of a motor from ``load_s`` on in its continuous loop with L/R, filter and recorded reference."""
     motor, law = parameters.make_dynamics().motor_A, make_motor_loops(parameters, 0.0854).A
     behind = np.polymul([motor.tau_e, 1.0], [law.t_f, 1.0, 0.0])
     loop = np.polyadd(
@@ -79,7 +79,7 @@ def linear_turn(parameters: PlantParameters, columns: RobustnessColumns, side: s
 def test_both_motors_respond_to_the_load_like_the_linear_loop(
     ideal: PlantParameters, columns: RobustnessColumns, side: str, load_s: float
 ) -> None:
-    """Within what tendons and sampling add, a few per cent of the largest turn."""
+    """The tolerance, a few percent of the largest rotation, covers tendons and sampling."""
     expected = linear_turn(ideal, columns, side, load_s)
     first = round(load_s / T_s)
     turned = columns[f"theta_{side}"][first : first + expected.size] - columns[f"theta_{side}"][first]
@@ -134,7 +134,7 @@ def test_the_bound_is_twice_the_recovery_time_of_the_linear_loop_at_any_lambda(
 
 
 def test_a_motor_at_rest_off_its_reference_fails_and_its_deviation_is_reported(tmp_path: Path) -> None:
-    """On ``lab`` motors rest off their references under the load, while q and S are at theirs."""
+    """With ``lab``, the loaded motors rest off their references while q and S are at theirs."""
     plan = build_ready_plan("robustness", hold_s=3.5)
     with closing(open_database(tmp_path)) as database:
         with open_headless_rig(database, load_parameters("lab"), LoopSettings()) as station:
@@ -210,13 +210,13 @@ def cells_of(report: Report) -> list[str]:
 
 
 class WithoutPushes(Simulator):
-    """A plant that is pushed by hand, as a rig."""
+    """A plant that only a person can push, like a rig."""
 
     pushes = False
 
 
 def test_a_rig_without_simulated_pushes_rejects_a_push_before_motion(ideal: PlantParameters) -> None:
-    """Also those late in a program: they ended it midway, in a fault."""
+    """This includes pushes late in a program, which used to end the program with a fault."""
     late = Program(Law.COMPLIANCE, (Segment(5.0, 0.0, 10.0), Segment(1.0, 0.0, 10.0, F_push=5.0, shape=Shape.RAMP)))
     for plant, answer in ((WithoutPushes(ideal), Refused), (Simulator(ideal), Accepted)):
         bench = BenchTop(ideal, plant=plant)
@@ -229,7 +229,7 @@ def test_a_rig_without_simulated_pushes_rejects_a_push_before_motion(ideal: Plan
 
 
 class WithoutLoads(Simulator):
-    """A plant that cannot load its shafts, as a rig."""
+    """A plant that cannot apply loads to its shafts, like a rig."""
 
     loads_shafts = False
 

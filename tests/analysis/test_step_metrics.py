@@ -1,4 +1,4 @@
-"""Metrics of steps, and the windows that they are taken from."""
+"""Metrics of steps, and the windows of the samples that they use."""
 
 import math
 from dataclasses import replace
@@ -92,7 +92,7 @@ LAST_BIT = pytest.mark.parametrize("last_bit", [-1, 0, 1])
 
 
 def counted(first: int, last: int, last_bit: int) -> tuple[Array, Array]:
-    """Time and reading of an encoder that turns by one count each millisecond from first to last, then rests."""
+    """Return times and readings of an encoder that moves one count per millisecond from first to last, then rests."""
     counts = np.arange(first, last + (1 if last > first else -1), 1 if last > first else -1)
     y = np.append(counts, np.full(500, last)) * COUNT * (1 + last_bit * np.finfo(float).eps)
     return np.arange(y.size, dtype=float) * T_s, y
@@ -101,7 +101,7 @@ def counted(first: int, last: int, last_bit: int) -> tuple[Array, Array]:
 @LAST_BIT
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_joint_at_rest_at_90_percent_has_reached_90_percent(side: int, last_bit: int) -> None:
-    """90 % of π/3 are 600 counts: the encoder turns to 600 where the joint passes 599.5."""
+    """90 % of π/3 is 600 counts; the encoder changes to 600 when the joint passes 599.5."""
     t, y = counted(0, 600 * side, last_bit)
     result = compute_step_metrics(t, y, step(0.0, side * math.pi / 3), count=COUNT)
     assert result.reach_s == pytest.approx(0.5995, abs=1e-9)
@@ -201,7 +201,7 @@ def test_tracking_metrics_of_a_known_loop() -> None:
 
 
 def test_the_time_to_90_percent_uses_only_the_largest_steps_of_q_alone() -> None:
-    """Slower steps of q made together with S are none of them, as name and definition say."""
+    """Slower steps of q together with S are excluded, as the definition states."""
     plan = build_ready_plan("tracking")
     columns = tracked(plan)
     both = next(phase for phase in plan.phases() if phase.name == "both").start_s
@@ -219,7 +219,7 @@ def test_the_time_to_90_percent_uses_only_the_largest_steps_of_q_alone() -> None
 
 
 def test_the_voltage_at_rest_excludes_motion() -> None:
-    """A sine of 50 Hz about what holds the tension, from 1 s after settling on; what moves the joint is left out."""
+    """The voltage is a 50 Hz sine around the holding voltage, evaluated from 1 s after settling."""
     plan = build_ready_plan("tracking")
     columns = tracked(plan)
     t = columns["t"]
@@ -392,7 +392,7 @@ def list_reference_steps_lambda(played: SimulatedRun) -> tuple[StepFigures, ...]
 
 @pytest.mark.parametrize("name", ["ideal", "lab"])
 def test_doubling_lambda_doubles_the_duration_of_a_small_step(name: str) -> None:
-    """README's five minutes, step 4: t90 doubles within 10 %, away from every limit."""
+    """Step 4 of the README tutorial: t90 doubles within 10 % away from all limits."""
     played = play(name, plan_of(with_parts(*SMALL_STEPS)), LoopSettings(lam_q=0.5, lam_S=0.5))
     up_fast, down_fast, up_slow, down_slow = (step.reach_s for step in list_reference_steps_lambda(played)[-4:])
     for fast, slow in ((up_fast, up_slow), (down_fast, down_slow)):
@@ -404,7 +404,7 @@ def test_doubling_lambda_doubles_the_duration_of_a_small_step(name: str) -> None
 
 @pytest.mark.parametrize("name", ["ideal", "lab"])
 def test_the_step_times_of_a_lambda_sweep_are_proportional_to_lambda(name: str) -> None:
-    """Whatever motion is active: the experiment names its own."""
+    """The active motion has no effect, because the experiment sets its own."""
     plan = find_experiment("lambda_sweep").make_plan({})
     assert isinstance(plan, ExperimentPlan)
     played = play(name, plan, LoopSettings(motion=TIME_OPTIMAL))

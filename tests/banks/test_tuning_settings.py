@@ -1,4 +1,4 @@
-"""The tuning of an experiment: how it is spelled, and its default."""
+"""The tuning of an experiment: its text form and its default."""
 
 from contextlib import closing
 from dataclasses import asdict, fields, replace
@@ -90,7 +90,7 @@ def test_every_request_body_of_the_interface_has_every_setting(schema: type[Tuni
 
 
 def test_the_setpoint_weight_changes_the_gains_of_the_loop() -> None:
-    """Table 2 with a weighed reference: k_r = b k_p, all else as without."""
+    """Table 2 with a weighted reference: k_r = b k_p; the other gains are unchanged."""
     ideal = load_parameters("ideal")
     plain, weighed = (build_tuning_command(ideal, TuningSettings(b=b), None).entries[0] for b in (0.0, 0.7))
     assert (plain.k_r_q, plain.k_r_S) == (0.0, 0.0)
@@ -100,7 +100,7 @@ def test_the_setpoint_weight_changes_the_gains_of_the_loop() -> None:
 
 @pytest.mark.parametrize("lam_motor", [0.05, 0.0854])
 def test_the_offered_range_respects_the_voltage_limit_with_a_setpoint_weight(lam_motor: float) -> None:
-    """A reference that is felt at once takes more voltage: the range that was found without it would clip."""
+    """A proportional response to the reference needs more voltage, so the range for b = 0 would saturate."""
     lab = load_parameters("lab")
     previewer = TuningPreviewer(lab, lam_motor=lam_motor, b=1.0)
     lam_q, _ = previewer.safe_range()
@@ -193,7 +193,7 @@ def test_a_fast_motor_has_the_largest_default_motor_lambda_with_a_damped_loop(qu
 
 
 def test_the_default_lambda_depends_on_the_models_of_the_bank() -> None:
-    """With the T of a joint with friction (table 1 has 0.8 s and more) λ_q is out of range on any plant."""
+    """With the T of a joint with friction (0.8 s and more in table 1), λ_q is out of range on any plant."""
     ideal, points = load_parameters("ideal"), (replace(POINT, T_q=0.9),)
     default = compute_default_tuning(ideal, points)
     with pytest.raises(OutOfRangeError, match="λ_q"):

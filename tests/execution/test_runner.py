@@ -1,4 +1,4 @@
-"""Whole experiments on the simulator: run, interrupted, homed, identified."""
+"""Complete experiments on the simulator: executed, interrupted, homed, identified."""
 
 import asyncio
 import math
@@ -288,7 +288,7 @@ TOO_EARLY = {
 
 @dataclass
 class Interruption:
-    """Sends a command once so much of the program has been played; counts as told of the run's progress."""
+    """Sends a command at a set progress of the program; is called with the progress of the run."""
 
     station: ExperimentRig
     command: Command

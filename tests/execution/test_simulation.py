@@ -56,7 +56,7 @@ def test_the_first_dry_run_of_a_prepared_process_loads_no_machine_code(tmp_path:
 
 
 def test_a_change_of_bank_loads_the_bank_with_that_number(tmp_path: Path) -> None:
-    """Played in a database of its own, where another bank could have taken the number."""
+    """The run has its own database, in which another bank could have this number."""
     lab = load_parameters("lab")
     text = (
         "format: 1\nname: tried\ntitle: Tried\nphases:\n  - name: all\n    title: All\n    parts:\n"
@@ -100,7 +100,7 @@ PLANS: dict[str, Plan] = {
 def performed(
     folder: Path, plan: Plan, plant: PlantChoice, held_s: float = 0.0, loop: LoopSettings | None = None
 ) -> tuple[RunResult, dict[str, np.ndarray]]:
-    """Return what a plan came to on a plant, and its samples; ``held_s`` [s] after winding up began, 0 for at once."""
+    """Return outcome and samples of an experiment; it starts ``held_s`` [s] after pretension began, 0 for immediately."""
     settings, database = loop or LoopSettings(), open_database(folder)
 
     async def played(station: ExperimentRig) -> RunResult:

@@ -6,12 +6,12 @@ IDEAL = Path(__file__).parents[2] / "plant" / "parameters" / "ideal.toml"
 
 
 def weak_motors(folder: Path) -> Path:
-    """Write the file of a plant whose motors turn at a third of the speed: λ_q = 0.5 s takes all of the voltage."""
+    """Write the file of a plant with motors of a third of the speed: λ_q = 0.5 s needs all of the voltage."""
     return _written(folder / "weak.toml", "K_m = { value = 2.86", "K_m = { value = 1.0")
 
 
 def quick_motors(folder: Path) -> Path:
-    """Write the file of a plant whose motors have no lag to speak of: λ_motor = 0.0854 s is more than 4 T_m."""
+    """Write the file of a plant whose motors have almost no lag: λ_motor = 0.0854 s is more than 4 T_m."""
     return _written(folder / "quick.toml", "T_m = { value = 0.22", "T_m = { value = 0.02")
 
 

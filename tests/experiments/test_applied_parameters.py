@@ -50,7 +50,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 
 
 def motors(A: tuple[float, float], B: tuple[float, float]) -> NewIdentification:
-    """An identification of both motors, K_m and T_m of each."""
+    """Return an identification of both motors with these K_m and T_m."""
     models, nothing = [], MotorConstants(0.01, 0.01)
     for K_m, T_m in (A, B):
         known = MotorFit(K_m, T_m, 0.07)
@@ -79,7 +79,7 @@ def stored(database: Database, new: NewIdentification) -> Identification:
 
 
 def spring() -> NewIdentification:
-    """A measured table of the spring K, with the noise of a load cell."""
+    """Return an identification from a table of the spring K, with the noise of a load cell."""
     x, noise = np.linspace(0.01, 0.05, 200), np.random.default_rng(1).normal(0.0, 0.05, 200)
     F = K[0] + K[1] * x + K[2] * x**2 + noise
     rows = "\n".join(f"{at:.6f},{force:.6f}" for at, force in zip(x, F, strict=True))

@@ -194,7 +194,7 @@ def test_a_smooth_push_follows_half_a_cosine(start: float, end: float) -> None:
 
 
 def pushes(pieces: list[PushSegment]) -> list[list[PushSegment]]:
-    """The pieces of each push: it ends with its pause, without force."""
+    """Split segments into pushes; each ends with a pause without force."""
     found: list[list[PushSegment]] = [[]]
     for piece in pieces:
         found[-1].append(piece)
@@ -337,7 +337,7 @@ MIXED = Program(
 
 
 def played(program: Program, q_ref: float, S_ref: float) -> np.ndarray:
-    """Every tick as the loop plays it: (ticks, 2)."""
+    """Return the references of the control loop at every tick, shape (ticks, 2)."""
     last = Setpoint(q_ref, S_ref, 0.0)
     now = make_segment_player(program.segments, last)
     rows: list[tuple[float, float]] = []

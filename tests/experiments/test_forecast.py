@@ -1,4 +1,4 @@
-"""What is announced of an identification, against the loop that plays it."""
+"""Forecasts of identifications, compared with the control loop that executes them."""
 
 from dataclasses import dataclass, replace
 
@@ -65,7 +65,7 @@ def held_by_geometry(bench: BenchTop) -> None:
 
 
 def stay(_bench: BenchTop) -> None:
-    """Leave the bench as the run before left it, or slack where there was none."""
+    """Leave the bench as after the previous run, or slack without a previous run."""
 
 
 def announced(bench: BenchTop, plans: list[IdentificationPlan], parameters: PlantParameters) -> Forecast:
@@ -73,7 +73,7 @@ def announced(bench: BenchTop, plans: list[IdentificationPlan], parameters: Plan
 
 
 def play(bench: BenchTop, plans: list[IdentificationPlan]) -> slice:
-    """Play the plans as the service does, tick by tick, until the joint is back in pretension; return its samples."""
+    """Execute the plans like the service until the mode is pretension again; return the samples."""
     began = len(bench.samples.rows)
     for plan in plans:
         if bench.loop.mode in (Mode.OFF, Mode.COMPLIANCE):
@@ -92,7 +92,7 @@ def play(bench: BenchTop, plans: list[IdentificationPlan]) -> slice:
 
 
 def compare(bench: BenchTop, told: Forecast, seen: slice, room_rad: float) -> None:
-    """Nothing went beyond what was announced, which is not ``room_rad`` more either; and it took as long as told."""
+    """Compare a run with its forecast: path within ``room_rad`` of the forecast range, and equal duration."""
     q = bench.column("q")[seen]
     assert told.q_low <= q.min()
     assert q.max() <= told.q_high
@@ -172,7 +172,7 @@ SPRING_TIMETABLE = SpringIdentificationPlan(F_low=4.0, F_high=40.0, sweep_s=3.0,
 
 @dataclass(frozen=True)
 class Played:
-    """What was told of a run, and its samples."""
+    """The forecast of a run, and its samples."""
 
     told: Timetable
     columns: dict[str, NDArray[np.float64]]
@@ -182,7 +182,7 @@ class Played:
         return int(self.columns["mode"].size)
 
     def at(self, name: str) -> NDArray[np.float64]:
-        """The samples of a column at the times of the profile, which may end a little before or after the run."""
+        """Return a column at the times of the profile, which may end slightly before or after the run."""
         ticks = np.minimum(np.rint(self.told.t / T_s).astype(int) - 1, self.ticks - 1)
         found: NDArray[np.float64] = self.columns[name][ticks]
         return found

@@ -1,4 +1,4 @@
-"""Experiments that come with Sinew, and those made of recorded references."""
+"""Ready-made experiments, and experiments from recorded references."""
 
 import asyncio
 from collections.abc import Iterator
@@ -54,7 +54,7 @@ SINE = (Segment(0.5, 0.0, 10.0), Segment(4.0, 0.4, 11.0, shape=Shape.SINE, perio
 
 
 def again(parts: list[dict[str, Any]]) -> np.ndarray:
-    """Every tick as the loop plays the parts, of an experiment that is read as any other."""
+    """Parse an experiment with these parts; return its references at every tick."""
     document = {
         "format": 1,
         "name": "again",
@@ -112,7 +112,7 @@ def test_a_recording_with_too_many_parts_is_rejected() -> None:
 
 
 def pushed(parts: list[dict[str, Any]]) -> np.ndarray:
-    """The push at every tick, by what docs/how-to/experiments.md says of the parts."""
+    """Return the push at every tick, as docs/how-to/experiments.md defines the parts."""
     ticks: list[float] = []
     before = 0.0
     for part in parts:
@@ -221,7 +221,7 @@ def test_each_ready_made_experiment_completes_on_the_simulator_and_passes(statio
 
 @pytest.mark.parametrize("name", READY_NAMES)
 def test_dry_run_and_command_line_give_identical_results(tmp_path: Path, name: str) -> None:
-    """What the page plays dry, and what ``sinew experiment`` plays, each in an installation of its own."""
+    """The dry run of the page and ``sinew experiment`` each use their own installation."""
     lab, order = load_parameters("lab"), RunRequest(build_ready_plan(name), LoopSettings(), "A. Operator")
     dry = dry_run(lab, order, (), ("q",), 10, tmp_path / "dry").result
     database = open_database(tmp_path / "command")

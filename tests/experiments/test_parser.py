@@ -1,4 +1,4 @@
-"""Experiments as texts: parts, expressions and choices."""
+"""Experiments in text form: parts, expressions and choices."""
 
 import json
 import math
@@ -411,7 +411,7 @@ def test_expressions_round_like_floats(expression: str, value: float) -> None:
 
 
 def test_integers_are_floats_in_every_operation() -> None:
-    """With Python's whole numbers 3 ** 2000 would be exact, and costly beyond any bound."""
+    """With Python integers, 3 ** 2000 would be exact and its cost unbounded."""
     assert evaluate_number("n * n", {"n": 2**60}) == float(2**60) ** 2
     with pytest.raises(ExpressionError):
         evaluate_number("3 ** 2000", {})

@@ -1,7 +1,7 @@
-"""What takes the place of a sequence plays the same, is measured the same, and reads what was stored of one.
+"""Experiments that replace sequences of earlier versions: program, metrics and stored runs are unchanged.
 
-``sequences.json`` has what the version before experiments were the only form made of sequences: the segments of their
-programs, and of one that was played its metrics and each hundredth sample.
+``sequences.json`` contains the output of the last version that supported sequences: the segments of their
+programs, and the metrics and every hundredth sample of one run.
 """
 
 import asyncio
@@ -155,7 +155,7 @@ def test_upgraded_settings_contain_the_experiment_and_no_declared_list() -> None
 
 @pytest.fixture(scope="module")
 def database(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
-    """A database with the run 1 of a sequence, as the version before has left it, opened by this one."""
+    """Open a database of the previous version that contains run 1 of a sequence."""
     folder, settings = tmp_path_factory.mktemp("recorded"), LoopSettings(seed=7)
     opened = open_database(folder)
     with open_headless_rig(opened, IDEAL, settings) as station:
@@ -191,7 +191,7 @@ def test_samples_and_metrics_of_an_upgraded_run_are_unchanged(database: Database
 
 
 def test_reports_and_run_records_of_an_earlier_version_are_verified(database: Database) -> None:
-    """Their settings are put back to what they were, with the hashes of that."""
+    """The settings are restored to the earlier form, with matching hashes."""
     columns, _ = read_recorded_columns(database, 1)
     source = load_source(database, 1)
     earlier = {**source.run.settings, "plan": {"segments": RECORDED["segments"]}}

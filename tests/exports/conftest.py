@@ -10,7 +10,7 @@ from tests.exports.stored import tracked
 
 @pytest.fixture
 def here(tmp_path: Path) -> Iterator[Database]:
-    """The installation that exports."""
+    """Return the installation that exports."""
     opened = open_database(tmp_path / "here")
     yield opened
     opened.close()
@@ -18,7 +18,7 @@ def here(tmp_path: Path) -> Iterator[Database]:
 
 @pytest.fixture
 def there(tmp_path: Path) -> Iterator[Database]:
-    """One that is empty."""
+    """Return an empty installation."""
     opened = open_database(tmp_path / "there")
     yield opened
     opened.close()
@@ -26,13 +26,13 @@ def there(tmp_path: Path) -> Iterator[Database]:
 
 @pytest.fixture
 def run(here: Database) -> int:
-    """A tracking run with all that it came from."""
+    """Store a tracking run with its lineage; return its number."""
     return tracked(here)
 
 
 @pytest.fixture
 def file(here: Database, run: int, tmp_path: Path) -> Path:
-    """Its bundle."""
+    """Write the bundle of the run; return its path."""
     found = tmp_path / "run.zip"
     found.write_bytes(b"".join(stream_bundle(here, run, tmp_path)))
     return found

@@ -1,4 +1,4 @@
-"""Stored runs to export, and what is stored of an installation."""
+"""Stored runs to export, and the stored rows of an installation."""
 
 import itertools
 from pathlib import Path
@@ -45,7 +45,7 @@ TABLES = [
 
 
 def noise(rows: int = 2_300, seed: int = 0) -> NDArray[np.float32]:
-    """Samples [rows, columns] with all that a signal may hold."""
+    """Return samples [rows, columns] with every kind of value that a signal may contain."""
     table = np.random.default_rng(seed).normal(size=(rows, len(STORED_NAMES))).astype(np.float32)
     table[:, 5] = np.nan
     table[3, 6:9] = np.inf, -np.inf, -0.0
@@ -55,7 +55,7 @@ def noise(rows: int = 2_300, seed: int = 0) -> NDArray[np.float32]:
 def recorded(
     session: Session, new: NewRun = NEW, table: NDArray[np.float32] | None = None, cuts: tuple[int, ...] = ()
 ) -> int:
-    """Store a run that is over; before each of ``cuts`` five samples are missing."""
+    """Store a completed run; five samples are missing before each of ``cuts``."""
     run, table = runs.create(session, new), noise() if table is None else table
     recordings.begin(session, run.id, list(STORED_NAMES), T_s)
     for number, (begin, end) in enumerate(itertools.pairwise((0, *cuts, len(table)))):
@@ -69,7 +69,7 @@ def recorded(
 
 
 def tracked(database: Database) -> int:
-    """Store a tracking run with its bank, the identification behind it, calibrations and a result."""
+    """Store a tracking run with its bank, the identification of the bank, calibrations and a result."""
     columns = samples(PLAN)
     source = source_of(columns)
     with database.session() as session:
@@ -89,7 +89,7 @@ def tracked(database: Database) -> int:
 
 
 def boxes(database: Database, run: int) -> dict[str, LineageNode]:
-    """Return the boxes of a lineage by kind and digest: numbers differ from one installation to another."""
+    """Return the boxes of a lineage by kind and digest, because numbers differ between installations."""
     lineage = RunHistory(database, LAB, lambda: None).build_lineage(run)
     return {f"{node.kind} {node.sha256}": node for node in lineage.nodes}
 
@@ -101,5 +101,5 @@ def held(database: Database) -> dict[str, list[tuple[object, ...]]]:
 
 
 def nothing_left(folder: Path) -> bool:
-    """Whether no file lies about that an import has unpacked."""
+    """Return whether an import has removed all files that it unpacked."""
     return [path.name for path in folder.iterdir() if not path.name.startswith("sinew.db")] == []

@@ -1,4 +1,4 @@
-"""Bundles of runs with all that they came from."""
+"""Bundles of runs with their lineage."""
 
 import hashlib
 import io
@@ -106,7 +106,7 @@ def test_every_changed_byte_of_a_bundle_is_detected(there: Database, file: Path,
 
 
 def remade(file: Path, change: Callable[[dict[str, bytes]], None], compression: int = zipfile.ZIP_STORED) -> None:
-    """Write a bundle anew with other members, the digest of the whole right."""
+    """Rewrite a bundle with changed members and a correct digest."""
     with zipfile.ZipFile(file) as archive:
         members = {info.filename: archive.read(info) for info in archive.infolist()}
     change(members)
@@ -137,7 +137,7 @@ def first(document: Any, kind: str) -> Any:
 
 
 def last(document: Any) -> Any:
-    """Return the run that the bundle is of."""
+    """Return the run for which the bundle was written."""
     return [record["document"] for record in document["records"] if record["kind"] == "run"][-1]
 
 
@@ -210,7 +210,7 @@ def test_the_rejection_of_a_bundle_names_the_change(
 
 
 def forged(change: Callable[[Any], None], *, alone: bool = False) -> Callable[[dict[str, bytes]], None]:
-    """Change records with all hashes made right again; ``alone`` leaves out samples and report."""
+    """Change records and correct all hashes; ``alone`` omits samples and report."""
 
     def forge(members: dict[str, bytes]) -> None:
         document, manifest = json.loads(members["records.json"]), json.loads(members["manifest.json"])

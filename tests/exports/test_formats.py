@@ -1,4 +1,4 @@
-"""Files are written whole or not at all: on a full disk, by a process that is killed, beside files that are there."""
+"""Files are written completely or not at all: on a full disk, by a killed process, over existing files."""
 
 import resource
 import signal
@@ -18,7 +18,7 @@ BOUND = 4096
 
 @pytest.fixture
 def small_files() -> Iterator[None]:
-    """Let no file grow beyond the bound: writing fails as on a full disk, at the first byte too many."""
+    """Bound the size of files: writing beyond the bound fails as on a full disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     handled = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (BOUND, before[1]))

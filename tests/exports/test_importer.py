@@ -1,4 +1,4 @@
-"""Exports taken in again, of this version and of earlier ones."""
+"""Import of exports of this version and of earlier versions."""
 
 import json
 import re
@@ -51,7 +51,7 @@ def exported(database: Database, run: int, kind: str, folder: Path) -> Path:
 
 
 def sealed(text: str) -> str:
-    """Make the digest right of what a CSV says of itself, where that is a document."""
+    """Correct the digest of the metadata of a CSV, if the metadata is a document."""
     head, line, tail = re.split(r"(# sinew-export: .*)\n", text, maxsplit=1)
     try:
         said = json.loads(line.removeprefix("# sinew-export: "))
@@ -236,7 +236,7 @@ def test_an_unreadable_run_is_rejected_before_the_first_exported_byte(here: Data
 
 
 def rewrite(database: Database, table: str, column: str, change: Callable[[Any], Any]) -> None:
-    """Change a document of all rows as it stands in the database."""
+    """Change a document directly in all rows of the database."""
     with database.session() as session:
         for number, value in session.execute(text(f"SELECT id, {column} FROM {table}")).all():
             told = {"value": json.dumps(change(json.loads(value))), "id": number}
@@ -264,7 +264,7 @@ def with_bands(quality: Any) -> Any:
 
 @pytest.fixture
 def earlier(here: Database, run: int) -> Database:
-    """The installation that exports, as an earlier version has left it."""
+    """Return the exporting installation in the state of an earlier version."""
     rewrite(here, "run", "settings", with_limit_alone)
     rewrite(here, "result", "metrics", without_definitions)
     rewrite(here, "result", "criteria", without_reasons)

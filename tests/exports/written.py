@@ -1,4 +1,4 @@
-"""Exports of samples in memory, whole."""
+"""Complete exports of samples in memory."""
 
 from pathlib import Path
 from tempfile import gettempdir

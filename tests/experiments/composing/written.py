@@ -26,7 +26,7 @@ criteria:
 
 
 def with_parts(*parts: str, settings: str = "", more: str = "") -> str:
-    """An experiment of one phase; without settings its parts begin in line 8."""
+    """Return an experiment of one phase; without settings its parts begin in line 8."""
     listed = "".join(f"      - {part}\n" for part in parts)
     heading = f"format: 1\nname: tried\ntitle: Tried\n{settings}"
     return f"{heading}phases:\n  - name: all\n    title: All\n    parts:\n{listed}{more}"
