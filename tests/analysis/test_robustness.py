@@ -62,7 +62,7 @@ def columns(source: RunData) -> RobustnessColumns:
 
 
 def linear_turn(parameters: PlantParameters, columns: RobustnessColumns, side: str, load_s: float) -> np.ndarray:
-    """Return the rotation of a motor from ``load_s`` on in its continuous loop with L/R, filter and recorded reference."""
+    """Return the rotation of a motor after ``load_s`` in its continuous loop with L/R, filter and reference."""
     motor, law = parameters.make_dynamics().motor_A, make_motor_loops(parameters, 0.0854).A
     behind = np.polymul([motor.tau_e, 1.0], [law.t_f, 1.0, 0.0])
     loop = np.polyadd(

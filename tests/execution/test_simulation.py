@@ -100,7 +100,7 @@ PLANS: dict[str, Plan] = {
 def performed(
     folder: Path, plan: Plan, plant: PlantChoice, held_s: float = 0.0, loop: LoopSettings | None = None
 ) -> tuple[RunResult, dict[str, np.ndarray]]:
-    """Return outcome and samples of an experiment; it starts ``held_s`` [s] after pretension began, 0 for immediately."""
+    """Return outcome and samples of an experiment that starts ``held_s`` [s] after pretension began."""
     settings, database = loop or LoopSettings(), open_database(folder)
 
     async def played(station: ExperimentRig) -> RunResult:

@@ -32,7 +32,7 @@ def held_response(truth: dict[str, float], u: Array) -> Array:
 
 
 class Disturbed(TypedDict, total=False):
-    """What may make a record of the closed loop worse than white noise does."""
+    """Disturbances of a closed-loop record beyond white noise."""
 
     pole: float
     offset: float
@@ -51,7 +51,7 @@ def closed_loop_record(
     drift: float = 0.0,
     cut: int = 0,
 ) -> tuple[Array, Array, Array]:
-    """Input u, output y and excitation of the set-up of the bench, shape (samples,) each.
+    """Return input u, output y and excitation of the bench configuration, shape (samples,) each.
 
     ``pole`` colours the noise (AR(1)); ``offset`` and ``drift`` over the record are in standard deviations of the
     noise-free output; ``cut`` samples are dropped from the front. 8 bits and 50 ms chips for first order, 10 bits and

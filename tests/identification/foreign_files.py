@@ -1,6 +1,6 @@
-"""Small files as other programs write them, all of one motion: K = 2, T = 0.02 s at 1 kHz.
+"""Small files in the formats of other programs, all of one motion: K = 2, T = 0.02 s at 1 kHz.
 
-Each is made here from the same two signals, so that what is read can be compared value by value.
+All contain the same two signals, so that every value that is read can be compared.
 """
 
 import io
@@ -32,12 +32,12 @@ Row = Callable[[int], str]
 
 
 def lines(heading: str, row: Row, *before: str, end: str = "\n") -> str:
-    """Text of a table: what is ``before`` the heading, the heading, and a row for each sample."""
+    """Return the text of a table: the text ``before`` the heading, the heading, and a row for each sample."""
     return end.join([*before, heading, *(row(k) for k in range(COUNT))]) + end
 
 
 def plain(k: int) -> str:
-    """Row of time, input and output."""
+    """Return a row of time, input and output."""
     return f"{T[k]:.3f},{U[k]},{Y[k]}"
 
 
@@ -47,12 +47,12 @@ def comma(value: float, digits: int = 4) -> str:
 
 
 def stamp(k: int, ms: int = 0) -> str:
-    """Time of day of a sample, with three digits."""
+    """Return the time of day of a sample, in milliseconds."""
     return f"10:20:30.{(k + ms) % 1000:03d}"
 
 
 def mat(content: dict[str, Any]) -> bytes:
-    """MATLAB file of these variables."""
+    """Return a MATLAB file of these variables."""
     from scipy.io import savemat
 
     stream = io.BytesIO()
@@ -61,7 +61,7 @@ def mat(content: dict[str, Any]) -> bytes:
 
 
 def parquet(content: dict[str, Any]) -> bytes:
-    """Parquet file of these columns."""
+    """Return a Parquet file of these columns."""
     import pyarrow as pa
     import pyarrow.parquet
 
@@ -76,7 +76,7 @@ def scope(values: Array, label: str) -> dict[str, Any]:
 
 
 def opaque(name: bytes, kind: bytes) -> bytes:
-    """Element of a MATLAB file, version 5, of an object as a table is one: name, class 17, a reference."""
+    """Return the MATLAB 5 element of an object such as a table: name, class 17, a reference."""
 
     def element(code: int, content: bytes) -> bytes:
         return struct.pack("<II", code, len(content)) + content + b"\0" * (-len(content) % 8)
@@ -88,13 +88,13 @@ def opaque(name: bytes, kind: bytes) -> bytes:
 
 
 def objects(**kinds: str) -> bytes:
-    """MATLAB file of objects by name and class."""
+    """Return a MATLAB file of objects by name and class."""
     header = b"MATLAB 5.0 MAT-file".ljust(116) + b"\0" * 8 + struct.pack("<H", 0x0100) + b"IM"
     return header + b"".join(opaque(name.encode(), kind.encode()) for name, kind in kinds.items())
 
 
 def structure_with_time() -> dict[str, Any]:
-    """Return a MATLAB structure with time of two signals, as a Scope of Simulink saves it."""
+    """Return a MATLAB structure with time of two signals, in the format of a Simulink Scope."""
     signals = np.empty(2, dtype=[("values", object), ("dimensions", object), ("label", object)])
     for at, (values, label) in enumerate(((U, "u"), (Y, "y"))):
         signals[at] = (values.reshape(-1, 1), 1.0, label)

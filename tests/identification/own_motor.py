@@ -1,7 +1,7 @@
-"""A motor whose truth is known, driven by a voltage: dry friction, dead time and noise as ordered.
+"""A motor with known parameters, driven by a voltage: selectable Coulomb friction, dead time and noise.
 
-Stepped two hundred times a sample by the midpoint rule with friction that sticks, independent of the package's exact
-solution.
+Integrated with 200 midpoint steps per sample and static friction, independent of the exact solution of the
+package.
 """
 
 import numba
@@ -16,7 +16,7 @@ _STEPS = 200
 
 
 def voltages(kind: str, count: int = 12_000, seed: int = 0) -> Array:
-    """Voltages [V] within ±5 V, shape (count,): "binary", "levels" or "sines"."""
+    """Return voltages [V] within ±5 V, shape (count,): "binary", "levels" or "sines"."""
     random, t = np.random.default_rng(seed), np.arange(count) * PERIOD_S
     match kind:
         case "binary":
@@ -33,7 +33,7 @@ def motor(u: Array, u_c: float = 0.0, delay_s: float = 0.0) -> tuple[Array, Arra
 
 
 def noisy(clean: Array, share: float, seed: int = 1) -> Array:
-    """Add white noise of so much of the signal's standard deviation."""
+    """Add white noise with this share of the standard deviation of the signal."""
     return np.asarray(clean + share * np.std(clean) * np.random.default_rng(seed).standard_normal(clean.size))
 
 

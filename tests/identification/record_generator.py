@@ -1,7 +1,7 @@
-"""Provoked records whose truth is known: good ones of every shape, and ones with a fault that identification must see.
+"""Provoked records with known parameters: good ones of every shape, and faulty ones that identification must detect.
 
-All come from a seed. Simulated through SciPy's own discretization, or sample by sample by the motor of
-:mod:`tests.identification.own_motor`, independent of the package's filters.
+All are generated from a seed. Simulated by the discretization of SciPy, or sample by sample by the motor of
+:mod:`tests.identification.own_motor`, independent of the filters of the package.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,10 +22,10 @@ COUNT_RAD = 2.0 * np.pi / 8000
 
 @dataclass(frozen=True)
 class Provoked:
-    """A record and what is true of it.
+    """A record and its true parameters.
 
-    ``truth`` are the gain and the sum of lags (and dead time) that tuning would use; None where no model of this
-    structure is true. ``more`` are further arguments of the record.
+    ``truth`` is the gain and the sum of lags (and dead time) that tuning would use; None if no model of this
+    structure is true. ``more`` contains further arguments of the record.
     """
 
     u: Array
@@ -43,7 +43,7 @@ def plant(random: Random, order: int = 1) -> tuple[float, list[float]]:
 
 
 def response(K: float, lags: list[float], u: Array, period_s: float = 0.01, late: int = 0) -> Array:
-    """Response from rest to an input held between samples, so many samples late."""
+    """Return the response from rest to a held input, delayed by this number of samples."""
     denominator = np.array([1.0])
     for lag in lags:
         denominator = np.convolve(denominator, [lag, 1.0])
@@ -52,7 +52,7 @@ def response(K: float, lags: list[float], u: Array, period_s: float = 0.01, late
 
 
 def held(random: Random, length: int = 60, *, binary: bool = True, count: int = COUNT) -> Array:
-    """Random values, each held for half to one and a half times ``length`` samples."""
+    """Return random values, each held for half to one and a half times ``length`` samples."""
     chips: list[Array] = []
     while sum(chip.size for chip in chips) < count:
         value = random.choice([-1.0, 1.0]) if binary else random.uniform(-1.0, 1.0)
@@ -79,7 +79,7 @@ def levels(random: Random) -> Provoked:
 
 
 def step_from_rest(random: Random) -> Provoked:
-    """Exact, rounded or noisy by turns; the rest takes 5 to 60 % of the record."""
+    """Alternately exact, rounded or noisy; the rest takes 5 to 60 % of the record."""
     K, lags = plant(random)
     u = np.where(np.arange(COUNT) < random.uniform(0.05, 0.6) * COUNT, 0.0, random.uniform(0.5, 4.0))
     y = response(K, lags, u)
@@ -91,7 +91,7 @@ def step_from_rest(random: Random) -> Provoked:
 
 
 def controller_at_its_limit(random: Random) -> Provoked:
-    """A proportional controller with a set point that takes it to its limit, 10 to 60 % of the time; white noise."""
+    """A proportional controller in saturation for 10 to 60 % of the time, with white noise."""
     K, lags = plant(random)
     limit, r, decay = random.uniform(0.6, 1.5), 2.0 * held(random, 150), np.exp(-0.01 / lags[0])
     u, y = np.zeros(COUNT), np.zeros(COUNT)
@@ -112,7 +112,7 @@ def ramps_with_rest(random: Random) -> Provoked:
 
 
 def steps_with_rest(random: Random) -> Provoked:
-    """Two fifths of the steps are to zero; no noise at all in every second."""
+    """Two fifths of the steps are to zero; every second record has no noise."""
     K, lags = plant(random)
     u = np.repeat(np.where(random.random(COUNT // 50) < 0.4, 0.0, random.uniform(-3.0, 3.0, COUNT // 50)), 50)
     y = response(K, lags, u)
@@ -136,7 +136,7 @@ def rounded(random: Random) -> Provoked:
 
 
 def encoder(random: Random, *, offset: float = 0.0) -> Provoked:
-    """Voltage and angle at rest first, dry friction, counts without noise."""
+    """Initial rest, Coulomb friction, and encoder counts without noise."""
     u = np.concatenate((np.zeros(500), voltages("levels", 5500, int(random.integers(1000)))))
     turn = motor(u + offset, float(random.uniform(0.05, 0.8)))[1]
     return Provoked(u, COUNT_RAD * np.round(turn / COUNT_RAD), "motor", (K_M, T_M), PERIOD_S)
@@ -163,7 +163,7 @@ def saturated_output(random: Random) -> Provoked:
 
 
 def wrong_period(random: Random) -> Provoked:
-    """A sample time that its own time column contradicts, by a thousandth and more."""
+    """A sample time that deviates from the time column by a thousandth or more."""
     good = binary(random)
     off = 1.0 + random.choice([-1.0, 1.0]) * 10.0 ** random.uniform(-2.8, 1.0)
     more = {"t": np.arange(COUNT) * 0.01 * abs(off)}
@@ -178,7 +178,7 @@ def dead_time_left_out(random: Random) -> Provoked:
 
 
 def gap(random: Random) -> Provoked:
-    """One to five blocks of samples are missing, and nothing says so."""
+    """One to five blocks of samples are missing without an indication."""
     good = binary(random)
     kept = np.ones(COUNT, dtype=bool)
     for _ in range(int(random.integers(1, 6))):
@@ -188,7 +188,7 @@ def gap(random: Random) -> Provoked:
 
 
 def weak(random: Random) -> Provoked:
-    """Noise as large as the motion and larger, or a sensor of a few counts."""
+    """Noise at least as large as the motion, or a sensor with a few counts."""
     K, lags = plant(random)
     u = held(random)
     y = response(K, lags, u)
@@ -271,13 +271,13 @@ FAULTY: dict[str, Callable[[Random], Provoked]] = {
 
 
 def provoked(kind: str, seed: int) -> Provoked:
-    """Return the record of that kind and seed."""
+    """Return the record of this kind and seed."""
     make = GOOD.get(kind) or FAULTY[kind]
     return make(np.random.default_rng([seed, *kind.encode()]))
 
 
 def without_lag() -> dict[str, tuple[Array, Array]]:
-    """Inputs and outputs that follow each other in the same sample, or in none, by name."""
+    """Return inputs and outputs without lag, or without relation, by name."""
     random, count = np.random.default_rng(5), 500
     walk = np.cumsum(random.uniform(0.1, 0.2, count) * np.sign(np.sin(np.arange(count) / 30.0)))
     chips, white = np.repeat(random.choice([-1.0, 1.0], 25), 20), random.standard_normal(count)

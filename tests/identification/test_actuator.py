@@ -1,4 +1,4 @@
-"""The identification of the actuator, on linear systems and on the simulator."""
+"""Identification of the actuator, on linear systems and on the simulator."""
 
 from dataclasses import replace
 
@@ -62,7 +62,7 @@ def test_default_experiment_gives_gains_lags_and_rest_point(found: ActuatorIdent
 
 @pytest.mark.parametrize("start", [0, 1, 7, 499, 501, 1000])
 def test_the_nominal_point_is_the_mean_of_the_half_second_before_the_excitation(start: int) -> None:
-    """From the very first sample on where there is less before it; that sample itself where there is nothing before."""
+    """With less than half a second the mean starts at the first sample; without any, the point is that sample."""
     samples = default_experiment()
     # Every sample tells that it was counted: the square of its number.
     samples["S"] = samples["S"] + 1e-9 * np.arange(samples["S"].size) ** 2
@@ -110,9 +110,9 @@ def candidate(found: ActuatorIdentification, channel: str, structure: str) -> Es
 
 
 def linearized(parameters: PlantParameters, S: float) -> tuple[np.ndarray, np.ndarray]:
-    """Responses at OMEGA from one motor's reference to q and S.
+    """Return the responses at OMEGA from the reference of one motor to q and S.
 
-    Both sides are alike, so that one motor alone does half of what both do through the decoupler.
+    Both sides are equal, so one motor alone has half the effect of both through the decoupler.
     """
     model = decoupled_model(parameters, make_motor_loops(parameters, LAM_MOTOR), S)
     through_decoupler = model(1j * OMEGA)
@@ -140,7 +140,7 @@ def lab_bench(request: pytest.FixtureRequest) -> Bench:
 
 @pytest.mark.parametrize("tension", [20.0, 40.0])
 def test_G_S_has_the_gain_and_lag_of_linear_theory(lab_bench: Bench, tension: float) -> None:
-    """With the sensors of `lab`; friction adds to what the linear model leaves over, not to gain and lag."""
+    """With the sensors of `lab`, friction adds to the residual of the linear model, not to gain and lag."""
     lab = load_parameters("lab")
     record = lab_bench.play(default_plan(tension))
     theory = linearize_one_motor(lab, make_motor_loops(lab, LAM_MOTOR), float(np.mean(record["S"])))

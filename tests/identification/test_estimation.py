@@ -86,10 +86,10 @@ def test_estimates_in_closed_loop_white_noise_are_within_their_standard_errors(
 
 @pytest.mark.parametrize("unit", [1.0, 1e-3, 1e6])
 def test_a_lightly_damped_resonance_in_noise_is_found_when_the_quick_starts_fail(unit: float) -> None:
-    """Few steps of a lag and a pair of poles of damping 0.1 at 200 rad/s: the noise hides the pair from least squares.
+    """A lag and a pole pair of damping 0.1 at 200 rad/s, few steps: least squares does not find the pair in the noise.
 
-    What is found leaves no more over than the truth does, which SciPy has computed, and is within its errors of it,
-    in whatever unit the output was recorded.
+    The residual is not larger than that of the true response, computed by SciPy, and the estimate is within its errors,
+    in any unit of the output.
     """
     truth = {"K": unit, "T": 0.4, "a2": 2.5e-5, "a1": 1e-3}
     random = np.random.default_rng(174)
@@ -105,7 +105,7 @@ def test_a_lightly_damped_resonance_in_noise_is_found_when_the_quick_starts_fail
 
 @pytest.mark.parametrize(("name", "truth"), CASES)
 def test_the_fit_is_limited_only_by_the_noise(name: str, truth: dict[str, float]) -> None:
-    """Against the true system's own response to the input, which SciPy has computed."""
+    """The reference is the response of the true system, computed by SciPy."""
     u, y, _ = closed_loop_record(truth, 20.0, 1)
     left = np.linalg.norm(y - held_response(truth, u)) / np.linalg.norm(y - np.mean(y))
     found = estimate_model(Record(PERIOD_S, u, y, controller=CONTROLLER), name)
@@ -195,7 +195,7 @@ def chips(count: int = 5000, chip: int = 100, seed: int = 0) -> Array:
 
 
 def delayed(name: str, u: Array, delay_s: float) -> Array:
-    """Scipy's response from rest, on a grid of a twentieth of a sample."""
+    """Return the response of SciPy from rest, on a grid of a twentieth of a sample."""
     truth = TRUTHS[name]
     shape = find_structure(name.removesuffix("+delay"))
     values = np.array(list(truth.values()))
@@ -294,13 +294,13 @@ ArrayUncertainty = NDArray[np.float64]
 
 
 def coloured(pole: float, count: int, random: np.random.Generator) -> ArrayUncertainty:
-    """First-order autoregression of variance 1, shape (count,)."""
+    """Return a first-order autoregression of variance 1, shape (count,)."""
     return np.asarray(lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], random.standard_normal(count)))
 
 
 @pytest.mark.parametrize(("pole", "tolerance"), [(0.0, 0.05), (0.6, 0.1)])
 def test_least_squares_under_known_noise_has_its_exact_covariance(pole: float, tolerance: float) -> None:
-    """Mean over seeds against (J'J)^-1 J' R J (J'J)^-1 with the noise's own R; a factor of two would be seen."""
+    """The mean over seeds is compared with (J'J)^-1 J' R J (J'J)^-1 for the R of the noise."""
     count, random = 1500, np.random.default_rng(4)
     J = np.column_stack([coloured(pole, count, random), coloured(0.8 * pole, count, random)])
     bread = np.linalg.inv(J.T @ J)
@@ -315,7 +315,7 @@ def test_least_squares_under_known_noise_has_its_exact_covariance(pole: float, t
 
 @pytest.mark.parametrize("pole", [0.2, 0.7, 0.95])
 def test_the_central_matrix_is_the_newey_west_sum_over_the_andrews_bandwidth(pole: float) -> None:
-    """The two papers' formulas, lag by lag: other weights or another bandwidth give another matrix."""
+    """The formulas of both papers are computed lag by lag; other weights or bandwidths give another matrix."""
     count, random = 600, np.random.default_rng(9)
     Z = np.column_stack([coloured(pole, count, random), coloured(0.5, count, random)])
     J = Z + 0.3 * random.standard_normal(Z.shape)
@@ -335,7 +335,7 @@ def test_the_central_matrix_is_the_newey_west_sum_over_the_andrews_bandwidth(pol
 
 @pytest.mark.parametrize("snr_dB", [20.0, 30.0])
 def test_standard_errors_of_an_estimate_equal_the_cramer_rao_bound(snr_dB: float) -> None:
-    """White noise on the output, the measured input given: the bound follows from the slope of the response alone."""
+    """For white output noise and a known input, the bound follows only from the sensitivity of the response."""
     u, y, _ = closed_loop_record(FIRST, snr_dB, 11)
     found = estimate_model(Record(PERIOD_S, u, y), "first", Method.OUTPUT_ERROR)
     slopes = [
@@ -367,7 +367,7 @@ def test_shortened_lags_are_the_previous_lags_times_the_factor(name: str, share:
 
 @pytest.mark.parametrize("order", [3, 4])
 def test_every_start_for_a_lag_is_stable_and_contains_the_lag(order: int) -> None:
-    """A lag of 0.2 s in the record is in each start, with faster poles; none of them grows."""
+    """Each start contains the lag of 0.2 s of the record and faster, stable poles."""
     u = np.repeat(np.random.default_rng(2).choice([-5.0, 5.0], 100), 20)
     y = lfilter([0.0, 1.0 - np.exp(-PERIOD_S / 0.2)], [1.0, -np.exp(-PERIOD_S / 0.2)], u)
     problem = FitProblem(Record(PERIOD_S, u, y), find_structure(f"order:{order}"), np.ones(1))

@@ -21,7 +21,7 @@ FOUR_LAGS = tf2ss([GAIN], np.poly(np.full(4, -1.0 / TAU)) * TAU**4)
 
 
 def lines(check: FrequencyCheck) -> NDArray[np.int64]:
-    """Numbers of the lines that are compared: turns within a segment."""
+    """Return the numbers of the compared lines: periods per segment."""
     return np.round(np.array(check.omega) * LENGTH * PERIOD_S / (2.0 * np.pi)).astype(int)
 
 
@@ -31,9 +31,9 @@ def noise(seed: int) -> Array:
 
 @pytest.fixture(scope="module")
 def excited() -> NDArray[np.int64]:
-    """Of the lines that are compared those that repeat from segment to segment, far enough apart for the window.
+    """Return the compared lines that are periodic in each segment and far enough apart for the window.
 
-    They end at a tenth of the sampling rate: what four lags let through of the steps of the input above is a 1e-5th.
+    They end at a tenth of the sampling rate; four lags reduce the steps of the input above by a factor of 1e-5.
     """
     compared = lines(
         check_frequency_response(Model("first", {"K": 1.0, "T": 1.0}), Record(PERIOD_S, noise(0), noise(1)))
@@ -43,7 +43,7 @@ def excited() -> NDArray[np.int64]:
 
 @pytest.fixture(scope="module")
 def periodic(excited: NDArray[np.int64]) -> Record:
-    """Cosines at those lines through SciPy's four lags, in the steady state."""
+    """Return cosines at these lines filtered by four lags in SciPy, in the steady state."""
     k = np.arange((SEGMENTS + 1) * LENGTH)
     u = np.sum([np.cos(2.0 * np.pi * line * k / LENGTH + 0.1 * line**2) for line in excited], axis=0)
     y = dlsim(cont2discrete(FOUR_LAGS, PERIOD_S), u)[1][:, 0]
@@ -67,7 +67,7 @@ def test_the_response_to_periodic_signals_is_that_of_the_sampled_system(
 def test_the_deviation_of_a_model_from_the_response_equals_its_true_error(
     excited: NDArray[np.int64], periodic: Record, gain: float, lag: float
 ) -> None:
-    """A model with so many times the true gain and time constant: four lags in closed form."""
+    """The gain and the time constant of the model are scaled; the reference is the closed form of four lags."""
     turned = 2.0 * np.pi * excited / (LENGTH * PERIOD_S) * TAU
     ratio = gain * ((1.0 + turned**2) / (1.0 + (lag * turned) ** 2)) ** 2
     phase_deg = 4.0 * np.degrees(np.arctan(turned) - np.arctan(lag * turned))
@@ -101,7 +101,7 @@ def test_both_cross_spectra_in_closed_loop_use_the_set_point() -> None:
 
 @pytest.mark.parametrize("bits", range(4, 13))
 def test_the_autocorrelation_of_the_prbs_is_flat(bits: int) -> None:
-    """What makes it of maximum length: over a period its autocorrelation is -1 at every shift."""
+    """A maximum-length sequence has an autocorrelation of -1 at every shift within its period."""
     levels = ActuatorIdentificationPlan(bits=bits, chip_s=0.01).excitation().levels
     sequence = np.array([1.0 if level == "+" else -1.0 for level in levels])
     assert sequence.size == 2**bits - 1

@@ -1,6 +1,6 @@
-"""Files of other programs are read right, value by value, or refused with what resolves it; none is read silently.
+"""Files of other programs are read correctly or rejected with a remedy; none is misread silently.
 
-The kinds are those of reports about comparable programs; :mod:`tests.identification.foreign_files` makes each file.
+The kinds come from bug reports of comparable programs; :mod:`tests.identification.foreign_files` creates the files.
 """
 
 import io
@@ -62,12 +62,12 @@ WHOLE_MS = np.arange(COUNT)
 
 
 def dated(form: str) -> str:
-    """Return a table whose time is a date; ``form`` takes the milliseconds of each row."""
+    """Return a table with dates as times; ``form`` formats the milliseconds of each row."""
     return lines("time;u;y", lambda k: f"{form.format(k)};{U[k]};{Y[k]}")
 
 
 def summer(k: int) -> str:
-    """Local time of a sample with its offset from UTC, which changes by an hour after 200 samples."""
+    """Return the local time of a sample with its UTC offset, which changes by one hour after 200 samples."""
     return f"2026-10-25T02:59:59.{800 + k}+02:00" if k < 200 else f"2026-10-25T02:00:00.{k - 200:03d}+01:00"
 
 
@@ -212,7 +212,7 @@ READ: dict[str, tuple[str | bytes, dict[str, Any]]] = {
 
 
 def imported(content: str | bytes, options: dict[str, Any]) -> Imported:
-    """Import a file of this content, whose kind shows at its beginning."""
+    """Import a file with this content; the kind is detected from its first bytes."""
     raw = content.encode() if isinstance(content, str) else content
     if raw.startswith(b"MATLAB"):
         columns = read_mat(io.BytesIO(raw))
@@ -287,7 +287,7 @@ def test_columns_that_are_not_read_have_a_reason() -> None:
 
 
 def back(step: int, at: int = 250) -> str:
-    """Return a table whose time in ms runs back by ``step`` after row ``at``."""
+    """Return a table whose time in ms decreases by ``step`` after row ``at``."""
     return lines("t_ms,u,y", lambda k: f"{k - (step if k >= at else 0) + 10_000_000},{U[k]},{Y[k]}")
 
 
@@ -342,7 +342,7 @@ def test_a_time_range_that_occurs_twice_is_rejected() -> None:
 
 
 def twice_in_parquet() -> bytes:
-    """Parquet file with two columns called u."""
+    """Return a Parquet file with two columns named u."""
     import pyarrow.parquet
 
     stream = io.BytesIO()
@@ -558,7 +558,7 @@ def test_resampling_does_not_hide_missing_samples() -> None:
 
 
 def test_timestamps_in_nanoseconds_are_read_without_loss() -> None:
-    """Floating point has steps of 256 ns at 1.7e18; at 20 kHz that is half a per cent of the sample time."""
+    """Floating point has a resolution of 256 ns at 1.7e18, which is 0.5 % of the sample time at 20 kHz."""
     stamps = EPOCH_S * 1_000_000_000 + 50_000 * np.arange(COUNT)
     for content in (
         lines("time,u,y", lambda k: f"{stamps[k]},{U[k]},{Y[k]}"),
@@ -577,7 +577,7 @@ def test_a_file_with_thousands_separators_gives_the_same_model_as_a_plain_file()
 
 
 def test_time_zones_are_read_with_hours_and_minutes() -> None:
-    """Each cell is the same moment, 04:50:30 UTC, and a second more."""
+    """Each cell is one second later than the previous one, starting at 04:50:30 UTC."""
     cells = [
         "2026-03-04T10:20:30+0530",
         "2026-03-04T10:20:31+05:30",

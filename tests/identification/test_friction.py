@@ -1,4 +1,4 @@
-"""Coulomb friction over the load: closed forms, the simulator's own values, and what does not suffice."""
+"""Load-dependent Coulomb friction: closed forms, values of the simulator, and insufficient data."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ C0, C1, K_T, J, B, OFFSET_V = 0.031, 0.27, 0.42, 0.019, 0.08, 0.15
 
 
 def computed(number: int, tension_N: float, *, delay: int = 0, speed: float = 1.0, samples: int = 12_000) -> TensionRun:
-    """A motor on a given path, two sines, with the voltage that Newton's law asks for; all in closed form."""
+    """Return a motor on a path of two sines with the voltage by Newton's law, in closed form."""
     t = np.arange(samples + delay) * 1e-3
     path = ((0.8 * speed, 2.1, 0.0), (0.5 * speed, 5.3, 0.7))
     theta = 6.0 + sum(a * np.sin(w * t + phase) for a, w, phase in path)
@@ -57,7 +57,7 @@ def test_friction_and_torque_constant_of_a_closed_form_motor_are_found(delay: in
 
 @pytest.mark.parametrize("name", ["lab", "lab-stick"])
 def test_the_friction_of_the_simulator_is_found_from_two_tensions(name: str) -> None:
-    """Smoothed and sticking friction alike. Motor A's torque constant is 0.99 of 0.3 N·m/V."""
+    """This applies to smooth and to static friction. The torque constant of motor A is 0.99 of 0.3 N·m/V."""
     parameters = load_parameters(name)
     found = measured(of_simulator(parameters, 0, (10.0, 40.0)))
     for value, std, truth in (
@@ -76,7 +76,7 @@ def test_the_estimated_friction_of_a_frictionless_motor_is_zero() -> None:
 
 
 def test_confidence_intervals_of_twenty_seeds_cover_the_truth() -> None:
-    """Of 20 intervals of 95 % fewer than 16 hold the truth in 1 of 400 trials, of each of the two estimates."""
+    """For each estimate, fewer than 16 of 20 intervals of 95 % contain the truth in 1 of 400 trials."""
     lab = load_parameters("lab")
     found = [measured(of_simulator(lab, seed, (10.0, 20.0, 30.0, 40.0))) for seed in range(20)]
     assert np.mean([one.c0 for one in found]) == pytest.approx(lab.motor.c0, rel=0.02)

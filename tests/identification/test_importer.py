@@ -1,4 +1,4 @@
-"""Files as people save them give the columns they hold; time is recognized and checked, never taken silently."""
+"""Import of common files: all columns are read; the time column is detected and checked."""
 
 import io
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from tests.refusals import refused
 
 
 def record_from(*arguments: Any, **keywords: Any) -> Record:
-    """Record of the columns of that name, without what was read."""
+    """Return the record of these columns, without the description of the reading."""
     return import_record(*arguments, **keywords).record
 
 

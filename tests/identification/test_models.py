@@ -105,7 +105,7 @@ def test_free_responses_span_every_decay_of_the_system() -> None:
 
 @pytest.mark.parametrize("order", [1, 3])
 def test_free_responses_below_e_to_the_minus_40_are_zero(order: int) -> None:
-    """Subnormal numbers, which a decay comes to in the end, are computed a hundred times slower than others."""
+    """Computing with subnormal numbers, to which a decay leads, is a hundred times slower."""
     rate = 16.0
     columns = free_responses(np.full(order, -rate, dtype=np.complex128), PERIOD_S, 10_000)
     last = np.flatnonzero(np.any(columns, axis=1))[-1]

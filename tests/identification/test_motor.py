@@ -1,4 +1,4 @@
-"""The motor from records of voltage and angle."""
+"""Identification of the motor from records of voltage and angle."""
 
 import json
 import sys
@@ -27,7 +27,7 @@ TRUTHS = ("K_m", "T_m", "u_c", "t_d", "u_0")
 
 
 def worst_error(found: MotorRecord, u_c: float, delay_s: float) -> float:
-    """Largest error in standard errors; friction and dead time that were left out have to be 0."""
+    """Return the largest error in standard errors; omitted friction and dead time must be 0."""
     values = zip(found.parameters.values(), (K_M, T_M, u_c, delay_s, 0.0), found.std_errors, strict=True)
     return max(abs(value - truth) / std if std > 0.0 else np.inf * (value != truth) for value, truth, std in values)
 
@@ -68,7 +68,7 @@ def test_gain_lag_friction_and_dead_time_are_estimated_from_voltage_and_angle(
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_parameters_of_equation_17_simulated_by_scipy_are_estimated_in_noise(seed: int) -> None:
-    """Free of friction, on a grid ten times finer, dead time of 13.7 samples, white noise, a record cut in motion."""
+    """Without friction, on a ten times finer grid, with 13.7 samples dead time, white noise, and a cut start."""
     u, finer = voltages("levels", 5000, seed), 10
     t = np.arange(finer * u.size) * PERIOD_S / finer
     late = np.concatenate((np.zeros(137), np.repeat(u, finer)[:-137]))
@@ -84,7 +84,7 @@ def test_the_parameters_of_equation_17_simulated_by_scipy_are_estimated_in_noise
 @pytest.mark.parametrize("late", [0.4, 0.8])
 @pytest.mark.parametrize("seed", range(2))
 def test_the_voltage_before_a_record_does_not_bias_a_dead_time_below_one_sample(seed: int, late: float) -> None:
-    """Twenty samples a second, cut in motion: in the first sample the voltage of before the record still drives."""
+    """At 20 samples per second and a start in motion, the previous voltage still acts in the first sample."""
     period_s, finer = 0.05, 50
     random = np.random.default_rng(seed)
     u = random.uniform(-5.0, 5.0, 620)
@@ -100,7 +100,7 @@ def test_the_voltage_before_a_record_does_not_bias_a_dead_time_below_one_sample(
 
 @pytest.mark.parametrize(("noise", "grade"), [(0.49, Grade.CAUTION), (0.5, Grade.UNUSABLE)])
 def test_a_motor_model_that_explains_less_than_half_of_the_angle_is_not_usable(noise: float, grade: Grade) -> None:
-    """However white the rest, and though gain, lag, friction and dead time are known well enough."""
+    """This applies even with white residuals and small errors of gain, lag, friction and dead time."""
     u = voltages("levels", 12_000)
     u -= np.mean(u)
     found = identify_motor_record(Record(PERIOD_S, u, noisy(motor(u)[1], noise)))

@@ -1,4 +1,4 @@
-"""What cannot be identified is refused with the quantity, its value, the bound, the unit and the remedy."""
+"""Unusable records are rejected with quantity, value, bound, unit and remedy."""
 
 from collections.abc import Callable
 
@@ -39,7 +39,7 @@ def clipped(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def late_sine() -> NDArray[np.float64]:
-    """Answer of a lag of 0.1 s to SINE, in the unit in which it is clipped."""
+    """Return the response of a lag of 0.1 s to SINE, in the unit of the clipping."""
     late = lfilter([0.0, 0.01], [1.0, -0.99], SINE)
     return np.asarray(1.6 * late / np.max(late[N // 2 :]))
 

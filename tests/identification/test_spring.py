@@ -1,4 +1,4 @@
-"""Polynomials through a load sweep: exact where the spring is one, of the order that its points call for."""
+"""Polynomials of a load sweep: exact for polynomial springs, with the order that fits the points."""
 
 from collections.abc import Callable
 
@@ -59,13 +59,13 @@ def test_cross_validation_equals_fits_without_one_point_each() -> None:
 
 @pytest.mark.parametrize(("softest", "rises"), [(0.3, True), (-0.3, False)])
 def test_a_spring_with_a_small_positive_slope_counts_as_rising(softest: float, rises: bool) -> None:
-    """Slopes in N/m: the least is at the beginning."""
+    """Slopes are in N/m; the smallest is at the beginning."""
     x = np.linspace(0.0, 1.0, 25)
     assert identify_spring(x, 0.02 + softest * x + 2.0 * x**2).fits[0].rising is rises
 
 
 def test_a_higher_order_with_a_falling_force_is_not_recommended() -> None:
-    """Beyond its top a cubic would take a tighter tendon for a slacker one."""
+    """Beyond its maximum, a cubic would read a higher tension as a lower elongation."""
     x = np.linspace(0.0, 1.0, 25)
     F = 3.0 * x - 2.0 * x**3
     found = identify_spring(x, F)

@@ -1,4 +1,4 @@
-"""Validation of models: residuals, unseen data, verdicts."""
+"""Validation of models: residuals, validation data, verdicts."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -116,7 +116,7 @@ def excitation(count: int, seed: int) -> Signal:
 
 
 def by_scipy(system: tuple[list[float], Signal], u: Signal) -> Signal:
-    """Response from rest to an input that is held between samples."""
+    """Return the response from rest to an input held between samples."""
     return np.asarray(dlsim(cont2discrete(tf2ss(*system), PERIOD_S_RESIDUALS, method="zoh"), u)[1][:, 0])
 
 
@@ -132,7 +132,7 @@ def test_the_true_model_explains_all_of_a_cut_record_with_an_offset() -> None:
 
 
 def test_fit_and_residual_of_a_wrong_model_match_a_simulation_by_scipy() -> None:
-    """From rest the simulation is SciPy's; what no model tells is fitted to the difference by plain least squares."""
+    """SciPy simulates from rest; the initial state is fitted to the difference by ordinary least squares."""
     other = Model("first", {"K": 0.9 * K, "T": 0.35})
     u, noise = excitation(9_000, 2), np.random.default_rng(3).normal(0.0, 1e-3, 9_000)
     y = by_scipy(TRUE, u) + noise
@@ -151,7 +151,7 @@ def test_fit_and_residual_of_a_wrong_model_match_a_simulation_by_scipy() -> None
 
 
 def test_validation_data_do_not_affect_their_prediction() -> None:
-    """The end of the record is spoiled: its prediction is that of a model which was given the beginning only."""
+    """With a falsified end of the record, the prediction equals that of a model of the beginning only."""
     u, noise = excitation(9_000, 4), np.random.default_rng(5).normal(0.0, 1e-3, 9_000)
     y = by_scipy(TRUE, u) + noise
     spoiled = np.concatenate((y[:6_000], 3.0 * y[6_000:]))
@@ -202,13 +202,13 @@ KINDS = ("binary", "levels", "sines")
 
 @cache
 def motor_found(kind: str, u_c: float, noise: float) -> Estimate:
-    """What is estimated of a motor with this friction; seven seconds of record are twenty time constants and more."""
+    """Return the estimate of a motor with this friction from seven seconds, more than twenty time constants."""
     u = voltages(kind, 7000)
     return estimate_model(Record(PERIOD_S, u, noisy(motor(u, u_c)[0], noise)), "first")
 
 
 def claimed(found: Estimate) -> float:
-    """Errors of K and T in multiples of what the estimate says that they are known to."""
+    """Return the errors of K and T in multiples of their stated errors."""
     errors = found.first_order.K / K_M - 1.0, found.first_order.T / T_M - 1.0
     return 100.0 * float(np.max(np.abs(errors))) / found.spread_percent
 
@@ -240,7 +240,7 @@ def test_a_motor_with_coulomb_friction_is_accurate_or_its_friction_is_reported(
 
 
 def test_a_friction_model_that_explains_less_than_the_linear_model_is_not_reported() -> None:
-    """Behind a lag as long as the motor's own, friction is over-told by more than its error: no word is the truth."""
+    """With an additional lag as long as that of the motor, friction is overestimated by more than its error."""
     u, lag = voltages("sines", 7000), 1.0 - np.exp(-PERIOD_S / T_M)
     speed = lfilter([lag], [1.0, lag - 1.0], motor(u, 1.0)[0])
     record = Record(PERIOD_S, u, noisy(speed, 0.01))
@@ -251,7 +251,7 @@ def test_a_friction_model_that_explains_less_than_the_linear_model_is_not_report
 
 
 def test_the_fit_with_friction_is_limited_only_by_the_noise() -> None:
-    """Against the true motor's own speed, by another integration; the linear model leaves more."""
+    """The reference is the speed of the true motor by another integration; the linear model fits less."""
     u = voltages("levels", 7000)
     clean = motor(u, 1.0)[0]
     y = noisy(clean, 0.1)
@@ -326,7 +326,7 @@ def test_missing_dynamics_are_reported_without_a_known_sensor() -> None:
 
 
 def lagged(y: Array) -> Array:
-    """Offset, so that no friction is looked for, and another lag of 30 ms."""
+    """Add an offset, so that no friction is estimated, and a lag of 30 ms."""
     out, state, share = np.empty(y.size), 0.0, PERIOD_S / 0.03
     for k in range(y.size):
         out[k] = state
@@ -387,7 +387,7 @@ def test_reasons_for_unusable_precede_reasons_for_caution() -> None:
 
 
 def known_to(**percent: float) -> dict[str, Any]:
-    """K, T, a2 or a1 known to so many per cent."""
+    """Return a change that sets the error of K, T, a2 or a1 in percent."""
     K, T = (0.01 * percent.get(name, 0.1) for name in ("K", "T"))
     others = {name: 0.01 * percent.get(name, 0.1) * GOOD_VERDICTS.model.parameters[name] for name in ("a2", "a1")}
     return {"first_order": FirstOrder(1.0, 0.2, K, 0.2 * T), "std_errors": {"K": K, "T": 0.2 * T, **others}}
@@ -424,7 +424,7 @@ BOUNDS: list[tuple[dict[str, Any], Grade, str, dict[str, Any]]] = [
 def test_the_bounds_of_the_verdict_match_the_documented_table(
     change: dict[str, Any], grade: Grade, code: str, values: dict[str, Any]
 ) -> None:
-    """Just this side and just that side of each bound in docs/explanation/identification.md."""
+    """The values are just inside and just outside each bound in docs/explanation/identification.md."""
     verdict = judge(replaced(change))
     assert verdict.grade is grade
     if code:
@@ -475,7 +475,7 @@ FIRST_OF_EACH = [*each(KINDS_PROVOKED, range(1))]
 
 @dataclass(frozen=True)
 class Outcome:
-    """Grade, and errors of gain and lag in shares of the truth and in standard errors; ``refusal`` in place of them."""
+    """Grade, and errors of gain and lag relative to the truth and to their standard errors, or ``refusal``."""
 
     grade: Grade | None
     off: tuple[float, ...] = ()
@@ -485,7 +485,7 @@ class Outcome:
 
     @property
     def wrong(self) -> bool:
-        """Whether it is a "usable" that should not be."""
+        """Return whether the grade "usable" is wrong."""
         far = any(off > 0.05 and std > 4.0 for off, std in zip(self.off, self.in_std, strict=True))
         return self.grade is Grade.USABLE and (not self.off or far)
 
@@ -563,7 +563,7 @@ def test_the_verdict_names_the_fault_of_a_provoked_record(kind: str, code: str, 
 
 @pytest.mark.parametrize("count", [50, 56, 58, 60])
 def test_a_record_shorter_than_its_regression_indicates_no_feedback(count: int) -> None:
-    """With few samples or none to spare, 29 regressors explain independent noise; no feedback follows from that."""
+    """With hardly more samples than regressors, 29 regressors explain independent noise without feedback."""
     for seed in range(50):
         random = np.random.default_rng(seed)
         assert not has_noise_feedback(random.standard_normal(count), random.standard_normal(count), 1.0)

@@ -1,4 +1,4 @@
-"""Reasons of verdicts in tests: by code and values, whatever their text is."""
+"""Reasons of verdicts in tests, by code and values instead of text."""
 
 from collections.abc import Mapping
 
