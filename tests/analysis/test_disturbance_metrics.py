@@ -110,7 +110,7 @@ def test_a_run_without_pushes_has_no_compliance_metrics() -> None:
 def test_the_estimated_force_is_compared_with_the_reaction_of_the_load_cells() -> None:
     columns = pushed(delay_ms=12)
     F_push = R_J**-1 * 10.0 * columns["q"]
-    columns["F_ext_hat"] = F_push + 0.4  # its bias is taken off
+    columns["F_ext_hat"] = F_push + 0.4  # its bias is subtracted
     assert compute_compliance_metrics(columns, R_J, LEAD_IN_S).rmse_estimated_N == pytest.approx(0.0, abs=1e-6)
     columns["F_ext_hat"] = 0.9 * F_push
     off = compute_compliance_metrics(columns, R_J, LEAD_IN_S).rmse_estimated_N
@@ -184,9 +184,9 @@ def test_a_peak_is_compared_with_the_loop_response_to_the_same_force() -> None:
     w[:-1, INPUTS.tau_ext] = R_J_PUSHES * seen["F_push"][1:]
     seen["q"] = 1.1 * loop.simulate(w)[:, OUTPUTS.q]
     step, ramp, impulse = measure_pushes(seen, plan.program(), of(plan, TuningSettings(lam_q=lam_q)))
-    # the answers of earlier pushes have nearly died down
+    # the responses to earlier pushes have almost decayed
     assert [one.off_percent for one in (step, ramp, impulse)] == pytest.approx([10.0, 10.0, 10.0], abs=1.0)
-    assert step.peak_q > 1.1 * step.static  # it swings beyond
+    assert step.peak_q > 1.1 * step.static  # overshoot
     assert ramp.peak_q < 1.1 * ramp.static
     figures = compute_push_metrics(seen, plan.program(), of(plan, TuningSettings(lam_q=lam_q)))
     assert figures.pushed_off_percent == pytest.approx(10.0, abs=1.0)
@@ -295,7 +295,7 @@ def test_only_constant_references_after_a_move_are_a_hold() -> None:
     )
     short = "{do: hold, duration_s: 0.5}", "{do: hold, duration_s: 0.3}"
     plan = plan_of(with_parts(MOVE, HOLD, HOLD, BACK, push, HOLD, HOLD, sine, *short))
-    # what follows a push is its end, what follows that is rest; 0.3 s are too short
+    # the end of a push is no hold, the next hold is one; 0.3 s is too short
     assert find_hold_windows(plan.program()) == (slice(2000, 8000), slice(15000, 18000))
 
 
@@ -307,11 +307,11 @@ def test_swing_and_deviation_are_the_maxima_over_all_holds() -> None:
     seen["u_B"][8500] += 0.2
     seen["u_A"][8600] -= 0.15
     seen["S"][4000] += 0.004
-    seen["theta_A"][3000] += MOTOR  # there and back: two ticks in which it moved
+    seen["theta_A"][3000] += MOTOR  # forth and back: two ticks in motion
     figures = compute_hold_metrics(seen, plan.program(), LAB)
     assert figures.held_q_swing_counts == pytest.approx(2.0)
     assert figures.held_q_swing == pytest.approx(2.0 * COUNT)
-    assert figures.held_off_counts == pytest.approx(1.5)  # a reading tells to half a count
+    assert figures.held_off_counts == pytest.approx(1.5)  # the resolution is half a count
     assert figures.held_u_swing_V == pytest.approx(0.2)
     assert figures.held_S_swing == pytest.approx(0.004)
     assert figures.held_moving_percent == pytest.approx(100.0 * 2 / 2999)
@@ -481,7 +481,7 @@ def test_the_contact_reaction_reduces_each_impulse_by_a_third_and_each_peak(name
 def test_hit_detection_follows_the_observer_poles_and_the_reaction_follows_immediately() -> None:
     driven = impacts("ideal")  # without encoder counts, noise and bias
     kept, seen = np.exp(-POLE * T_s), np.abs(driven.columns["F_wall"])
-    for _ in range(3):  # p/(s + p) thrice
+    for _ in range(3):  # p/(s + p) three times
         seen = lfilter([1.0 - kept], [1.0, -kept], seen)
     for hit in find_hits(driven.columns, PROGRAM)[6:]:
         expected = T_s * int(np.argmax(seen[hit.window] > hit.contact_N))

@@ -193,7 +193,7 @@ def test_the_resonance_is_relative_to_the_static_gain() -> None:
     peaked = Response("q", f, np.asarray(1.0 / ((s / 6.0) ** 2 + 0.4 * s / 6.0 + 1.0)))
     assert compute_resonance(peaked) == pytest.approx(-20.0 * np.log10(0.4 * np.sqrt(1.0 - 0.2**2)), abs=0.001)
     assert compute_resonance(Response("q", f, lags(f, 0.5, 2))) == 0.0
-    # The lowest line lies above the resonance already: it is the largest of all lines, not 0 dB by definition.
+    # The lowest line is above the resonance: the result is the largest line, not 0 dB by definition.
     assert compute_resonance(Response("q", f[150:], peaked.H[150:])) == pytest.approx(
         20.0 * np.log10(abs(peaked.H[150]))
     )
@@ -340,7 +340,7 @@ def test_an_excitation_during_an_active_limit_is_not_measured(limit: Limit) -> N
     duration_s = pytest.approx(0.02)
     assert_reason(told.reasons["bandwidth_q_Hz"], "limit_was_active", limit=limit, duration_s=duration_s)
     columns["limits"][13_000:13_020] = 0.0
-    columns["limits"][5_000:5_020] = float(limit)  # in the first period, of which nothing is measured
+    columns["limits"][5_000:5_020] = float(limit)  # in the first period, which is not measured
     assert figures(in_force, columns).bandwidth_q_Hz is not None
 
 

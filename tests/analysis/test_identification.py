@@ -246,7 +246,7 @@ def test_the_command_in_the_report_reproduces_the_estimate_from_the_data_file(
     assert printed["method"] == found.model[key]["method"]
     stored, std_errors = found.model[key]["parameters"], found.model[key]["std_errors"]
     assert list(printed["parameters"]) == list(stored)
-    # The file holds the digits of single precision, and the search stops within a thousandth of a standard error.
+    # The file has single precision, and the search stops within a thousandth of a standard error.
     assert all(abs(value - stored[name]) < 1e-2 * std_errors[name] for name, value in printed["parameters"].items())
     assert printed["std_errors"] == pytest.approx(std_errors, rel=1e-3)
     assert printed["verdict"] == found.quality[key]["verdict"]

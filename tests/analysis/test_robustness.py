@@ -144,7 +144,7 @@ def test_a_motor_at_rest_off_its_reference_fails_and_its_deviation_is_reported(t
     back = source.result.criteria[0]
     assert (back.passed, back.figure) == (False, 3.5)
     swing = float(back.reason.partition(" up to ")[2].partition(" %")[0])
-    # in one direction: its integrators rest where joint and stiffness are at their references
+    # in one direction: the integrators stop when joint and stiffness are at their references
     assert back.reason == messages.motor_not_back(side="A", duration_s=3.5, error_percent=swing)
     window = slice(*(round((LEAD_IN_S + turns * 3.5) / T_s) for turns in (1, 2)))
     error = np.abs(source.columns["theta_A_ref"] - source.columns["theta_A"])[window]
@@ -190,7 +190,7 @@ def test_a_missing_or_invalid_deviation_passes_no_criterion(
     ("quantity", "figure"),
     [
         *((load, figure) for load in ("load_A", "load_B") for figure in (math.nan, math.inf, -0.1)),
-        *(("F_push", figure) for figure in (math.nan, math.inf)),  # of either sign where it is a number
+        *(("F_push", figure) for figure in (math.nan, math.inf)),  # finite forces of either sign are valid
     ],
 )
 def test_an_invalid_load_is_rejected_before_motion(ideal: PlantParameters, quantity: str, figure: float) -> None:

@@ -268,7 +268,7 @@ def test_each_criterion_compares_its_metric_with_its_own_bound() -> None:
     ours = replace(load_parameters("lab"), name="our_rig")
     assert (
         collect_bound_values({}, ours, TuningParameters())["ideal"] is False
-    )  # any other is judged as a real bench, like lab
+    )  # other parameter files are evaluated like lab
 
 
 # Sample ranges of pushes and loads in programs, and the deviations in them.
@@ -337,7 +337,7 @@ def columns(off_q: np.ndarray) -> dict[str, np.ndarray]:
 def test_a_push_is_measured_until_the_joint_has_recovered() -> None:
     off = np.zeros(6200)
     off[1000:2000] = 0.06
-    off[2000:2300] = -0.03  # swings through
+    off[2000:2300] = -0.03  # overshoot in the other direction
     off[4000:4200] = -0.08
     off[4200:4350] = -0.02
     figures = compute_disturbance_metrics(columns(off), PUSHED)

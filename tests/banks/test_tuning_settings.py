@@ -83,7 +83,7 @@ def test_tunings_that_differ_in_one_setting_are_not_equal(name: str, tmp_path: P
 @pytest.mark.parametrize("schema", [TuningParts, TuningRequest, TuningView, ChosenTuning, SavedTuning, TrialView])
 def test_every_request_body_of_the_interface_has_every_setting(schema: type[TuningParts]) -> None:
     missing = set(OTHER) - set(schema.model_fields)
-    assert missing <= {"bank"}  # a bank is activated, and what is saved is saved for one
+    assert missing <= {"bank"}  # a bank is activated separately, and a saved tuning belongs to one bank
     for name in set(OTHER) - {"bank"}:
         kind = Motion if name == "motion" else type(OTHER[name])
         assert schema.model_fields[name].annotation in (kind, kind | None)

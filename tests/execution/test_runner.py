@@ -399,7 +399,7 @@ def test_compliance_off_centre_moves_to_zero_first_and_takes_the_forecast_time(
     columns, _ = read_recorded_columns(station_homing.database, outcome.run.id)
     lead_in = slice(0, round(LEAD_IN_S * 1000))
     assert np.abs(columns["q"][lead_in]).max() < 0.01
-    # The way from 10 N to S_ref = 10 N·m/rad takes 17.4 N; nothing else moves before the first push.
+    # The motion from 10 N to S_ref = 10 N·m/rad ends at 17.4 N; no other motion precedes the first push.
     assert max(columns[name][lead_in].max() for name in ("F_A", "F_B")) < 18.5
     assert told_s == pytest.approx(took_s, abs=0.4)
 
@@ -439,7 +439,7 @@ def test_voltage_steps_identify_the_simulated_motors(station_unloaded: Experimen
         assert model["parameters"]["T_m"] == pytest.approx(lab.motor.T_m + lab.motor.tau_e, rel=0.01)
         assert model["parameters"]["u_c"] == pytest.approx(lab.motor.c0 / (lab.motor.K_t * factor), rel=0.05)
         assert [item["voltage"] for item in model["rule"]] == [2.0, -2.0, 5.0, -5.0]
-        # Dry friction hides part of the gain from the rule.
+        # Coulomb friction reduces the gain that the rule finds.
         assert 0.95 < model["rule_mean"]["K_m"] / model["parameters"]["K_m"] < 0.99
         assert not found.quality[side]["refused"]
     figures = {item.name: item.value for item in result.metrics.figures if item.value is not None}
@@ -449,10 +449,10 @@ def test_voltage_steps_identify_the_simulated_motors(station_unloaded: Experimen
     predicted = predict_motor(MOTOR, lab)
     assert predicted.is_feasible
     columns, _ = read_recorded_columns(station_unloaded.database, outcome.run.id)
-    loose = np.minimum(columns["F_A"], columns["F_B"]) < 0.1  # N: the springs begin there, but for noise
+    loose = np.minimum(columns["F_A"], columns["F_B"]) < 0.1  # N: slack, except for noise
     assert np.count_nonzero(loose) > 10_000
     assert np.isnan(columns["S"][loose]).mean() > 0.99
-    assert np.nanmin(columns["S"]) > 0.0  # by angles alone it would be down to -13
+    assert np.nanmin(columns["S"]) > 0.0  # computed from angles alone, the minimum would be -13
     report = build_report(load_source(station_unloaded.database, outcome.run.id))
     assert (report.outcome, report.verdict) == ("passed", found.verdict)
     assert "2.884" in to_html(report)
@@ -470,14 +470,14 @@ def test_a_load_sweep_identifies_the_simulated_springs(station_unloaded: Experim
         assert model["recommended"] == 2
         assert [fit["order"] for fit in model["fits"]] == [2, 3, 5]
         k = next(fit["k"] for fit in model["fits"] if fit["order"] == 2)
-        # Elongation counts from the zero of pretension, which trusts the spring known before: up to that zero.
+        # The elongation refers to the zero of pretension, which depends on the previous spring parameters.
         x = np.linspace(0.015, 0.055, 30)
         fitted = np.polyval(k[::-1], x)
         shift = np.linspace(-5e-4, 5e-4, 101)
         true = np.array([[tendon_tension(spring, value + moved) for value in x] for moved in shift])
         assert np.min(np.max(np.abs(true - fitted), axis=1)) < 0.1
     figures = {item.name: item.value for item in result.metrics.figures if item.value is not None}
-    # The load cells' delay parts the ways by twice the tension's rate times the delay: 2 x 8.6 N/s x 12 ms on the mean.
+    # The delay of the load cells separates both directions by 2 x rate x delay: 2 x 8.6 N/s x 12 ms on average.
     assert 0.1 < figures["hysteresis_N"] < 0.5
     assert figures["max_tension_N"] == pytest.approx(45.0, abs=2.0)
     assert predict_spring(SPRING, lab).is_feasible

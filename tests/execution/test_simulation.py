@@ -88,7 +88,7 @@ PARAMETERS = load_parameters("lab")
 ALIKE = {"rad": 0.004, "N": 0.1, "N·m/rad": 0.05, "s": 0.02, "V": 0.02, "%": 0.5, "1": 0.05, "rad/(V·s)": 0.01}
 """Two counts of the joint's encoder, two codes of a load cell and its noise, drawn two ticks later; what follows."""
 
-# Each second at the card takes about as long as three at the simulator: what more of the same would show is left out.
+# One second on the card takes as long as three on the simulator, so similar experiments are omitted.
 PLANS: dict[str, Plan] = {
     "tracking": build_ready_plan("tracking", q_duration_s=2.0, S_duration_s=2.0),
     "compliance": build_ready_plan("compliance", pushes=3, hold_s=1.0),
@@ -136,7 +136,7 @@ def test_an_experiment_gives_the_same_results_on_simulator_and_virtual_card(tmp_
         if value is not None and expected is not None:
             assert value == pytest.approx(expected, abs=ALIKE[unit], rel=0.02), figure
     np.testing.assert_allclose(with_card["q"], without_card["q"], atol=ALIKE["rad"])
-    # Volts and counts explain what was recorded beside them, by the wiring that is shipped.
+    # Recorded voltages and counts match the recorded signals through the supplied wiring file.
     np.testing.assert_allclose(with_card["F_A"], 10.0 * with_card["V_A"], rtol=1e-5)
     np.testing.assert_allclose(with_card["n_q"], np.round(with_card["n_q"]))
     assert np.isnan(without_card["V_A"]).all()

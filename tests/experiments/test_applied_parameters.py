@@ -97,7 +97,9 @@ def test_applied_motor_parameters_change_the_controller_and_not_the_simulated_pl
     ]
     assert then.make_dynamics() == LAB.make_dynamics()
     assert (then.spring, then.motor, then.geometry, then.sensors) == (LAB.spring, LAB.motor, LAB.geometry, LAB.sensors)
-    gains = make_motor_loops(then, 0.0854)  # the motor loops are designed for these motors: four lags of λ all the same
+    gains = make_motor_loops(
+        then, 0.0854
+    )  # the motor loops are designed for these motors, so they have the same four lags of λ
     assert linearize_one_motor(then, gains, 10.55).T_q == pytest.approx(4 * 0.0854 + LAB.geometry.B_j / 10.55, rel=2e-3)
     assert gains.A.k_i == pytest.approx(0.21**2 / (2.3 * 0.0854**3 * (4 * 0.21 - 0.0854)))
 
@@ -121,7 +123,7 @@ def test_parameter_versions_accumulate_and_undo_restores_the_previous_one(databa
     both, one, file = list_parameter_versions(database, LAB)
     assert [(item.number, item.who) for item in (both, one, file)] == [(2, "Ben"), (1, "Ana"), (0, "")]
     assert file.parameters == LAB
-    assert both.parameters.select_identified("B").K_m == 2.4  # the spring leaves the motors as they were applied
+    assert both.parameters.select_identified("B").K_m == 2.4  # the spring does not change the applied motors
     assert len({item.digest for item in (both, one, file)}) == 3
 
     undo(database, "Cy")
@@ -129,7 +131,7 @@ def test_parameter_versions_accumulate_and_undo_restores_the_previous_one(databa
     assert (newest.number, newest.who, newest.digest) == (3, "Cy", one.digest)
     assert newest.applied is not None
     assert newest.applied.undone
-    undo(database, "Cy")  # to undo that is to do it again
+    undo(database, "Cy")  # undoing the undo restores the change
     assert list_parameter_versions(database, LAB)[0].digest == both.digest
 
 

@@ -166,7 +166,7 @@ def test_a_push_may_accompany_a_step_a_ramp_or_a_sine() -> None:
         "{do: push, F_push: 0, duration_s: 0.4, shape: smooth}",
     )
     assert sine.F_push == 5.0
-    assert -5.0 < first.F_push < -4.5  # on from where three quarters of a turn have left it
+    assert -5.0 < first.F_push < -4.5  # starts from the phase after three quarters of a period
 
 
 def test_the_crest_of_a_sine_may_be_given_as_a_reference() -> None:

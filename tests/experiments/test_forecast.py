@@ -148,7 +148,7 @@ def test_an_identification_beyond_the_spring_or_joint_range_is_rejected_with_its
     narrow = replace(ideal, geometry=replace(ideal.geometry, q_max=0.5))
     joint = refused(replace(SHORT, tension_N=20.0), narrow)
     assert (joint.quantity, joint.unit) == (messages.joint_position_during_motion(), "rad")
-    # q = r_m θ_A / (2 r_j) for like springs, θ_A what stretches both to 20 N, 1 rad of excitation and 1 rad of trim
+    # q = r_m θ_A / (2 r_j) for equal springs; θ_A: elongation to 20 N, 1 rad of excitation and 1 rad of trim
     assert joint.value == pytest.approx(0.05 * (2.0 * 4.72 + 2.0), abs=0.03)
     told = forecast_identifications([replace(SHORT, tension_N=20.0)], ideal, at_rest, LAM_MOTOR)
     told.require_within_range(ideal)
@@ -209,12 +209,12 @@ def test_forecast_tension_and_excitation_match_the_samples() -> None:
     travel, settle, excite = run.told.intervals
     assert [one.stage for one in run.told.intervals] == [Stage.TRAVELLING, Stage.SETTLING, Stage.EXCITING]
     assert [run.told.title(one) for one in run.told.intervals] == ["20 N"] * 3
-    assert run.ticks - excite.end in (0, 1, 2)  # the loop takes a tick to see that it is over
+    assert run.ticks - excite.end in (0, 1, 2)  # the loop detects the end one tick later
     wound = run.columns["theta_B_ref"]
     assert wound[travel.end] == 0.0
     assert wound[travel.end - 3] != 0.0
     trimmed = run.columns["theta_A_ref"]
-    sequence = 0.5 * np.diff(trimmed)  # the trim of the force loop moves by far less in a tick than a chip does
+    sequence = 0.5 * np.diff(trimmed)  # the trim of the force loop changes far less per tick than a chip
     jumps = np.flatnonzero(np.abs(sequence) > 0.2) + 1
     assert jumps[0] == pytest.approx(excite.begin, abs=2)
     assert not np.any((jumps > settle.begin) & (jumps < excite.begin - 2))
@@ -245,7 +245,7 @@ def test_each_motor_step_has_its_forecast_voltage_at_the_forecast_time(name: str
     begins = [one.begin for one in run.told.intervals if one.stage is Stage.TRAVELLING]
     walks = [0, *(np.flatnonzero(np.diff(free.astype(int)) == -1) + 1)]
     assert begins == pytest.approx(walks[: len(begins)], abs=tolerance)
-    # the way to the first step has nothing to guess: it is the samples' own, to the tick
+    # the motion to the first step is deterministic: it matches the samples to the tick
     first = np.flatnonzero(free)[0]
     early = run.told.t < (first - 2) * T_s
     assert run.told.signals["theta_A_ref"][early] == pytest.approx(run.at("theta_A_ref")[early], abs=0.0031)
@@ -259,12 +259,12 @@ def test_the_load_sweep_has_the_forecast_tensions_at_the_forecast_times() -> Non
     assert [one.number for one in run.told.intervals] == [1, 1, 2, 3, 4, 5]
     assert {one.of for one in run.told.intervals} == {5}
     assert run.told.intervals[-1].end == pytest.approx(run.ticks, abs=2)
-    # references are the samples' own, to a tick of the fastest walk
+    # the references match the samples to one tick of the fastest motion
     assert run.told.signals["theta_A_ref"] == pytest.approx(run.at("theta_A_ref"), abs=0.0031)
     for stretch in run.told.intervals[1:]:  # closed form: the tension at the end of each leg is its set point
         at = np.searchsorted(run.told.t, stretch.end * T_s - 1e-9)
         assert run.told.signals["F_A"][at] == pytest.approx(stretch.set_point, abs=1e-6)
-    # what the load cells read is half a second of the motors' lag behind, and their noise beside
+    # the readings of the load cells lag by the motors, half a second, and have noise
     sweeping = run.told.t > (run.told.intervals[1].end + 500) * T_s
     assert np.max(np.abs(run.told.signals["F_A"] - run.at("F_A"))[sweeping]) < 8.0
     assert np.ptp(run.at("F_A")) == pytest.approx(36.0, abs=3.0)

@@ -89,7 +89,7 @@ def test_a_ramp_after_a_step_has_the_reported_deviation() -> None:
     found = approximate_columns(way, np.full(1000, 10.0))
     replayed = again(found.parts)
     assert found.deviation_q_rad == pytest.approx(np.abs(replayed[:1000, 0] - way).max(), abs=1e-9)
-    assert found.deviation_q_rad == pytest.approx(9 * 0.3 / 999, abs=1e-6)  # of the shortest part there is, ten ticks
+    assert found.deviation_q_rad == pytest.approx(9 * 0.3 / 999, abs=1e-6)  # of the shortest part, ten ticks
 
 
 @pytest.mark.parametrize(

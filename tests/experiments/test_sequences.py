@@ -68,7 +68,7 @@ def written(segments: str) -> ExperimentPlan:
 
 def played(told: list[Any]) -> Segment:
     duration_s, q_ref, S_ref, F_push, shape, period_s = told
-    period_s = period_s if shape == Shape.SINE else 1.0  # of anything else it meant nothing
+    period_s = period_s if shape == Shape.SINE else 1.0  # it had no meaning for other shapes
     return Segment(duration_s, q_ref, S_ref, F_push, Shape(shape), period_s)
 
 
@@ -150,7 +150,7 @@ def test_upgraded_settings_contain_the_experiment_and_no_declared_list() -> None
     assert upgrade_run_settings(upgraded) == upgraded
 
 
-# A run that was recorded before --------------------------------------------------------------------
+# A run recorded by an earlier version --------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

@@ -30,13 +30,13 @@ from tests.exports.stored import ESTIMATE, NEW, boxes, held, nothing_left, recor
 from tests.reasons import Reason, TextWith
 from tests.refusals import refused
 
-# A run with all that it came from moves to an empty installation; whatever was touched on the way is named.
+# A bundle transfers a run with its lineage to an empty installation; every change of the bundle is reported.
 
 
 def test_a_bundle_is_imported_into_an_empty_installation_with_its_lineage(
     here: Database, there: Database, run: int, file: Path, tmp_path: Path
 ) -> None:
-    with there.session() as session:  # so that all numbers are others
+    with there.session() as session:  # so that all numbers differ
         recorded(session)
     assert import_bundle(there, file, "Ben", tmp_path / "there") == ImportResult(run=3, was=2, new=True)
     before, after = boxes(here, run), boxes(there, 3)
@@ -369,7 +369,7 @@ def test_forged_records_with_correct_hashes_are_rejected(
     there: Database, file: Path, tmp_path: Path, change: Callable[[Any], None], code: str, values: dict[str, object]
 ) -> None:
     before = held(there)
-    # without its samples the run's own record is what is looked at
+    # without samples only the record of the run is checked
     remade(file, forged(change, alone=code != "recording_refused"))
     with refused(ImportRefusedError, code, **values):
         import_bundle(there, file, "Ben", tmp_path / "there")
@@ -391,13 +391,13 @@ def test_a_run_that_has_not_ended_is_not_bundled(here: Database, tmp_path: Path)
         b"".join(stream_bundle(here, run, tmp_path))
 
 
-# The banks of a run come with it, whenever it used them, and go by their numbers here; each station has its own.
+# A bundle contains all banks of its run under their local numbers; each station imports its own copy.
 
 
 def test_a_bundle_adds_the_bank_to_a_run_that_was_imported_without_it(
     here: Database, there: Database, run: int, file: Path, tmp_path: Path
 ) -> None:
-    with there.session() as session:  # which has the number of the run's own
+    with there.session() as session:  # with the number of the bank of the run
         banks.add(session, "other", [BankEntry(1.0, {"tension_N": 1.0})], who="Eve")
     write_export(export_run(here, run), DataFormat.PARQUET, tmp_path / "run.parquet")
     alone = take_in_alone(there, tmp_path / "run.parquet", "Ben").run

@@ -32,7 +32,7 @@ from tests.models.earlier_identifications import BAND, QUALITY
 from tests.reasons import Reason, TextWith
 from tests.refusals import refused
 
-# An export is taken in as the run that it was, or refused with what is wrong, and then nothing of it is stored.
+# An export is imported as the original run, or rejected with a reason without storing anything.
 
 CUTS = (700, 1_900)
 
@@ -232,7 +232,7 @@ def test_an_unreadable_run_is_rejected_before_the_first_exported_byte(here: Data
         export_run(here, 99)
 
 
-# What an earlier version has exported comes in in the present form, and once.
+# Exports of earlier versions are imported once, in the current form.
 
 
 def rewrite(database: Database, table: str, column: str, change: Callable[[Any], Any]) -> None:

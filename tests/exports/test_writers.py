@@ -30,7 +30,7 @@ from tests.exports.written import to_csv, to_mat, to_parquet, written
 from tests.refusals import refused
 from tests.reports.tracking_run import PLAN, samples
 
-# Exports read back by the libraries that their users read them with: equal, and with their notation.
+# Exports read by common libraries: equal samples, with notation.
 
 COLUMNS = {name: column[:2_000].copy() for name, column in samples(PLAN).items()}
 COLUMNS["u_A"][5:8] = np.inf, -np.inf, -0.0
@@ -141,7 +141,7 @@ def test_a_truncated_file_is_rejected(kind: DataFormat, share: float, tmp_path: 
     whole = written(COLUMNS, kind)
     file.write_bytes(whole[: int(share * len(whole))])
     if kind is DataFormat.CSV and share:
-        return  # it has no end that could be missing: what is missing is told by the digest
+        return  # CSV has no end marker: the digest detects missing content
     with pytest.raises(ImportRefusedError):
         list(formats.read_export(file)[1])
 
@@ -153,7 +153,7 @@ def test_a_run_with_too_many_samples_for_matlab_is_rejected_immediately(tmp_path
         matlab.write(Export(export.facts, export.batches), tmp_path)
 
 
-# An export with derived signals: behind the recorded columns, and taken in again without them.
+# Derived signals follow the recorded columns of an export, and an import omits them.
 
 EXPRESSION = "(F_A + F_B) / 2"
 

@@ -57,7 +57,7 @@ def _motor(u: Array, u_c: float, late: int) -> tuple[Array, Array]:
                 theta += step * middle
                 w = moved
                 continue
-            # Through rest within the step: up to there, and from there on if the voltage overcomes friction.
+            # The motor passes rest within the step; it continues if the voltage overcomes the friction.
             until = step * w / (w - moved)
             theta += until * w / 2.0
             w = 0.0

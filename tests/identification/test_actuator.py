@@ -22,7 +22,7 @@ from tests.docs.figures.identification_page import default_plan, paper_plan
 from tests.docs.figures.identification_runs import Bench
 from tests.identification.verdicts import find_reason, list_codes
 
-# The default experiment on a linear system that is simulated by other means than the estimator's.
+# The default experiment on a linear system, simulated independently of the estimator.
 
 GEOMETRY = ActuatorGeometry(r_m=0.0075, r_j=0.075, k2=8543.8)
 PERIOD_S = 1e-3
@@ -32,7 +32,7 @@ START = 1000
 
 def test_the_resolutions_follow_from_the_counts_of_the_encoders() -> None:
     assert 4000 * GEOMETRY.q_resolution == pytest.approx(2.0 * np.pi)
-    # An eighth-thousandth of a turn at motor A stretches its spring by r_m of it, which stiffens the joint.
+    # One count (1/8000 revolution) of motor A elongates its spring by r_m times the angle and stiffens the joint.
     assert 8000 * GEOMETRY.S_resolution == pytest.approx(2.0 * 0.075**2 * 8543.8 * 0.0075 * 2.0 * np.pi)
 
 
@@ -64,7 +64,7 @@ def test_default_experiment_gives_gains_lags_and_rest_point(found: ActuatorIdent
 def test_the_nominal_point_is_the_mean_of_the_half_second_before_the_excitation(start: int) -> None:
     """With less than half a second the mean starts at the first sample; without any, the point is that sample."""
     samples = default_experiment()
-    # Every sample tells that it was counted: the square of its number.
+    # The square of the index marks every sample in the mean.
     samples["S"] = samples["S"] + 1e-9 * np.arange(samples["S"].size) ** 2
     found = identify_actuator(samples, PERIOD_S, GEOMETRY, start, ("first",))
     before = range(max(start - 500, 0), max(start, 1))
@@ -89,7 +89,7 @@ def test_the_verdict_states_too_little_motion_in_counts() -> None:
     assert find_reason(found.verdict, "too_little_motion")["counts"] == pytest.approx(found.motion_counts)
 
 
-# The default experiment played on the simulator, against geometry and against the plant linearized numerically.
+# The default experiment on the simulator, compared with geometry and with the numerically linearized plant.
 
 OMEGA = np.geomspace(0.05, 5.0, 30)
 SUM_OF_LAGS_S = 0.342

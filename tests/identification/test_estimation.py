@@ -38,7 +38,7 @@ from tests.identification.verdicts import find_reason, list_codes
 from tests.reasons import assert_reason
 from tests.refusals import refused
 
-# Estimates of records whose truth is known: consistent in closed loop, honest about their errors.
+# Estimates of records with known parameters: consistent in closed loop, with correct standard errors.
 
 CONTROLLER = Controller(K_P, K_I)
 SUMMARY = [
@@ -143,7 +143,7 @@ def test_a_known_set_point_provides_instruments_when_the_controller_is_unknown()
 
 
 def test_one_sample_of_misalignment_biases_the_fast_parameters() -> None:
-    # Guards the convention that y[k] is taken when u[k] is applied: the other ones move a1 and a2 by per cents.
+    # Checks the convention that y[k] is sampled when u[k] is applied: others change a1 and a2 by some percent.
     whole = record(THIRD, 300.0, 0)
     late = replace(whole, u=whole.u[1:], y=whole.y[:-1], controller=None)
     found = estimate_model(late, "third", Method.OUTPUT_ERROR)
@@ -178,7 +178,7 @@ def test_the_estimation_rejects_an_unknown_structure_and_lists_the_known_ones() 
         estimate_model(record(FIRST, 40.0, 0), "order:5")
 
 
-# Dead times of whole and of broken samples behind every structure, against scipy on a finer grid.
+# Dead times of integer and fractional samples with every structure, compared with SciPy on a finer grid.
 
 PERIOD_S_DEAD_TIME = 1e-3
 FINER = 20
@@ -288,7 +288,7 @@ def test_methods_without_dead_time_reject_a_structure_with_dead_time() -> None:
         find_structure("first+delay+delay")
 
 
-# Standard errors against closed forms: where the truth is known, and where the formula is written out lag by lag.
+# Standard errors, compared with closed forms and with formulas computed lag by lag.
 
 ArrayUncertainty = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from backend.identification.models import FrequencyCheck, Model
 from backend.identification.records import Record
 from tests.identification.closed_loop_records import FIRST, Array, closed_loop_record
 
-# The frequency response without a model: exact on periodic signals, and Welch's averages as SciPy takes them.
+# The frequency response without a model: exact for periodic signals, equal to Welch's method of SciPy.
 
 PERIOD_S = 1e-3
 LENGTH = 2000
@@ -96,7 +96,7 @@ def test_both_cross_spectra_in_closed_loop_use_the_set_point() -> None:
     np.testing.assert_allclose(found.response, r_y / r_u, rtol=1e-6)
 
 
-# The binary sequence that an actuator is identified with.
+# The maximum-length sequence of the identification.
 
 
 @pytest.mark.parametrize("bits", range(4, 13))

@@ -270,7 +270,9 @@ def test_the_reading_reports_commented_out_rows() -> None:
     reading = imported(text, {"selection": Selection(resample=True)}).reading
     assert reading.rows_in_file == 360
     assert reading.layout["comment_lines"] == 40
-    assert messages.comment_lines_with_numbers(count=39) in reading.notes[0]  # the first of them is above the first row
+    assert (
+        messages.comment_lines_with_numbers(count=39) in reading.notes[0]
+    )  # the first comment line is above the first row
 
 
 def test_rows_in_reverse_order_are_rejected() -> None:

@@ -32,7 +32,7 @@ def computed(number: int, tension_N: float, *, delay: int = 0, speed: float = 1.
 def of_simulator(parameters: PlantParameters, seed: int, tensions: tuple[float, ...]) -> list[TensionRun]:
     bench = Bench(parameters, seed)
     played = ((tension, bench.play(default_plan(tension))) for tension in tensions)
-    # As they are stored: of single precision.
+    # Stored in single precision.
     return [
         TensionRun(round(tension), T_s, {name: columns[name].astype(np.float32).astype(float) for name in COLUMNS})
         for tension, columns in played

@@ -17,7 +17,7 @@ from backend.identification.models import (
 from backend.identification.records import StructureError, UnstableModelError
 from tests.refusals import refused
 
-# Which structures a model may have, by the names that are typed.
+# The names of model structures.
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_table_1_has_no_additional_rows() -> None:
     assert set(TABLE_1) == set(PRINTED)
 
 
-# Simulation by sections against scipy's discretization run step by step.
+# Simulation by sections, compared with the step-by-step discretization of SciPy.
 
 PERIOD_S = 1e-3
 MODELS = [
@@ -109,7 +109,7 @@ def test_free_responses_below_e_to_the_minus_40_are_zero(order: int) -> None:
     rate = 16.0
     columns = free_responses(np.full(order, -rate, dtype=np.complex128), PERIOD_S, 10_000)
     last = np.flatnonzero(np.any(columns, axis=1))[-1]
-    # As many samples as poles come before: that long the beginnings themselves last.
+    # The initial samples, one per pole, are not zero.
     assert rate * PERIOD_S * (last + 1 - order) == pytest.approx(40.0, abs=rate * PERIOD_S)
 
 

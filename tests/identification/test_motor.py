@@ -18,7 +18,7 @@ from tests.identification.own_motor import K_M, PERIOD_S, T_M, motor, noisy, vol
 from tests.identification.verdicts import find_reason, list_codes
 from tests.refusals import refused
 
-# Equation 17 from any record of voltage and angle: right within its errors, or it says what is wrong.
+# Equation 17 from records of voltage and angle: accurate within its errors, or rejected with a reason.
 
 COUNT_RAD = 2.0 * np.pi / 8000
 
@@ -164,7 +164,7 @@ def test_the_command_line_identifies_a_motor_from_a_file(
     assert printed["grade"] == "usable"
 
 
-# A run of the motor without load: refused with the reason where nothing can be learnt from it.
+# A motor step without load: rejected with a reason if it is unusable.
 
 N = 400
 PERIOD_S_VOLTAGE_STEP = 1e-3

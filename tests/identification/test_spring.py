@@ -65,7 +65,7 @@ def test_a_spring_with_a_small_positive_slope_counts_as_rising(softest: float, r
 
 
 def test_a_higher_order_with_a_falling_force_is_not_recommended() -> None:
-    """Beyond its maximum, a cubic would read a higher tension as a lower elongation."""
+    """Beyond its maximum, a cubic assigns a lower force to a larger elongation."""
     x = np.linspace(0.0, 1.0, 25)
     F = 3.0 * x - 2.0 * x**3
     found = identify_spring(x, F)

@@ -44,7 +44,7 @@ from tests.models.earlier_identifications import QUALITY
 from tests.reasons import assert_reason
 from tests.refusals import refused
 
-# The residual tests and their plots agree: a point is outside what is drawn where the test fails, and only there.
+# The residual tests and their plots agree: a point is outside the drawn bound exactly if the test fails.
 
 PERIOD_S_RESIDUALS = 1e-3
 N = 4000
@@ -105,7 +105,7 @@ def test_the_noise_model_recovers_the_polynomial_of_the_coloured_noise(D: list[f
     assert found == pytest.approx(D, abs=5.0 / np.sqrt(e.size))
 
 
-# What a model says of data it has not seen, against SciPy's own simulation and plain least squares.
+# Predictions of validation data, compared with the simulation of SciPy and ordinary least squares.
 
 K, T, A2, A1 = 0.05, 0.3, 0.004, 0.05
 TRUE = ([K], np.polymul([T, 1.0], [A2, A1, 1.0]).astype(np.float64))
@@ -195,7 +195,7 @@ def test_a_constant_output_has_no_fit() -> None:
         _ = stuck.fit_percent
 
 
-# No "usable" that is wrong: verdicts on records whose truth is known, good ones and bad ones.
+# Verdicts on good and bad records with known parameters: no grade "usable" is wrong.
 
 KINDS = ("binary", "levels", "sines")
 
@@ -234,7 +234,7 @@ def test_a_motor_with_coulomb_friction_is_accurate_or_its_friction_is_reported(
         (friction.u_c, friction.u_c_std, u_c),
     )
     assert all(abs(value - truth) < 4.0 * std for value, std, truth in truths)
-    # A linear model that friction moved by more than a tenth is no model.
+    # A linear model that friction changes by more than a tenth is not valid.
     off = max(abs(found.first_order.K / K_M - 1.0), abs(found.first_order.T / T_M - 1.0))
     assert (found.verdict.grade is Grade.UNUSABLE) or off < 0.11
 
@@ -460,7 +460,7 @@ def test_a_coefficient_that_underflows_is_rejected() -> None:
         find_structure("order:3").poles(np.array([1.0, 1e-3, 1e-5, 1e-323]))
 
 
-# Two hundred provoked records: no "usable" that is wrong, and no good record refused without need.
+# Two hundred provoked records: no grade "usable" is wrong, and no good record is rejected.
 #
 # A "usable" is wrong where gain or sum of lags is off by more than 5 % and by more than four of the standard errors
 # that

@@ -14,7 +14,7 @@ from tests.reports.tracking_run import PLAN, samples, source_of
 
 @pytest.fixture(scope="package", autouse=True)
 def figures_tell_the_truth() -> Iterator[None]:
-    """Look at the labels and words of every figure that a report draws here, when it becomes a picture."""
+    """Check the labels and texts of every figure that a report draws in these tests, when it is saved."""
     drawn = Figure.savefig
 
     def looked_at(self: Figure, *args: Any, **how: Any) -> None:

@@ -1,4 +1,4 @@
-"""What somebody reads off the axes of a figure, against where its lines are."""
+"""Checks that the axis labels of a figure match the positions of its lines."""
 
 import re
 
@@ -14,21 +14,21 @@ _WORDS = (FixedFormatter, FuncFormatter)
 
 
 def as_read(label: str) -> float:
-    """What somebody reads off a label."""
+    """Return the value that a label shows."""
     return float(re.sub(r"\$\\mathdefault\{(.*)\}\$", r"\1", label).replace("\N{MINUS SIGN}", "-"))
 
 
 def assert_it_reads_well(drawn: Figure) -> None:
-    """All of this page, of a figure that is drawn for it once."""
+    """Draw a figure once and apply all checks of this module."""
     drawn.draw_without_rendering()
     assert_labels_are_true(drawn)
     assert_words_are_legible(drawn)
 
 
 def assert_labels_are_true(drawn: Figure) -> None:
-    """Each label of a linear axis tells its own line: as read, with nothing to be added to it.
+    """Check that each label of a linear axis shows the position of its line, without an offset.
 
-    Of an axis whose places were named one by one, as a map's cells, the labels are words. The figure is drawn already.
+    An axis with named positions, like the cells of a map, has texts as labels. The figure must be drawn.
     """
     for panel in drawn.axes:
         for axis in (panel.xaxis, panel.yaxis):
@@ -49,7 +49,7 @@ _A_PIXEL = 1.0
 
 
 def assert_words_are_legible(drawn: Figure) -> None:
-    """No word of a drawn figure leaves it, none lies on another panel, none that names an axis on its numbers."""
+    """Check that no text of a drawn figure leaves it, overlaps another panel or the numbers of its axis."""
     panels = [panel for panel in drawn.axes if panel.get_visible()]
     for panel in panels:
         others = [other.get_window_extent() for other in panels if other is not panel]

@@ -1,4 +1,4 @@
-"""Forged reports by a program: each field of the account, each element of the page, each drawing, changed in turn."""
+"""Generated forgeries of reports: changes of each manifest field, page element and drawing."""
 
 import json
 import re
@@ -37,7 +37,7 @@ DRAWN = (
 
 
 def of_the_account(page: str) -> Iterator[tuple[str, str]]:
-    """Change each value of the account, as it is and sealed again: with its hash in the account and on the page."""
+    """Change each value of the manifest, with and without correction of its hash in manifest and page."""
     element = find_element(page)
     text = element[element.index(">") + 1 : element.rindex("<")]
     for path in _leaves(json.loads(text)):
@@ -54,7 +54,7 @@ def of_the_account(page: str) -> Iterator[tuple[str, str]]:
 
 
 def of_the_page(page: str) -> Iterator[tuple[str, str]]:
-    """Change each text and each tag outside drawings, and put something in between."""
+    """Change each text and each tag outside drawings, and insert content between them."""
     element = find_element(page)
     begin = page.index("<body")
     drawings = [found.span() for found in re.finditer(r"<svg.*?</svg>", page, re.DOTALL)]
@@ -74,7 +74,7 @@ def of_the_page(page: str) -> Iterator[tuple[str, str]]:
 
 
 def of_the_drawings(page: str) -> Iterator[tuple[str, str]]:
-    """Change parts of each drawing, replace it, and put others beside it."""
+    """Change parts of each drawing, replace it, and add drawings."""
     for found in re.finditer(r"<svg.*?</svg>", page, re.DOTALL):
         start, end = found.span()
         for other in DRAWN:
@@ -88,7 +88,7 @@ def of_the_drawings(page: str) -> Iterator[tuple[str, str]]:
 
 
 def with_versions(page: str) -> Iterator[tuple[str, str]]:
-    """Name other versions in the account, seal it again, and change the page besides."""
+    """Change the versions in the manifest, correct its hash, and also change the page."""
     manifest = read_manifest(page)
     assert isinstance(manifest, ReportManifest)
     for name in manifest.made_with:
@@ -112,7 +112,7 @@ def _leaves(value: Any, path: Path = ()) -> Iterator[Path]:
         for name, part in value.items():
             yield from _leaves(part, (*path, name))
     elif isinstance(value, list) and value:
-        for place in sorted({0, len(value) // 2, len(value) - 1}):  # a list of check sums has thousands
+        for place in sorted({0, len(value) // 2, len(value) - 1}):  # a list of checksums has thousands of characters
             yield from _leaves(value[place], (*path, place))
     else:
         yield path
@@ -134,7 +134,7 @@ def _change(account: Any, path: Path) -> None:
 
 
 def _sealed(page: str, changed: str) -> str | None:
-    """Return a changed page whose account has its hash again, on the page too; None where it cannot be read."""
+    """Correct the hash of the manifest of a changed page; return None if the manifest is unreadable."""
     try:
         manifest = read_manifest(changed)
     except EvidenceError:
@@ -147,7 +147,7 @@ def _sealed(page: str, changed: str) -> str | None:
 
 
 def of_the_signature(page: bytes, other: Ed25519PrivateKey) -> Iterator[tuple[str, bytes]]:
-    """Change what a signed page says of who signed it, move it, double it, or sign the page by another key."""
+    """Change, move or duplicate the signature of a signed page, or sign the page with another key."""
     begin = page.index(SIGNATURE)
     end = page.index(b"</template>", begin) + len(b"</template>")
     element, unsigned = page[begin:end], page[:begin] + page[end:]
@@ -187,7 +187,7 @@ def of_the_signature(page: bytes, other: Ed25519PrivateKey) -> Iterator[tuple[st
 
 
 def single_bytes(page: bytes, every: int) -> Iterator[tuple[str, bytes]]:
-    """Change single bytes of a signed page: each of its signature, and each so many of the rest; and leave some out."""
+    """Change or omit single bytes of a signed page: all of its signature, and a sample of the rest."""
     begin = page.index(SIGNATURE)
     end = page.index(b"</template>", begin) + len(b"</template>")
     for at in (*range(begin, end), *range(0, len(page), every), len(page) - 1):

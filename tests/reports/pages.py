@@ -1,4 +1,4 @@
-"""The pages of a report's PDF as pictures: drawn by the engine that sets the PDF, from the same template and inputs."""
+"""Images of the pages of a report's PDF, by the engine, template and inputs of the PDF."""
 
 import io
 from typing import Any
@@ -15,9 +15,9 @@ HEIGHT_MM, TOP_MM, BOTTOM_MM = 297.0, 22.0, 277.0
 
 
 def filled_shares(report: Report) -> list[float]:
-    """How far down each page is printed on, as a share of the height that text may take, less its largest empty part.
+    """Return the printed share of the text height of each page, without its largest empty part.
 
-    What stands at the bottom of a page whose middle is empty does not fill it.
+    A page with content at the bottom and an empty middle is not full.
     """
     template, inputs = typeset(report)
     made: Any = typst.compile(template, format="png", ppi=40, font_paths=fonts(), sys_inputs=inputs)

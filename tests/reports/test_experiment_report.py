@@ -1,4 +1,4 @@
-"""Reports of tracking runs: statements, laws, and the plant that was driven."""
+"""Reports of tracking runs: statements, control laws, and the plant."""
 
 import json
 import re
@@ -42,7 +42,7 @@ from tests.reasons import Reason, assert_reason
 from tests.refusals import refused
 from tests.reports.tracking_run import PLAN, samples, source_of
 
-# The report as its reader gets it: everything stated, nothing loaded, no markup from data, same bytes each time.
+# The report file: complete, without loaded resources or markup from data, and reproducible.
 
 
 class _Reader(HTMLParser):
@@ -151,7 +151,7 @@ def test_the_report_of_a_stopped_run_is_incomplete() -> None:
 
 
 def test_every_table_states_unmeasured_metrics_with_their_reason(tracking_source: RunData) -> None:
-    """The steps of q take longer than their holds: no result of them can be told, and none is drawn as a dash."""
+    """The steps of q are longer than their holds, so they have no result; a dash does not replace the reason."""
     slow = source_of(samples(PLAN, lam_q=3.0))
     assert slow.result is not None
     report = tracking_report(slow)
@@ -221,11 +221,11 @@ def test_the_files_of_a_report_folder_agree_with_the_report(
     assert [item["passed"] for item in metrics["criteria"]] == [True] * 4
 
 
-# A tracking run with a plan, beside what the paper's law would have made of its references.
+# A time-optimal tracking run, compared with the law of the paper for the same references.
 
 
 def planned(**changed: object) -> RunData:
-    """A run with a plan; its samples are those of closed forms, as nothing here looks at what was measured."""
+    """Return a time-optimal run; its samples are closed forms, because these tests do not evaluate them."""
     source = source_of(samples(PLAN))
     settings = source.run.settings
     kept = {**settings["loop"], "motion": "time-optimal", "u_plan": 8.5, "b": 0.0, **changed}
@@ -273,7 +273,7 @@ def test_the_report_states_how_references_were_followed() -> None:
 
 
 def test_the_times_of_the_papers_law_come_from_a_separate_simulation(report_plan: Report) -> None:
-    """The largest step of q in the table, against the same step from rest and counted here."""
+    """The largest step of q in the table is compared with the same step simulated from rest."""
     tuning = make_cascade_tuning(load_parameters("ideal"), TuningParameters(lam_q=0.5, lam_S=0.42))
     high = float(PLAN.values["q_amplitude"])
     q = simulate_cascade(load_parameters("ideal"), tuning, np.repeat([-high, high], (500, 4000)), np.full(4500, 10.0)).q
@@ -333,7 +333,7 @@ def test_a_step_that_does_not_reach_its_reference_is_not_measured(law_plan: Pape
     assert table.rows[0][3:] == 3 * (messages.not_measured(),)
 
 
-# What a report says of the control law of its run: the settings that the law uses, and what it knows of the plant.
+# The control law in a report: the settings that the law uses, and its model of the plant.
 
 CASCADE_ONLY = {"lam_motor", "b", "bank", "interpolate", "motion", "u_plan", "k_ext"}
 
@@ -434,7 +434,7 @@ def test_a_stored_experiment_that_cannot_be_read_is_refused(experiment: str) -> 
 
 
 def test_the_error_of_the_shown_stiffness_equals_the_error_of_the_springs() -> None:
-    """The note of every report, on a plant whose springs are 20 % stiffer than identified."""
+    """This checks the note of every report on a plant with 20 % stiffer springs than identified."""
     lab = load_parameters("lab")
     stiffer = replace(lab, asymmetry=replace(lab.asymmetry, spring_A=1.2, spring_B=1.2))
     ticks = 6_000
@@ -451,7 +451,7 @@ def test_the_error_of_the_shown_stiffness_equals_the_error_of_the_springs() -> N
     assert re.findall(r"[\d.]+(?= (?:%|N·m/rad|is commanded))", messages.S_is_an_estimate()) == ["20", "14.4", "12"]
 
 
-# A report names the plant that was driven; only what was simulated had a seed.
+# A report names the plant; only a simulated plant has a seed.
 
 SEEDED = {"simulator", "virtual card"}
 CHOICES = [PlantChoice(kind, package="servo-bench") for kind in PlantKind]

@@ -133,7 +133,7 @@ def test_the_report_is_rendered_with_its_four_figures(report: Report) -> None:
 def test_the_drawn_step_has_a_round_size_in_the_unit_of_the_axis(
     angles: AngleUnit, step_rad: float, words: str, ends: tuple[float, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The caption names the step, and the first order reductions end at K times it, in the unit of the axis."""
+    """The caption states the step; the first-order models end at K times the step, in the unit of the axis."""
     seen: dict[str, float] = {}
     saved = Drawn.savefig
 

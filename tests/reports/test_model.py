@@ -1,4 +1,4 @@
-"""Texts of reports: one sentence for one result, in the reader's units."""
+"""Texts of reports: one sentence per result, in the units of the reader."""
 
 import copy
 import math
@@ -46,7 +46,7 @@ def test_exact_numbers_keep_all_digits_without_trailing_zeros() -> None:
     assert [exact(value) for value in (0.0854, 10.0, -1.0471976, 1e5)] == ["0.0854", "10", "−1.0472", "100000"]
 
 
-# What a run came to is one sentence, and a missing figure has one reason: in report, interface and metrics file.
+# Verdicts and reasons of missing metrics agree between report, interface and metrics file.
 
 
 def failed() -> RunData:
@@ -95,7 +95,7 @@ def test_a_result_without_reasons_is_described_as_older() -> None:
 
 
 def test_settings_of_a_run_have_units_wherever_they_are_shown() -> None:
-    """Programs keep them declared; sessions have a tuning."""
+    """Programs store declared settings; sessions store a tuning."""
 
     run = source_of(samples(PLAN)).run
     settings = {"mode": "run", "loop": {"lam_q": 0.5, "lam_S": 0.42, "b": 0.0, "interpolate": False}}
@@ -108,7 +108,7 @@ def test_settings_of_a_run_have_units_wherever_they_are_shown() -> None:
     }
 
 
-# Every text of a report and every axis is in the unit of who asked for it, converted here a second time.
+# Every text and axis of a report has the unit of the reader; the tests convert independently.
 
 DEG, RAD = AngleUnit.DEGREES, AngleUnit.RADIANS
 NUMBER = re.compile(r"(?<![\w.])[-−]?\d+\.?\d*(?![\w.:])")
@@ -156,7 +156,7 @@ def table(report: Report, caption: str) -> list[dict[str, str]]:
 
 @pytest.fixture
 def axes(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """What stands beside the value axes of everything that is drawn from here on."""
+    """Record the labels of the value axes of all figures drawn during the test."""
     seen: list[str] = []
     saved = Drawn.savefig
 
@@ -187,7 +187,7 @@ def test_report_texts_use_the_selected_angle_unit_and_significant_digits(
 
 
 def test_metrics_settings_steps_and_reasons_are_converted(tracking_source: RunData) -> None:
-    """What is printed in degrees is a full turn's share of what is printed in radians."""
+    """A value in degrees is the value in radians times 180/π."""
     degrees, radians = (build_report(replace(tripped(tracking_source), angles=angles)) for angles in (DEG, RAD))
     metrics = table(degrees, "Metrics")
     assert [row["Unit"] for row in metrics if row["Quantity"] == "RMSE of q"] == ["°"]

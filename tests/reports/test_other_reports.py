@@ -33,7 +33,7 @@ from plant.parameters import load_parameters
 from tests.experiments.judging import LEAD_IN_S, compliance_criteria
 from tests.reports.tracking_run import PLAN, samples, source_of
 
-# The report of an impact experiment: every hit in a table, drawn over time and speed, and verified by its own text.
+# The report of an impact experiment: a table of all hits, figures over time and speed, and verification.
 
 PLAN_IMPACT = build_ready_plan("impact", speeds=2, v_slow=0.3)
 
@@ -103,7 +103,7 @@ def test_the_missing_speed_of_a_hit_is_shown_as_not_measured(source: RunData) ->
     assert table.rows[0][2] == messages.not_measured()
 
 
-# Reports of compliance runs, sessions and own sequences, from records made by formula.
+# Reports of compliance runs, sessions and sequences, from computed records.
 
 
 def names_of_figures(report: Report) -> list[str]:
@@ -150,7 +150,7 @@ def test_the_report_of_a_session_has_no_criteria() -> None:
     tracked = source_of(samples(PLAN))
     columns = dict(tracked.columns)
     columns["q_ref"] = columns["q_ref"].copy()
-    columns["q_ref"][:5_000] = np.nan  # no reference was in force yet
+    columns["q_ref"][:5_000] = np.nan  # no reference was active yet
     settings = {"mode": "run", "loop": {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "interpolate": False}}
     session = RunData(replace(tracked.run, kind="session", settings=settings), None, columns, None)
     report = build_report(session)
@@ -168,7 +168,7 @@ def test_the_report_of_a_session_has_no_criteria() -> None:
             0.09,
             0.7,
         ),
-        (  # as earlier versions stored sessions, without b
+        (  # the form of sessions in earlier versions, without b
             {"mode": "run", "loop": {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "interpolate": False}},
             0.0854,
             None,
@@ -207,7 +207,7 @@ def test_the_report_of_a_sequence_has_metrics_but_no_criteria() -> None:
     assert caption.startswith(messages.metrics_of_signals(complete=True))
 
 
-# Reports of frequency responses, disturbances and rest: all of it in figure and table, and held by its samples.
+# Reports of frequency responses, disturbances and rest: figures, tables and verification.
 
 LAB = load_parameters("lab")
 QUICK: dict[str, dict[str, float]] = {
@@ -228,7 +228,7 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
 
 @pytest.fixture(scope="module")
 def bank(database: Database) -> int:
-    """A bank whose gains differ much from those of geometry."""
+    """Store a bank whose gains differ strongly from the geometric gains; return its number."""
     entries = [
         BankEntry(S, ENTRY.write(EntryModel(K_q=0.05, T_q=T, K_S=0.72, T_S=T, tension_N=F)))
         for S, T, F in ((8.24, 0.5, 10.0), (12.43, 0.6, 30.0))
@@ -277,7 +277,7 @@ def test_measurements_are_in_figure_and_table_and_verified_by_the_samples(
 
 
 def test_the_prediction_uses_the_bank_that_was_active(database: Database, bank: int) -> None:
-    """Gains of geometry would expect another response: it is the bank's that the lab's friction spares."""
+    """The geometric gains would predict another response; friction hardly affects that of the bank."""
     source = played(database, "frequency_response", {"period_s": 8.0}, bank=bank, lam_q=0.7, lam_S=0.7)
     assert source.result is not None
     with_bank = source.result.metrics.find_value("bandwidth_q_predicted_Hz")
@@ -292,7 +292,7 @@ def test_the_prediction_uses_the_bank_that_was_active(database: Database, bank: 
 
 
 def test_a_series_shows_both_laws_on_the_same_axes(database: Database) -> None:
-    """In lambda motion the response falls off at the last line; in time-optimal motion it follows."""
+    """The response at the last line decreases in lambda motion, but not in time-optimal motion."""
     sources = [played(database, "frequency_response", motion=motion) for motion in MOTIONS]
     paper, planned = (find_frequency_responses(source) for source in sources)
     assert [one.signal for one in paper] == [one.signal for one in planned] == ["q", "S"]

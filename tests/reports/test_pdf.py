@@ -19,7 +19,7 @@ from tests.reports.test_identification_report import source as actuator_source
 from tests.reports.test_other_reports import compliance_source
 from tests.reports.tracking_run import PLAN, samples, source_of
 
-# What the fonts of a PDF do not have becomes a box that a sentence explains; nothing is left out without a word.
+# Letters that the fonts of a PDF lack become boxes, and a sentence lists them.
 
 TITLE = "阻抗 λ 測試 😀"
 THERE = "aäλφЖعﻉ−≈′₂²·…“”"
@@ -67,7 +67,7 @@ def test_a_chart_sheet_lists_its_missing_letters() -> None:
     assert where not in printed(render_sheet_pdf(f'{head}<text x="9" y="40">λ_q</text></svg>'))
 
 
-# No page of a PDF is more than half empty, in a report of any kind.
+# No page of a PDF is more than half empty, for reports of all kinds.
 
 
 def session() -> RunData:
@@ -94,7 +94,7 @@ def test_no_page_is_more_than_half_empty(kind: str) -> None:
 
 
 def test_the_page_measurement_detects_an_empty_page(tracking_source: RunData) -> None:
-    """Two lines on the last page are seen as such: the measure of the test above can fail."""
+    """A last page with two lines is detected, so the test above can fail."""
     report = build_report(tracking_source)
     line = Paragraph("One line.")
     short = Report(**{**vars(report), "sections": (ReportSection("Short", (line,)),)})
@@ -102,7 +102,7 @@ def test_the_page_measurement_detects_an_empty_page(tracking_source: RunData) ->
 
 
 def test_code_blocks_are_typeset_literally(tracking_source: RunData) -> None:
-    """No symbol, no quote and no dash of a block to copy becomes another one, in the PDF as in the page."""
+    """Page and PDF do not convert symbols, quotes or dashes in code blocks."""
     report = build_report(tracking_source)
     text = "sinew experiment tracking --set 'q_ref=-0.5' \\\n  --set lam_q=0.5 --set K=1e-05 # S_ref \"q\" -- fi"
     coded = Report(**{**vars(report), "sections": (ReportSection("Code", (Code("To copy q:", text),)),)})

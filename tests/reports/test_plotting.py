@@ -1,4 +1,4 @@
-"""Figures of reports: labels, drawings that are shared, error panels."""
+"""Figures of reports: labels, cached drawings, error panels."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -29,7 +29,7 @@ from backend.units import AngleUnit
 from tests.reports.figure_labels import assert_labels_are_true, assert_words_are_legible
 from tests.reports.tracking_run import PLAN, samples
 
-# Labels of the figures in reports, against where their lines are.
+# Labels of the figures in reports, compared with the positions of their lines.
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_axis_labels_match_the_positions_of_their_lines(low: float, high: float)
 
 @pytest.mark.parametrize("swing", [6e-3, 6e-4, 0.6])
 def test_axis_numbers_of_a_held_stiffness_do_not_overlap_the_axis_name(swing: float) -> None:
-    """Looked at as it is drawn (conftest): long numbers ran into the name of their axis."""
+    """Checked when drawn (conftest): long numbers used to overlap the name of their axis."""
     t = np.linspace(0.0, 20.0, 20000)
     columns = dict.fromkeys(("q", "q_ref", "S_ref", "u_A", "u_B"), np.zeros_like(t))
     columns |= {"t": t, "S": swing * np.sin(t), "u_A": 0.08 * np.sin(t)}
@@ -64,7 +64,7 @@ def test_frequency_axes_have_plain_decimal_labels() -> None:
 
 
 def test_the_legibility_check_detects_cut_or_covered_words() -> None:
-    """The look at the words of figures, at figures that are wrong."""
+    """The check of texts is applied to faulty figures."""
     for spoil in (
         lambda axes: axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.5)),
         lambda axes: axes[1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.3)),
@@ -86,7 +86,7 @@ def test_the_legibility_check_detects_cut_or_covered_words() -> None:
 @pytest.mark.parametrize("first", [1, 10000])
 @pytest.mark.parametrize("runs", [3, 8, 9])
 def test_the_legend_of_runs_fits_on_one_line_above_the_curves(first: int, runs: int) -> None:
-    """Looked at as it is drawn (conftest): the names of seven runs took two lines and left the figure."""
+    """Checked when drawn (conftest): the names of seven runs used to take two lines and leave the figure."""
     t = np.linspace(0.0, 1.0, 50)
     columns = dict.fromkeys(("t", "q", "S", "q_ref", "S_ref"), t)
     assert "<svg" in overlay([(first + place, columns) for place in range(runs)], AngleUnit.DEGREES)
@@ -98,7 +98,7 @@ def test_estimates_have_a_hat_and_measured_signals_have_none() -> None:
     assert "<i>F\N{COMBINING CIRCUMFLEX ACCENT}</i><sub>ext</sub> against <i>F</i><sub>ext</sub>" in to_html(said)
 
 
-# What is drawn of the same is drawn once, and what differs in anything is drawn anew.
+# Drawings are cached by their arguments.
 
 Given = tuple[tuple[Any, ...], dict[str, Any]]
 T = np.arange(5.0)
@@ -167,7 +167,7 @@ def test_a_report_from_cached_drawings_equals_one_from_new_drawings(tracking_sou
     assert {*pages, to_html(tracking_report(tracking_source))} == {pages[0]}
 
 
-# What error panels show: small deviations on their own scale, and curves that lie on each other apart.
+# Error panels show small deviations on their own scale and separate coincident curves.
 
 
 def drawn(monkeypatch: pytest.MonkeyPatch, draw: Any, *args: Any) -> Drawn:
@@ -209,7 +209,7 @@ def test_a_deviation_of_a_fiftieth_fills_its_panel(
         assert drawn_peak == pytest.approx(scale * np.abs(error[inside & (t < 4.0 - 1e-9)]).max(), rel=0.02)
     assert q.get_ylim()[1] > 0.9 * factor
     assert S.get_ylim()[0] < 10.0
-    assert [len(panel.lines) - 2 for panel in (u_A, u_B)] == [1, 1]  # each voltage beside its two bounds
+    assert [len(panel.lines) - 2 for panel in (u_A, u_B)] == [1, 1]  # each voltage with its two bounds
 
 
 def test_equal_tensions_have_separate_panels(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""One report of many runs: what differs, how metrics spread, and whether it all holds where the runs are stored."""
+"""Reports of several runs: differences, spread of metrics, and verification where the runs are stored."""
 
 import asyncio
 import copy
@@ -170,7 +170,7 @@ def test_partially_measured_metrics_are_marked_and_counted_separately(sources: l
         row = next(row for row in beside.rows if row[0] == "RMSE of q")
         assert [place for place, cell in enumerate(row) if cell.endswith(" *")] == [marked]
         assert "(" not in row[marked]
-        assert any("(" in cell for cell in row[2:]) == (marked != 2)  # to one in part there is no difference
+        assert any("(" in cell for cell in row[2:]) == (marked != 2)  # no difference to a partially measured metric
         row = next(row for row in spread.rows if row[0] == "RMSE of q")
         assert (row[2], row[-1]) == ("2", "1")
         reason = messages.metric_and_reason(label="RMSE of q", reason="of 2 of 3 steps")
@@ -224,7 +224,7 @@ def test_a_run_is_found_by_its_samples_under_another_number(database: Database, 
     with database.reading() as session:
         began = runs.get(session, 1).started_at
     columns, number = read_stored_samples(database, replace(manifest, run=replace(manifest.run, started_at=began)))
-    assert number == 1  # another one that began then: what differs can be told
+    assert number == 1  # another run with the same start: differences are reported
     never = began.replace(year=2001)
     assert read_stored_samples(database, replace(manifest, run=replace(manifest.run, started_at=never))) == (None, None)
 

@@ -1,4 +1,4 @@
-"""A sheet of charts as PDF: as large as it says, of letters and lines; and what is no sheet is refused in words."""
+"""A sheet of charts as PDF: stated size, text and vector graphics; invalid sheets are rejected."""
 
 import io
 from typing import Any
@@ -42,7 +42,7 @@ def escaped(words: str) -> str:
 
 
 def drawing() -> str:
-    """A sheet as the page writes it, with data for programs in it."""
+    """Return a sheet in the form of the page, with embedded data."""
     letters = [f'<text x="70" y="20" fill="#1b1f24" font-weight="600">{HEADING}</text>']
     for row, words in enumerate((*TICKS, LINE, HATS, FOOT, SPAN)):
         more = f'xml:space="preserve" data-role="foot" text-anchor="{("start", "middle", "end")[row % 3]}"'
@@ -193,13 +193,13 @@ def texts(number: int, letters: int) -> str:
 
 
 def way(characters: int) -> str:
-    """A path whose ``d`` has so many characters."""
+    """Return a path whose ``d`` has this number of characters."""
     points = "h1v1" * (characters // 4 - 1)
     return f'<path d="{"M0 0" + points}{"0" * (characters % 4)}" fill="none" stroke="#0072B2"/>'
 
 
 def at_the_bounds() -> str:
-    """As much of everything as one sheet may have within the characters of a request."""
+    """Return a sheet with the maximum of all quantities within the length of a request."""
     longest = MOST_LETTERS // MOST_LETTERS_OF_A_TEXT - 10
     short = MOST_TEXTS - longest
     letters = texts(longest, MOST_LETTERS_OF_A_TEXT) + texts(short, 1)

@@ -1,4 +1,4 @@
-"""A signature is of the very bytes of a page and of who signed; keys are as OpenSSH writes them."""
+"""A signature covers the bytes of a page and the name of the signer; keys have the OpenSSH format."""
 
 import json
 import stat
@@ -34,7 +34,7 @@ FINGERPRINT = "SHA256:+DiY3wvvV6TuJJhbpZisF/zLDA0zPMSvHdkr4UvCOqU"
 
 
 def test_the_signature_is_verified_with_only_the_page_and_the_documented_message() -> None:
-    """By hand, without a line of ours: heading, all else that the element says, the page without it."""
+    """Verified without code of Sinew: heading, other content of the element, and page without the element."""
     signed = sign_page(PAGE, KEY, "<rig> & λ")
     begin = signed.index(b'<template id="signature">')
     end = signed.index(b"</template>", begin)

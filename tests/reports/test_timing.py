@@ -1,4 +1,4 @@
-"""How a run kept its time, as its report says it, against samples of which it is known."""
+"""The timing of a run in its report, for samples with known timing."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Verification of reports: single changes and forgeries are found."""
+"""Verification of reports: single changes and forgeries are detected."""
 
 import asyncio
 import json
@@ -51,7 +51,7 @@ from tests.reasons import Reason
 from tests.refusals import refused
 from tests.reports import forgeries
 
-# Each single change of a report, or of its samples, is found and named; one that nobody touched holds.
+# Each single change of a report or of its samples is reported; an unchanged report is verified.
 
 BEGIN, END = '<template id="evidence">', "</template>"
 Document = dict[str, Any]
@@ -302,7 +302,7 @@ def test_missing_samples_that_the_result_does_not_count_are_reported(report: Mad
     columns = {name: column[kept] for name, column in report.source.columns.items()}
     result = report.source.result
     assert result is not None
-    fewer = replace(report.source, columns=columns, result=result)  # whose result counts none as missing
+    fewer = replace(report.source, columns=columns, result=result)  # the result counts no missing samples
     assert "metrics, missing_samples" in names(verify_report(to_html(build_report(fewer)), columns))
 
 
@@ -359,7 +359,7 @@ def test_the_texts_of_a_report_of_another_version_are_not_compared(report: Made)
 
 @pytest.mark.parametrize("said", [None, "0123456789abcdef"])
 def test_a_page_of_another_layout_is_not_verified(report: Made, said: str | None) -> None:
-    """Two states of the source code have one version number; an account of before the layout was named lacks it."""
+    """Different source code may have the same version number; older manifests do not contain the layout."""
     changed = report.page.replace("</h1>", ", in other words</h1>", 1)
     assert changed != report.page
     versions = {name: one for name, one in made_with().items() if name != LAYOUT or said is not None}
@@ -375,7 +375,7 @@ def test_a_page_of_another_layout_is_not_verified(report: Made, said: str | None
 
 
 def test_a_report_without_newer_signals_is_verified_with_its_export(report: Made, tmp_path: Path) -> None:
-    """The stored run lacks them; the file that is written beside the report has them without values."""
+    """The stored run lacks the signals; the exported file contains them without values."""
     lacking = ("V_A", "n_q")
     columns = {name: column for name, column in report.source.columns.items() if name not in lacking}
     older = replace(report.source, columns=columns)
@@ -403,7 +403,7 @@ def test_a_report_without_a_result_is_verified_and_the_missing_result_is_stated(
 def test_a_metrics_file_of_an_earlier_version_is_compared_in_the_current_form(
     report: Made, changed: Document, names: list[str]
 ) -> None:
-    """Before the motion was kept, a voltage limit alone said that references are followed time-optimally."""
+    """Before the motion was stored, a voltage limit alone indicated time-optimal motion."""
     settings = report.source.run.settings
     followed = {**settings, "loop": {**settings["loop"], "motion": "time-optimal"}}
     source = replace(report.source, run=replace(report.source.run, settings=followed))
@@ -413,7 +413,7 @@ def test_a_metrics_file_of_an_earlier_version_is_compared_in_the_current_form(
     assert [one.name for one in found.differences if one.name.startswith("metrics.json")] == names
 
 
-# What is told of two lines that differ.
+# The texts of two different lines.
 
 
 @pytest.mark.parametrize(
@@ -424,7 +424,7 @@ def test_the_two_texts_of_a_difference_are_never_equal(one: str, other: str) -> 
     assert said != found
 
 
-# No forged report holds: each change is a difference, or said not to be compared.
+# No forged report is verified: each change is a difference, or stated as not compared.
 
 Forging = Callable[[str], Iterator[tuple[str, str]]]
 KINDS: dict[str, tuple[Forging, int]] = {
@@ -443,7 +443,7 @@ def report_forged(tmp_path_factory: pytest.TempPathFactory) -> Made:
 
 
 def held(report: Made, forged: Iterator[tuple[str, str]]) -> tuple[int, list[str]]:
-    """Return how many forgeries were tried, and which of them hold."""
+    """Return the number of tested forgeries, and the names of those that are verified."""
     tried, found = 0, []
     for name, page in forged:
         assert page != report.page, name
@@ -481,7 +481,7 @@ def signed(report_forged: Made) -> bytes:
 
 
 def valid(forged: Iterator[tuple[str, bytes]], page: bytes) -> tuple[int, list[str]]:
-    """Return how many forgeries were tried, and which of them the key has signed."""
+    """Return the number of tested forgeries, and the names of those with a valid signature."""
     tried, found = 0, []
     for name, one in forged:
         assert one != page, name
@@ -517,7 +517,7 @@ def test_a_forgery_of_a_signed_page_invalidates_its_signature(report_forged: Mad
 def test_a_page_without_a_signature_of_the_given_key_is_not_verified(
     report_forged: Made, signed: bytes, forge: str
 ) -> None:
-    """Whatever its numbers: here they all hold."""
+    """The numbers of these pages are all verified."""
     pages = {
         "of_the_signature": dict(forgeries.of_the_signature(signed, OTHER))["another name"],
         "by another key": sign_page(signed, OTHER, "rig-2"),
@@ -531,7 +531,7 @@ def test_a_page_without_a_signature_of_the_given_key_is_not_verified(
 
 
 def test_the_verification_time_of_unclosed_tags_is_proportional_to_the_page_size(report_forged: Made) -> None:
-    """Twice the page, about twice the time: within a run, so that no machine's speed matters."""
+    """A page of twice the size takes about twice the time; the ratio does not depend on the machine."""
 
     def seconds(megabytes: int) -> float:
         page = report_forged.page.replace("</body>", "<svg" * (megabytes * 250_000) + "</body>")

@@ -1,4 +1,4 @@
-"""The model of an identification is estimated again too, and a run evaluated again has the same report."""
+"""Verification estimates the model of an identification again; a repeated evaluation gives the same report."""
 
 import asyncio
 import copy
@@ -47,7 +47,7 @@ PLANS: dict[str, tuple[IdentificationPlan, tuple[str, ...]]] = {
 def identified(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[str, RunData, RunData]:
-    """A run of each kind, and the same evaluated once more."""
+    """Return a run of each kind, and the same run after a second evaluation."""
     database = open_database(tmp_path_factory.mktemp(request.param))
     plan, _ = PLANS[request.param]
     with open_headless_rig(database, load_parameters("ideal"), LoopSettings()) as station:
@@ -91,7 +91,7 @@ def test_a_changed_model_with_correct_hashes_is_reported_with_its_name(
 
 
 def of_another_layout(source: RunData) -> str:
-    """Return the page of a run as another state of the source code has written it, with a true account."""
+    """Return the page of a run in another layout, with a correct manifest."""
     page = to_html(build_report(source))
     manifest = read_manifest(page)
     assert isinstance(manifest, ReportManifest)

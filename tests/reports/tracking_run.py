@@ -1,4 +1,4 @@
-"""A tracking run as the loop would record it, computed from closed forms: no plant, no loop, no database."""
+"""A tracking run in the form of a recording, computed from closed forms without plant, loop and database."""
 
 from datetime import UTC, datetime
 

@@ -63,7 +63,7 @@ def die_always(base: StudyBase, point: Point) -> StudyPoint:
 
 
 def patient(base: StudyBase, point: Point) -> StudyPoint:
-    """From point 4 on, wait for the file ``go``; leave a mark for each computed point."""
+    """From point 4 on, wait for the file ``go``; create a marker file for each computed point."""
     while point.number >= 4 and not (_folder(base) / "go").exists():
         time.sleep(0.01)
     (_folder(base) / f"{point.number}-{os.getpid()}").touch()
@@ -80,6 +80,6 @@ def _row(point: Point) -> StudyPoint:
 
 
 def in_folder(base: StudyBase, folder: Path) -> StudyBase:
-    """Return a study base that tells the computations of these tests the folder of their marks."""
+    """Return a study base that passes the folder of the marker files to the computations."""
     document: dict[str, Any] = {**base.parameters, "folder": str(folder)}
     return StudyBase(**{**vars(base), "parameters": document})

@@ -1,4 +1,4 @@
-"""A study on a Dask cluster: the same table, bit for bit; a worker that is killed loses nothing."""
+"""A study on a Dask cluster: an identical table, and no lost points if a worker is killed."""
 
 import json
 import os
@@ -27,7 +27,7 @@ ROOT = Path(__file__).parents[2]
 
 
 class Cluster:
-    """A scheduler and two workers, each a process of its own."""
+    """A scheduler and two workers, each in its own process."""
 
     def __init__(self, folder: Path, stack: ExitStack, **environment: str) -> None:
         self._folder, self._stack, self._environment = folder, stack, environment
@@ -80,7 +80,7 @@ def test_a_killed_cluster_worker_loses_no_points(database: Database, cluster: Cl
     class Losing(ClusterExecutor):
         def submit(self, point: Point) -> None:
             super().submit(point)
-            if point.number == 5:  # from 4 on they wait: both workers have one in their hands
+            if point.number == 5:  # from point 4 on they wait: both workers have a point
                 cluster.workers[0].send_signal(signal.SIGKILL)
                 cluster.workers[0].wait()
                 (tmp_path / "go").touch()

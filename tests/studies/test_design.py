@@ -1,4 +1,4 @@
-"""Which runs a study has, and what its example shows."""
+"""The runs of a study, and the results of the example study."""
 
 import itertools
 import math

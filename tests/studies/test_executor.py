@@ -1,4 +1,4 @@
-"""Studies under way: their turns, their processes and places."""
+"""Running studies: their order, processes and waiting places."""
 
 import asyncio
 from collections.abc import Callable
@@ -22,7 +22,7 @@ from backend.workers import WorkerProcess
 from plant.parameters import load_parameters
 from tests.studies.studying import SHORT
 
-# Which points run at the same time after processes have died, with pools that break on request.
+# Simultaneous points after the death of processes, with pools that fail on request.
 
 GUILTY, INNOCENT, NEXT = (Point(number, {}, {}) for number in range(3))
 BASE = StudyBase("", "", "", {}, {})
@@ -92,11 +92,11 @@ def test_late_reports_of_a_broken_pool_do_not_discard_its_replacement(executor: 
     assert sorted(executor.list_submitted_numbers()) == [0, 1]
 
 
-# Studies of the page: their turns, stops and places, with a process that does what the test says.
+# Studies of the page: their order, stops and waiting places, with a process that the test controls.
 
 
 class Process:
-    """Stands for a WorkerProcess: runs works in a thread once ``gate`` is open, and counts them."""
+    """Replaces a WorkerProcess: executes jobs in a thread after ``gate`` opens, and counts them."""
 
     def __init__(self) -> None:
         self.gate = asyncio.Event()
@@ -144,7 +144,7 @@ def test_a_study_is_resumed_after_the_end_of_its_previous_attempt(database: Data
         await asyncio.sleep(0)
         await asyncio.to_thread(
             Studies(database).request_stop, study.id
-        )  # from elsewhere: this one does not hear of it
+        )  # by another service: this one is not notified
         await page.resume(study.id)
         with database.reading() as session:
             assert not studies.get(session, study.id).stop_asked

@@ -33,12 +33,12 @@ AXES = {"lam_q": (0.5, 0.8), "lam_S": (0.5, 0.7)}
 
 
 def named(figure: str) -> StudyMetric:
-    """Return a figure with its name for a label."""
+    """Return a metric with its name as the label."""
     return StudyMetric(figure, figure, "1")
 
 
 def runs_of(figure: str, *values: float | None) -> list[StudyPoint]:
-    """Return runs on plants that differ, all of them in one cell."""
+    """Return runs on different plants, all in one cell."""
     return [
         StudyPoint(number, "completed", "", None, {"lam_q": 0.8, "lam_S": 0.5}, {figure: value})
         for number, value in enumerate(values)
@@ -201,7 +201,7 @@ def test_the_colour_range_spans_at_least_a_twentieth_of_the_value() -> None:
 
 
 def test_numbers_are_readable_on_any_colour() -> None:
-    """Contrast of text as WCAG 2.1 defines it: 4.5 at least."""
+    """The text contrast is at least 4.5 as defined by WCAG 2.1."""
     for share in np.linspace(0.0, 1.0, 101):
         colour = matplotlib.colormaps["viridis"](share)
         ink = 1.0 if study_map.ink_on(colour) == "white" else 0.0

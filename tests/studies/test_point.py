@@ -50,7 +50,7 @@ def figures_of(design: Design, number: int) -> dict[str, float | None]:
 
 
 def loops(lam_q: float, own_K_m: float, own_T_m: float) -> dict[str, np.ndarray]:
-    """Open loops of q and S: motor equations, springs and laws of table 2, with gains for K_m and T_m as identified."""
+    """Return the open loops of q and S from motor equations, springs and table 2, with the identified K_m and T_m."""
     s = 1j * OMEGA
     D = 4.0 * T_m - LAM
     k_p, k_i = 4.0 * T_m**2 / (K_m * LAM**2 * D), T_m**2 / (K_m * LAM**3 * D)
@@ -58,7 +58,7 @@ def loops(lam_q: float, own_K_m: float, own_T_m: float) -> dict[str, np.ndarray]
     damping = K_t / own_K_m
     drive = K_t / (TAU_E * s + 1.0) / (t_f * s + 1.0)
     shaft = damping * (own_T_m * s**2 + s) + drive * (k_i / s + k_p + k_d * s)
-    # Motors against each other turn the joint, which gives way; both the same way they stretch the springs alone.
+    # The differential mode turns the compliant joint; the common mode only elongates the springs.
     joint = 2.0 * R_j * R_m * SLOPE / (J_j * s**2 + B_j * s + 2.0 * R_j**2 * SLOPE)
     apart = drive * k_i / s / (shaft + R_m * SLOPE * (R_m - R_j * joint))
     together = drive * k_i / s / (shaft + R_m**2 * SLOPE)

@@ -122,7 +122,7 @@ def test_a_stopped_study_continues_with_the_missing_points(database: Database, t
     asked: list[int] = []
 
     def notify(progress: Progress) -> None:
-        if asked:  # the request has been read by now
+        if asked:  # the request has been read
             (tmp_path / "go").touch()
         elif progress.done == 4:
             asked.append(progress.done)
@@ -228,7 +228,7 @@ def test_a_killed_study_continues_with_the_missing_points(database: Database, tm
 
 
 def computed_in(folder: Path) -> list[int]:
-    """Return the numbers of the points that have left a mark in the folder."""
+    """Return the numbers of the points that have a marker file in the folder."""
     return sorted(int(path.name.split("-")[0]) for path in folder.glob("*-*"))
 
 

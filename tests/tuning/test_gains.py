@@ -1,4 +1,4 @@
-"""Gains by the formulas of the paper, and what geometry predicts."""
+"""Gains by the formulas of the paper, and predictions from the geometry."""
 
 import math
 
@@ -19,7 +19,7 @@ from backend.tuning.robustness import linearize_one_motor
 from plant.parameters import load_parameters
 from tests.refusals import refused
 
-# Table 2 with its erratum: gains at the paper's numbers, poles, continuity, refusals.
+# Table 2 with its erratum: gains at the numbers of the paper, poles, continuity, rejections.
 
 K_m, T_m = 2.86, 0.22
 
@@ -90,7 +90,7 @@ def test_a_motor_loop_that_is_too_slow_is_rejected_with_its_bound() -> None:
         outer_gains(1.0, 0.342, 0.5, b=1.5)
 
 
-# Gains and lags that geometry, springs and motor loops predict, against their closed forms for like quadratic springs.
+# Gains and lags from geometry, springs and motor loops, compared with closed forms for equal quadratic springs.
 #
 # The motor loops give four lags λ. The joint lags by B_j/S. A tendon that pulls more turns its motor back until the
 # integral has made up for it: r_m² F'/(2 K_t k_i) later on both sides, which leaves q alone and delays S twice.

@@ -1,4 +1,4 @@
-"""Previews of a tuning, and the bound of the motors on a step."""
+"""Previews of a tuning, and the shortest step that the motors allow."""
 
 import math
 import pickle
@@ -30,7 +30,7 @@ from backend.tuning.simulation import simulate_cascade
 from plant.parameters import load_parameters
 from tests.refusals import refused
 
-# The preview against the non-linear simulation it stands for, and its refusals.
+# The preview, compared with the non-linear simulation, and its rejections.
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ SMALL = Steps((0.0, 0.02), (10.55, 10.57))
 
 @pytest.mark.parametrize("lam", [0.4, 0.6, 1.2])
 def test_small_steps_match_the_linear_loop(previewer: TuningPreviewer, lam: float) -> None:
-    """Of a state space that python-control closes and integrates: four lags of the motors, their load, the joint."""
+    """The reference is a state space of motors, load and joint that python-control closes and integrates."""
     parameters, lambdas = load_parameters("ideal"), TuningParameters(lam_q=lam, lam_S=lam)
     preview = previewer.preview(lambdas, 10.55, steps=SMALL)
     model = decoupled_model(parameters, make_motor_loops(parameters, LAM_MOTOR), 10.55)
@@ -92,7 +92,7 @@ def test_the_trajectory_sets_the_step_time_and_lambda_sets_the_recovery_time(pre
 
 
 def test_the_preview_uses_the_requested_stiffness(previewer: TuningPreviewer) -> None:
-    """10 N at S = 8.24 N·m/rad, 40 N at 14.06 (method section 1): no step of q leaves more than that."""
+    """The tension is 10 N at S = 8.24 N·m/rad and 40 N at 14.06 (method section 1); steps of q do not exceed it."""
     for S, tension in ((8.24, 10.0), (14.06, 40.0)):
         preview = previewer.preview(TuningParameters(), S)
         assert preview.S == S
@@ -112,7 +112,7 @@ def test_lambda_outside_the_safe_range_is_refused(previewer: TuningPreviewer) ->
 
 
 def test_robustness_bounds_the_lambda_range_at_full_voltage(previewer: TuningPreviewer) -> None:
-    """With the paper's ±10 V the governor keeps the largest steps unclipped: M_s = 1.7 ends the range."""
+    """At the ±10 V of the paper the governor avoids saturation in the largest steps, so M_s = 1.7 ends the range."""
     lam_q_min, lam_S_min = previewer.safe_range()
     preview = previewer.preview(TuningParameters(lam_q=lam_q_min, lam_S=lam_S_min))
     assert preview.position.robustness.M_s == pytest.approx(1.7, abs=1e-3)
@@ -120,7 +120,7 @@ def test_robustness_bounds_the_lambda_range_at_full_voltage(previewer: TuningPre
 
 
 def test_a_low_maximum_voltage_narrows_the_lambda_range() -> None:
-    """With 4 V the same steps would clip: the range ends where the largest of them just does not."""
+    """At 4 V these steps would saturate; the range ends where the largest step just does not."""
     ideal = load_parameters("ideal")
     weak = replace(ideal, motor=replace(ideal.motor, u_max=4.0))
     lam_q_min, lam_S_min = TuningPreviewer(weak).safe_range()
@@ -174,7 +174,7 @@ def test_an_unattainable_sensitivity_peak_is_rejected_with_the_attainable_range(
 
 @pytest.mark.parametrize("M_s", [1.45, 1.6, 1.69, 1.9])
 def test_lambdas_for_a_sensitivity_peak_are_within_the_offered_range(previewer: TuningPreviewer, M_s: float) -> None:
-    """What a wanted M_s gives can be put in force, or the refusal says where the offer begins."""
+    """The λ for a requested M_s can be activated, or the rejection states the start of the offered range."""
     found = previewer.lambdas_for(M_s)
     given = {name: lam for name, lam in found.items() if isinstance(lam, float)}
     low, high = previewer.motor_range()
@@ -186,7 +186,7 @@ def test_lambdas_for_a_sensitivity_peak_are_within_the_offered_range(previewer: 
 
 
 def test_two_motors_without_a_common_lambda_are_rejected() -> None:
-    """One peaks above 1.7 below 0.12 s, the other's lag leaves no λ from 0.076 s on."""
+    """M_s of one motor exceeds 1.7 below 0.12 s; the lag of the other allows no λ above 0.076 s."""
     ideal = load_parameters("ideal")
     slow = motor_model(replace(ideal, motor=replace(ideal.motor, tau_e=0.02)), "A")
     brisk = replace(motor_model(ideal, "B"), T_m=0.02)
@@ -196,18 +196,18 @@ def test_two_motors_without_a_common_lambda_are_rejected() -> None:
 
 
 def test_a_slow_winding_narrows_the_range_of_the_motor_loop() -> None:
-    """With L/R = 20 ms the loop at 0.0854 s peaks above 1.7: it is refused, and the offer begins where 1.7 is met."""
+    """With L/R = 20 ms, M_s at 0.0854 s exceeds 1.7 and is rejected; the offered range begins at M_s = 1.7."""
     ideal = load_parameters("ideal")
     slow = replace(ideal, motor=replace(ideal.motor, tau_e=0.02))
     motor = motor_model(slow, "A")
     low, _ = motor_range(motor)
-    assert 0.1205 < low < 0.1206  # the refusal rounds it inwards, to three digits
+    assert 0.1205 < low < 0.1206  # the message rounds the bound inwards, to three digits
     with pytest.raises(OutOfRangeError, match=r"λ_motor: 0\.0854 s is outside 0\.121 to 0\.2 s"):
         TuningPreviewer(slow)
     assert motor_robustness(motor, motor_gains(motor.K_m, motor.T_m, low)).M_s == pytest.approx(M_S_MAX, abs=1e-3)
 
 
-# What a tuning would do is the same computed from what goes to another process as from the tuning in use.
+# A preview in another process equals a preview of the active tuning.
 
 
 def test_a_preview_from_a_pickled_snapshot_is_unchanged() -> None:
@@ -229,7 +229,7 @@ def test_models_are_cached_for_equal_tunings_only() -> None:
     assert replace(asked, parameters=load_parameters("ideal")).resolve().previewer is not first
 
 
-# The bound of the motors on a position step, against the figures of the method and an integrated motor.
+# The shortest position step that the motors allow, compared with the method and an integrated motor.
 
 PARAMETERS = load_parameters("ideal")
 

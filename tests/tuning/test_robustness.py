@@ -1,4 +1,4 @@
-"""Sensitivity peaks against the figures of the method page (errata E5, E6) and against brute force."""
+"""Sensitivity peaks compared with the values of the method page (errata E5, E6) and with brute force."""
 
 import control
 import numpy as np
@@ -36,7 +36,7 @@ MOTOR = MotorModel(K_m, T_m, TAU_E)
 
 
 def exact_loop(omega: np.ndarray, lam: float, tau_e: float) -> np.ndarray:
-    """The sampled loop as the sum over all images of the continuous one under a hold (Poisson), not by its poles."""
+    """Return the sampled loop as the Poisson sum of the held continuous loop, not from its poles."""
     k_p, k_i, k_d, t_f = motor_gains(K_m, T_m, lam)
     z = np.exp(1j * omega * T_s)
     images = 1j * (omega[:, np.newaxis] + 2.0 * np.pi / T_s * np.arange(-200, 201))
@@ -58,7 +58,7 @@ def test_motor_robustness_matches_the_sampled_loop_with_electrical_lag(lam: floa
 
 
 def test_margins_of_the_motor_loop_are_named_by_their_direction() -> None:
-    """A gain that may fall to 4 % is not "the gain that is left": that is the factor by which it may grow."""
+    """The gain margin is the factor of a permitted increase; the permitted decrease has its own name."""
     fast = motor_robustness(MOTOR, motor_gains(K_m, T_m, 0.05))
     assert fast.gain_margin == pytest.approx(14.0, abs=0.05)
     assert fast.gain_reduction == pytest.approx(0.0402, abs=5e-4)
@@ -80,7 +80,7 @@ def test_motor_lambda_inverts_M_s_and_refuses_outside_its_span() -> None:
 
 
 def test_the_smaller_of_two_lambdas_with_equal_M_s_is_returned() -> None:
-    """Of a quick motor with a slow winding M_s falls to 1.41 at λ = 0.15 s, and is 1.52 at the last that is offered."""
+    """For a fast motor with a slow winding, M_s decreases to 1.41 at λ = 0.15 s and is 1.52 at the largest λ."""
     quick = MotorModel(K_m, 0.05, tau_e=0.01)
     lambdas = np.linspace(*motor_range(quick), 80)
     peaks = [motor_robustness(quick, motor_gains(K_m, 0.05, lam)).M_s for lam in lambdas]
@@ -150,7 +150,7 @@ def test_safe_range_ends_where_M_s_is_1_7() -> None:
 
 
 def test_the_safe_range_begins_above_the_largest_lambda_with_excessive_M_s() -> None:
-    """One λ in the middle may be it alone: then neither the one before nor one further on bounds the search."""
+    """M_s may be excessive at a single λ in the middle of the range, so its neighbours do not bound the search."""
     parameters = load_parameters("ideal")
     point = designed_point(parameters)
     model = decoupled_model(parameters, make_motor_loops(parameters, LAM), point.S_nominal)

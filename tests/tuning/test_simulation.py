@@ -1,4 +1,4 @@
-"""The sampled closed loop and forecasts of pushes, against equations of other methods."""
+"""The sampled closed loop and forecasts of pushes, compared with independent methods."""
 
 import math
 from dataclasses import replace
@@ -33,9 +33,9 @@ from backend.tuning.simulation import (
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 
-# The sampled closed loop against one written out by hand: the ideal plant's two modes, the laws as z-transforms.
+# The sampled closed loop, compared with the two modes of the ideal plant and z-transforms of the laws.
 #
-# Numbers are those of the method (sections 1 and 5), equations its own; nothing of the product is in the reference.
+# The numbers are those of the method (sections 1 and 5); the reference contains no code of Sinew.
 
 ArraySampledLoop = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -53,13 +53,13 @@ F = np.array([0.05, 0.2, 0.7, 2.0, 6.0, 20.0])
 
 
 class Mode(NamedTuple):
-    """Both motors turned against each other with the joint, or alike: x' = A x + B (u, τ_ext)."""
+    """Differential mode of the motors with the joint, or common mode: x' = A x + B (u, τ_ext)."""
 
     A: ArraySampledLoop
     B: ArraySampledLoop
 
     def response(self, f: ArraySampledLoop) -> Complex:
-        """Of the whole state (n, states, 2), under inputs that are held over a tick."""
+        """Return the response of the whole state (n, states, 2) to inputs held over a tick."""
         A, B, *_ = cont2discrete((self.A, self.B, np.eye(len(self.A)), np.zeros_like(self.B)), T_s)
         z = np.exp(2j * np.pi * f * T_s)
         return np.array([np.linalg.solve(one * np.eye(len(A)) - A, B) for one in z])
@@ -84,7 +84,7 @@ COMMON = Mode(
 
 
 def laws(lam: float, lam_motor: float, z: Complex) -> tuple[Complex, Complex, Complex, Complex]:
-    """From motor reference and angle to voltage, and from reference and measurement to the outer loop's signal."""
+    """Return the motor law from reference and angle, and the outer law from reference and measurement."""
     D = 4.0 * T_M - lam_motor
     k_p, k_i = 4.0 * T_M**2 / (K_M * lam_motor**2 * D), T_M**2 / (K_M * lam_motor**3 * D)
     k_d, t_f = (6.0 * T_M**2 - lam_motor * D) / (K_M * lam_motor * D), T_M * lam_motor / D
@@ -98,7 +98,7 @@ def laws(lam: float, lam_motor: float, z: Complex) -> tuple[Complex, Complex, Co
 
 
 def by_hand(signal: str, lam: float, f: ArraySampledLoop = F) -> Complex:
-    """Response of q to (q_ref, τ_ext), or of S to S_ref."""
+    """Return the response of q to (q_ref, τ_ext), or of S to S_ref."""
     z = np.exp(2j * np.pi * f * T_s)
     of_reference, of_angle, outer, measured = laws(lam, 0.0854, z)
     if signal == "S":
@@ -108,7 +108,7 @@ def by_hand(signal: str, lam: float, f: ArraySampledLoop = F) -> Complex:
     X = DIFFERENCE.response(f)
     gain = R_J / R_M
     found = []
-    for k in range(f.size):  # θ and q as u and τ_ext move them, u as θ and q ask for it
+    for k in range(f.size):  # response of θ and q to u and τ_ext, and of u to θ and q
         (q_u, q_tau), (th_u, th_tau) = X[k, 0], X[k, 2]
         A = np.array([[1.0 + q_u * of_reference[k] * gain * measured[k], q_u * of_angle[k]],
                       [th_u * of_reference[k] * gain * measured[k], 1.0 + th_u * of_angle[k]]])  # fmt: skip
@@ -133,7 +133,7 @@ def test_the_static_deflection_without_the_position_loop_follows_the_stiffness()
 
 
 def test_the_response_to_a_push_matches_a_differential_equation() -> None:
-    """Continuous laws integrated by another method: the sampling is 1 ms, the loops' lags are hundreds of them."""
+    """Another method integrates the continuous laws; the lags of the loops are hundreds of samples long."""
     lam, lam_m, tau = 0.5, 0.0854, 0.75
     D = 4.0 * T_M - lam_m
     k_p, k_i = 4.0 * T_M**2 / (K_M * lam_m**2 * D), T_M**2 / (K_M * lam_m**3 * D)
@@ -171,11 +171,11 @@ UNLIKE = replace(
 
 
 def measured_response(parameters: PlantParameters, tuning: cascade.CascadeTuning, signal: str, period: int) -> Complex:
-    """Of q and S (2,) to a small sine of a reference: fitted over whole periods, after the transient."""
+    """Return the response of q and S (2,) to a small reference sine, fitted over whole periods after the transient."""
     ticks, before = period * max(round(3000 / period), 2), -(-8000 // period) * period
     phase = 2.0 * np.pi * np.arange(before + ticks) / period
     size, still = {"q": 0.004, "S": 0.02}[signal], np.zeros(phase.size)
-    # No two samples in a row are alike: a reference that stands for a tick goes on as a small step (decision 0053).
+    # No consecutive samples are equal: a reference that is constant for a tick becomes a small step (decision 0053).
     wave = size * np.sin(phase + 0.001)
     q_ref, S_ref = (wave, S + still) if signal == "q" else (still, S + wave)
     run = simulation.simulate_cascade(parameters, tuning, q_ref, S_ref)
@@ -191,7 +191,7 @@ def measured_response(parameters: PlantParameters, tuning: cascade.CascadeTuning
 def test_the_simulated_actuator_follows_a_small_sine_as_predicted(
     sides: str, u_plan: float, signal: str, period: int
 ) -> None:
-    """The non-linear simulator with the tick's cascade, beside the linear loop in ticks."""
+    """The non-linear simulator with the cascade is compared with the sampled linear loop."""
     parameters = IDEAL if sides == "alike" else UNLIKE
     tuning = make_cascade_tuning(parameters, TuningParameters(lam_q=0.4), u_plan=u_plan)
     f = np.array([1.0 / (period * T_s)])
@@ -199,7 +199,7 @@ def test_the_simulated_actuator_follows_a_small_sine_as_predicted(
     H = by(parameters, tuning, S, f)[0, :, {"q": 0, "S": 1}[signal]]
     measured = measured_response(parameters, tuning, signal, period)
     own = {"q": 0, "S": 1}[signal]
-    # With a plan the integrator of S leaves alone what is less than 0.01 N·m/rad: all that is left of so small a sine.
+    # In time-optimal motion the integrator of S ignores less than 0.01 N·m/rad: the error of such a small sine.
     bounds = (1e-5, 2e-3 if u_plan else 1e-5)
     assert abs(measured[own] / H[own] - 1.0) < bounds[own]
     assert abs(measured[1 - own] - H[1 - own]) < bounds[1 - own]
@@ -220,9 +220,9 @@ def test_a_time_optimal_response_has_unit_gain_and_no_lag_for_any_lambda() -> No
     np.testing.assert_allclose(slow, fast, atol=2e-3)
 
 
-# What is said of a push before it comes: against differential equations of another method, and by the loop's margins.
+# Forecasts of pushes, compared with differential equations by another method and with the margins of the loop.
 #
-# Numbers are those of the method (sections 1 and 5), as above.
+# The numbers are those of the method (sections 1 and 5), as above.
 
 HELD = S
 IDEAL_PUSH_FORECAST, LAB = load_parameters("ideal"), load_parameters("lab")
@@ -230,7 +230,7 @@ LAM_M = 0.0854
 
 
 def integrated(lam: float, k_ext: float, tau: float, seconds: float, f: float = 0.0) -> Array:
-    """Joint under a torque, held or a sine of ``f`` [Hz]: continuous laws, observer and rejection, by LSODA."""
+    """Integrate the joint under a constant or sine torque of ``f`` [Hz] with continuous laws and observer by LSODA."""
     D = 4.0 * T_M - LAM_M
     k_p, k_i = 4.0 * T_M**2 / (K_M * LAM_M**2 * D), T_M**2 / (K_M * LAM_M**3 * D)
     k_d, t_f = (6.0 * T_M**2 - LAM_M * D) / (K_M * LAM_M * D), T_M * LAM_M / D
@@ -291,7 +291,7 @@ def test_the_forecast_apparent_stiffness_matches_the_response_to_a_sine_force(k_
 
 
 def test_disturbance_rejection_raises_the_slow_and_lowers_the_fast_apparent_stiffness() -> None:
-    """With a slow position loop: behind the motors' lags, what comes at 1 Hz comes with the push, not against it."""
+    """With a slow position loop, the lag of the motors makes the compensation at 1 Hz act with the push."""
     off, on = (
         forecast_push(LAB, make_cascade_tuning(LAB, TuningParameters(lam_q=2.0), k_ext=k), HELD, 2.0)
         for k in (0.0, 1.0)
@@ -299,14 +299,14 @@ def test_disturbance_rejection_raises_the_slow_and_lowers_the_fast_apparent_stif
     assert off.apparent_stiffness_slow == pytest.approx(HELD, rel=0.02)
     assert on.apparent_stiffness_slow > 3.0 * off.apparent_stiffness_slow
     assert on.apparent_stiffness_fast < 0.9 * off.apparent_stiffness_fast
-    assert on.deflection == pytest.approx(off.deflection, rel=1e-3)  # the springs are there before any motor is
+    assert on.deflection == pytest.approx(off.deflection, rel=1e-3)  # the springs act before the motors
     assert on.recovery_s < 0.25 * off.recovery_s
 
 
 def test_a_joint_that_does_not_recover_has_no_recovery_time() -> None:
     slow = make_cascade_tuning(IDEAL_PUSH_FORECAST, TuningParameters(lam_q=3.0))
-    assert math.isnan(forecast_push(IDEAL_PUSH_FORECAST, slow, HELD, 0.1).recovery_s)  # looked at for 3.4 s
-    assert math.isnan(forecast_push(IDEAL_PUSH_FORECAST, slow, HELD, 0.1).recovery_s)  # and as remembered
+    assert math.isnan(forecast_push(IDEAL_PUSH_FORECAST, slow, HELD, 0.1).recovery_s)  # the forecast covers 3.4 s
+    assert math.isnan(forecast_push(IDEAL_PUSH_FORECAST, slow, HELD, 0.1).recovery_s)  # and from the cache
 
 
 @pytest.mark.parametrize("k_ext", [-0.1, 1.1, math.nan])
@@ -321,9 +321,9 @@ _STATES = 25
 
 
 def opened(lam: float, S: float, k_ext: float, K_env: float = 0.0, off: float = 1.0) -> tuple[Array, Array, Array]:
-    """A, B, C of a tick, opened at the equilibrium that is asked for: observer and rejection in, no dead zone.
+    """Return A, B, C of a tick, opened at the requested equilibrium, with observer and rejection, without dead zone.
 
-    The springs are ``off`` times what the observer takes them for; the joint leans on ``K_env`` [N·m/rad].
+    The springs are ``off`` times those of the observer; the joint is in contact with ``K_env`` [N·m/rad].
     """
     tuning = make_cascade_tuning(LAB, TuningParameters(lam_q=lam), k_ext=k_ext)
     d, observer = tuning.decoupler, disturbance_observer.build_observer(LAB)
@@ -366,7 +366,7 @@ def opened(lam: float, S: float, k_ext: float, K_env: float = 0.0, off: float = 
 
 
 def M_s(A: Array, B: Array, C: Array) -> float:
-    """Largest sensitivity of the loop that is opened there."""
+    """Return the sensitivity peak of the opened loop."""
     z = np.exp(2j * np.pi * np.geomspace(0.02, 100.0, 500) * T_s)
     L = np.array([C @ np.linalg.solve(one * np.eye(len(A)) - A, B) for one in z])
     return float(np.max(np.abs(1.0 / (1.0 - L))))
@@ -377,7 +377,7 @@ def test_disturbance_rejection_does_not_change_the_margins_of_a_free_joint(lam: 
     for S in (8.0, 15.0):
         without = M_s(*opened(lam, S, 0.0))
         assert M_s(*opened(lam, S, 1.0)) == pytest.approx(without, abs=1e-3)
-        for off in (0.8, 1.25):  # springs that are not what they are taken for
+        for off in (0.8, 1.25):  # springs that differ from the model
             assert M_s(*opened(lam, S, 1.0, off=off)) == pytest.approx(without, abs=0.01)
 
 
@@ -391,14 +391,14 @@ def test_the_loop_is_stable_against_any_environment_stiffness(lam: float) -> Non
 
 
 def test_contact_with_a_stiff_environment_reduces_the_margin_with_the_rejection_gain() -> None:
-    """There the force grows as the joint presses: half of it fed forward doubles M_s at most, all has no bound."""
+    """The force increases with the motion of the joint, so M_s is bounded by 1 / (1 − k_ext)."""
     assert M_s(*opened(2.0, 8.0, 0.0, 100.0)) < 1.1
     assert 2.0 < M_s(*opened(2.0, 8.0, 0.7, 100.0)) < 1.0 / (1.0 - 0.7)
     assert M_s(*opened(2.0, 8.0, 1.0, 100.0)) > 5.0
 
 
 def test_the_torque_estimate_lags_by_the_observer_poles_and_one_tick() -> None:
-    """The mean delay of a step: a tick for the reading, and decay/(1 − decay) ticks for each of three lags."""
+    """The mean delay of a step is one tick for the reading and decay/(1 − decay) ticks for each of three lags."""
     decay = math.exp(-disturbance_observer.POLE * T_s)
     missing = 1.0 - estimate_torque(np.ones(5000))
     assert missing.sum() == pytest.approx(1.0 + 3.0 * decay / (1.0 - decay))
