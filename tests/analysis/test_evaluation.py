@@ -79,9 +79,9 @@ def outline(made: ExperimentPlan, played_s: float | None = None) -> Metrics:
 def result(
     made: ExperimentPlan, missed: int = 0, played_s: float | None = None
 ) -> tuple[dict[str, MeasuredFigure], Any]:
-    told = outline(made, played_s)
-    seen = {name: column[: round(told.played_s * 1000)] for name, column in columns(made).items()}
-    metrics, criteria = evaluate_experiment(seen, EvaluationContext(LAB, made, TuningSettings()), told, missed)
+    run_outline = outline(made, played_s)
+    seen = {name: column[: round(run_outline.played_s * 1000)] for name, column in columns(made).items()}
+    metrics, criteria = evaluate_experiment(seen, EvaluationContext(LAB, made, TuningSettings()), run_outline, missed)
     return {item.name: item for item in metrics.figures}, {item.name: item for item in criteria}
 
 

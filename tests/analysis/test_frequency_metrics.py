@@ -210,13 +210,13 @@ def made(*parts: str, tuning: TuningSettings | None = None) -> EvaluationContext
     return EvaluationContext(IDEAL, plan_of(with_parts(*parts)), tuning or TuningSettings())
 
 
-def seen(in_force: EvaluationContext, **lags: float) -> dict[str, Any]:
-    columns = columns_of(in_force.plan.program(), **lags)
+def seen(evaluation: EvaluationContext, **lags: float) -> dict[str, Any]:
+    columns = columns_of(evaluation.plan.program(), **lags)
     return columns | {"limits": np.zeros_like(columns["q"])}
 
 
-def figures(in_force: EvaluationContext, columns: dict[str, Any]) -> BodeMetrics:
-    return compute_bode_metrics(columns, in_force.plan.program(), in_force)
+def figures(evaluation: EvaluationContext, columns: dict[str, Any]) -> BodeMetrics:
+    return compute_bode_metrics(columns, evaluation.plan.program(), evaluation)
 
 
 def played(parameters: str, **tuning: Any) -> SimulatedRun:
@@ -276,12 +276,12 @@ def test_the_bandwidth_does_not_depend_on_the_period_of_the_excitation(period_s:
 
 
 def test_lines_above_the_predicted_bandwidth_give_no_deviation_from_the_prediction() -> None:
-    in_force = made(LEAD_IN, MULTISINE_BODE.replace("period_s: 4", "period_s: 2"))
-    told = figures(in_force, seen(in_force, lag_q=0.7))
-    assert (told.bandwidth_q_Hz, told.gain_off_q_dB, told.phase_off_q_deg) == (None, None, None)
-    assert_reason(told.reasons["bandwidth_q_Hz"], "bandwidth_below_lines", lowest_Hz=pytest.approx(0.5))
-    assert_reason(told.reasons["phase_off_q_deg"], "no_line_below_predicted_bandwidth")
-    assert told.bandwidth_q_predicted_Hz == pytest.approx(0.225, abs=0.002)
+    evaluation = made(LEAD_IN, MULTISINE_BODE.replace("period_s: 4", "period_s: 2"))
+    result = figures(evaluation, seen(evaluation, lag_q=0.7))
+    assert (result.bandwidth_q_Hz, result.gain_off_q_dB, result.phase_off_q_deg) == (None, None, None)
+    assert_reason(result.reasons["bandwidth_q_Hz"], "bandwidth_below_lines", lowest_Hz=pytest.approx(0.5))
+    assert_reason(result.reasons["phase_off_q_deg"], "no_line_below_predicted_bandwidth")
+    assert result.bandwidth_q_predicted_Hz == pytest.approx(0.225, abs=0.002)
 
 
 def test_friction_shifts_the_lab_response_from_the_prediction_and_the_lines_repeat() -> None:
@@ -291,89 +291,89 @@ def test_friction_shifts_the_lab_response_from_the_prediction_and_the_lines_repe
 
 
 def test_a_lag_is_measured_line_by_line_and_compared_with_its_prediction() -> None:
-    in_force = made(LEAD_IN, MULTISINE_BODE.replace("period_s: 4", "period_s: 8"))
-    columns = seen(in_force)
-    (lines,) = build_bode_lines(columns, in_force.plan.program(), in_force)
+    evaluation = made(LEAD_IN, MULTISINE_BODE.replace("period_s: 4", "period_s: 8"))
+    columns = seen(evaluation)
+    (lines,) = build_bode_lines(columns, evaluation.plan.program(), evaluation)
     np.testing.assert_allclose(lines.f, np.arange(1, 9) / 8.0)
     np.testing.assert_allclose(np.abs(lines.H), 1.0 / np.hypot(1.0, 2.0 * np.pi * lines.f * 0.4), rtol=1e-3)
     assert lines.measured.all()
-    told = figures(in_force, columns)
+    result = figures(evaluation, columns)
     assert lines.expected is not None
     off = np.abs(20.0 * np.log10(np.abs(lines.H / lines.expected)))
-    assert told.bandwidth_q_predicted_Hz is not None
-    within = lines.f <= told.bandwidth_q_predicted_Hz
+    assert result.bandwidth_q_predicted_Hz is not None
+    within = lines.f <= result.bandwidth_q_predicted_Hz
     assert 0 < within.sum() < within.size
-    assert told.gain_off_q_dB == pytest.approx(off[within].max())
-    assert told.unlike_q_percent == pytest.approx(0.0, abs=0.1)
-    assert told.residual_q_percent == pytest.approx(0.0, abs=0.2)
-    assert_reason(told.reasons["gain_off_S_dB"], "reference_not_excited", signal="S")
+    assert result.gain_off_q_dB == pytest.approx(off[within].max())
+    assert result.unlike_q_percent == pytest.approx(0.0, abs=0.1)
+    assert result.residual_q_percent == pytest.approx(0.0, abs=0.2)
+    assert_reason(result.reasons["gain_off_S_dB"], "reference_not_excited", signal="S")
 
 
 def test_only_a_line_that_does_not_repeat_is_not_measured() -> None:
-    in_force = made(LEAD_IN, MULTISINE_BODE)
-    columns = seen(in_force)
+    evaluation = made(LEAD_IN, MULTISINE_BODE)
+    columns = seen(evaluation)
     t = np.arange(columns["q"].size) * T_s
     columns["q"] = columns["q"] + np.where(t >= 12.0, 0.004 * np.sin(2.0 * np.pi * 1.5 * t), 0.0)
-    (lines,) = build_bode_lines(columns, in_force.plan.program(), in_force)
+    (lines,) = build_bode_lines(columns, evaluation.plan.program(), evaluation)
     assert lines.f[~lines.measured].tolist() == [1.5]
     assert_reason(lines.reasons[5], "line_not_periodic")
-    assert figures(in_force, columns).unlike_q_percent == pytest.approx(0.0, abs=1.0)
+    assert figures(evaluation, columns).unlike_q_percent == pytest.approx(0.0, abs=1.0)
 
 
 def test_the_residual_is_the_motion_outside_all_lines() -> None:
-    in_force = made(LEAD_IN, MULTISINE_BODE)
-    columns = seen(in_force)
+    evaluation = made(LEAD_IN, MULTISINE_BODE)
+    columns = seen(evaluation)
     size = float(np.std(columns["q"][-4000:]))
     t = np.arange(columns["q"].size) * T_s
     columns["q"] = columns["q"] + 0.1 * size * np.sqrt(2.0) * np.sin(2.0 * np.pi * 5.0 * t)
-    assert figures(in_force, columns).residual_q_percent == pytest.approx(10.0, rel=0.01)
+    assert figures(evaluation, columns).residual_q_percent == pytest.approx(10.0, rel=0.01)
 
 
 @pytest.mark.parametrize("limit", [Limit.VOLTAGE_B, Limit.GOVERNOR, Limit.TENSION_FLOOR])
 def test_an_excitation_during_an_active_limit_is_not_measured(limit: Limit) -> None:
-    in_force = made(LEAD_IN, MULTISINE_BODE)
-    columns = seen(in_force)
+    evaluation = made(LEAD_IN, MULTISINE_BODE)
+    columns = seen(evaluation)
     columns["limits"][13_000:13_020] = float(limit)
-    told = figures(in_force, columns)
-    assert (told.bandwidth_q_Hz, told.gain_off_q_dB, told.unlike_q_percent) == (None, None, None)
-    assert told.bandwidth_q_predicted_Hz is not None
+    result = figures(evaluation, columns)
+    assert (result.bandwidth_q_Hz, result.gain_off_q_dB, result.unlike_q_percent) == (None, None, None)
+    assert result.bandwidth_q_predicted_Hz is not None
     duration_s = pytest.approx(0.02)
-    assert_reason(told.reasons["bandwidth_q_Hz"], "limit_was_active", limit=limit, duration_s=duration_s)
+    assert_reason(result.reasons["bandwidth_q_Hz"], "limit_was_active", limit=limit, duration_s=duration_s)
     columns["limits"][13_000:13_020] = 0.0
     columns["limits"][5_000:5_020] = float(limit)  # in the first period, which is not measured
-    assert figures(in_force, columns).bandwidth_q_Hz is not None
+    assert figures(evaluation, columns).bandwidth_q_Hz is not None
 
 
 def test_a_trajectory_is_not_a_limit_and_has_no_prediction_above_its_voltage_limit() -> None:
     for amplitude, code in ((0.02, ""), (1.0, "excitation_above_voltage_limit")):
-        in_force = made(
+        evaluation = made(
             LEAD_IN, MULTISINE_BODE.replace("0.1", str(amplitude)), tuning=TuningSettings(motion=TIME_OPTIMAL)
         )
-        columns = seen(in_force)
+        columns = seen(evaluation)
         columns["limits"][:] = float(Limit.GOVERNOR)
-        told = figures(in_force, columns)
-        assert told.bandwidth_q_Hz is not None
+        result = figures(evaluation, columns)
+        assert result.bandwidth_q_Hz is not None
         if code:
-            assert_reason(told.reasons["bandwidth_q_predicted_Hz"], code)
-        assert (told.gain_off_q_dB is None) is bool(code)
+            assert_reason(result.reasons["bandwidth_q_predicted_Hz"], code)
+        assert (result.gain_off_q_dB is None) is bool(code)
 
 
 def test_two_periods_are_too_few_to_measure_the_repeatability_of_a_line() -> None:
-    in_force = made(LEAD_IN, MULTISINE_BODE.replace("periods: 3", "periods: 2"))
-    told = figures(in_force, seen(in_force))
-    assert told.unlike_q_percent is None
-    assert_reason(told.reasons["unlike_q_percent"], "fewer_than_three_periods")
-    assert told.bandwidth_q_Hz is not None
+    evaluation = made(LEAD_IN, MULTISINE_BODE.replace("periods: 3", "periods: 2"))
+    result = figures(evaluation, seen(evaluation))
+    assert result.unlike_q_percent is None
+    assert_reason(result.reasons["unlike_q_percent"], "fewer_than_three_periods")
+    assert result.bandwidth_q_Hz is not None
 
 
 def test_the_coherence_of_a_sweep_measures_its_quality() -> None:
-    in_force = made(LEAD_IN, "{do: sweep, q_amplitude: 0.2, from_Hz: 0.1, to_Hz: 4, duration_s: 120}")
-    columns = seen(in_force)
-    (clean,) = build_bode_lines(columns, in_force.plan.program(), in_force)
+    evaluation = made(LEAD_IN, "{do: sweep, q_amplitude: 0.2, from_Hz: 0.1, to_Hz: 4, duration_s: 120}")
+    columns = seen(evaluation)
+    (clean,) = build_bode_lines(columns, evaluation.plan.program(), evaluation)
     columns["q"] = columns["q"] + lfilter(
         [0.03], [1.0, -0.97], np.random.default_rng(1).normal(0.0, 2.0, columns["q"].size)
     )
-    (noisy,) = build_bode_lines(columns, in_force.plan.program(), in_force)
+    (noisy,) = build_bode_lines(columns, evaluation.plan.program(), evaluation)
     assert np.nanmedian(clean.variation) < 0.05 < np.nanmedian(noisy.variation)
     assert noisy.measured.sum() < clean.measured.sum()
 
@@ -389,9 +389,9 @@ def test_the_prediction_follows_a_change_of_lambda_and_is_missing_for_another_ba
     unpredicted = build_bode_lines(seen(other), other.plan.program(), other)[0].unpredicted
     assert_reason(unpredicted, "bank_changed_during_run")
     lost = made(LEAD_IN, MULTISINE_BODE, tuning=TuningSettings(bank=3))
-    told = figures(lost, seen(lost))
-    assert_reason(told.reasons["gain_off_q_dB"], "bank_not_readable")
-    assert told.bandwidth_q_Hz is not None
+    result = figures(lost, seen(lost))
+    assert_reason(result.reasons["gain_off_q_dB"], "bank_not_readable")
+    assert result.bandwidth_q_Hz is not None
 
 
 def test_an_unreadable_bank_or_an_out_of_range_tuning_does_not_prevent_a_result() -> None:
@@ -403,7 +403,7 @@ def test_an_unreadable_bank_or_an_out_of_range_tuning_does_not_prevent_a_result(
 
 
 def test_an_incomplete_excitation_is_not_measured() -> None:
-    in_force = made(LEAD_IN, MULTISINE_BODE)
-    early = {name: column[:-10] for name, column in seen(in_force).items()}
+    evaluation = made(LEAD_IN, MULTISINE_BODE)
+    early = {name: column[:-10] for name, column in seen(evaluation).items()}
     with refused(NoSamplesError, "no_excitation_completed"):
-        figures(in_force, early)
+        figures(evaluation, early)

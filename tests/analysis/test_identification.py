@@ -101,11 +101,11 @@ def test_the_report_of_a_series_has_the_friction_or_a_reason() -> None:
         RunData(run, None, columns, None, replace(identification(), run_id=run.id))
         for run, columns in (played(3, 12.0), played(4, 31.0))
     ]
-    assert _told(made) == [estimate_run_friction([(one.run, one.columns) for one in made]).sentence]
-    assert "not measured" in _told(made[:1])[0]
+    assert list_friction_sentences(made) == [estimate_run_friction([(one.run, one.columns) for one in made]).sentence]
+    assert "not measured" in list_friction_sentences(made[:1])[0]
 
 
-def _told(made: list[RunData]) -> list[str]:
+def list_friction_sentences(made: list[RunData]) -> list[str]:
     (section,) = identifications_section(made)
     words = (block.text for block in section.blocks if isinstance(block, Paragraph))
     return [text.partition(". Motor B")[0] for text in words if "friction" in text and "Motor B" in text]

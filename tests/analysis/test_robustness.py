@@ -198,9 +198,9 @@ def test_an_invalid_load_is_rejected_before_motion(ideal: PlantParameters, quant
     bench.run()
     loaded: dict[str, Any] = {quantity: figure}
     segments = (Segment(0.5, 0.0, 10.0), Segment(0.5, 0.0, 10.0, **loaded))
-    told = bench.send(RunProgram(Program(Law.CASCADE, segments), 1))
-    assert isinstance(told, Refused)
-    assert ("push" if quantity == "F_push" else "load on a motor's shaft") in told.reason
+    answered = bench.send(RunProgram(Program(Law.CASCADE, segments), 1))
+    assert isinstance(answered, Refused)
+    assert ("push" if quantity == "F_push" else "load on a motor's shaft") in answered.reason
     assert bench.loop.mode is Mode.RUN
 
 
@@ -221,10 +221,10 @@ def test_a_rig_without_simulated_pushes_rejects_a_push_before_motion(ideal: Plan
     for plant, answer in ((WithoutPushes(ideal), Refused), (Simulator(ideal), Accepted)):
         bench = BenchTop(ideal, plant=plant)
         bench.wind_up()
-        told = bench.send(RunProgram(late, 1))
-        assert isinstance(told, answer)
-        if isinstance(told, Refused):
-            assert_reason(told.reason, "plant_without_push")
+        answered = bench.send(RunProgram(late, 1))
+        assert isinstance(answered, answer)
+        if isinstance(answered, Refused):
+            assert_reason(answered.reason, "plant_without_push")
             assert bench.loop.mode is Mode.PRETENSION
 
 
@@ -238,10 +238,10 @@ def test_a_rig_without_shaft_loads_rejects_a_load_before_motion_with_a_message(i
     for plant, answer in ((WithoutLoads(ideal), Refused), (Simulator(ideal), Accepted)):
         bench = BenchTop(ideal, plant=plant)
         bench.run()
-        told = bench.send(RunProgram(PLAN.program(), 1))
-        assert isinstance(told, answer)
-        if isinstance(told, Refused):
-            assert_reason(told.reason, "plant_without_shaft_load")
+        answered = bench.send(RunProgram(PLAN.program(), 1))
+        assert isinstance(answered, answer)
+        if isinstance(answered, Refused):
+            assert_reason(answered.reason, "plant_without_shaft_load")
 
 
 def test_a_stopped_program_removes_its_load(ideal: PlantParameters) -> None:

@@ -387,21 +387,21 @@ def test_compliance_off_centre_moves_to_zero_first_and_takes_the_forecast_time(
         await brought_off_centre(station_homing)
         start = read_initial_state(station_homing.loop.ring.newest())
         assert start.q == pytest.approx(math.radians(15.0), abs=0.02)
-        told_s, began = (
+        forecast_s, began = (
             forecast_duration(PLAN, station_homing.parameters, start).duration_s,
             station_homing.loop.ring.count,
         )
         outcome = await run_experiment(station_homing, RunRequest(PLAN, LoopSettings(), "A. Operator"))
-        return outcome, told_s, (station_homing.loop.ring.count - began) / 1000.0
+        return outcome, forecast_s, (station_homing.loop.ring.count - began) / 1000.0
 
-    outcome, told_s, took_s = asyncio.run(work())
+    outcome, forecast_s, took_s = asyncio.run(work())
     assert outcome.run.end_state == "completed"
     columns, _ = read_recorded_columns(station_homing.database, outcome.run.id)
     lead_in = slice(0, round(LEAD_IN_S * 1000))
     assert np.abs(columns["q"][lead_in]).max() < 0.01
     # The motion from 10 N to S_ref = 10 N·m/rad ends at 17.4 N; no other motion precedes the first push.
     assert max(columns[name][lead_in].max() for name in ("F_A", "F_B")) < 18.5
-    assert told_s == pytest.approx(took_s, abs=0.4)
+    assert forecast_s == pytest.approx(took_s, abs=0.4)
 
 
 # Identification of motors and springs through the loop, on a plant with known constants.

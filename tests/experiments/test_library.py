@@ -288,8 +288,8 @@ def test_a_lambda_sweep_applies_each_lambda_and_restores_the_operators_tuning(st
     assert [round(at / 5000) for at in changed] == [1, 5]
     newest = station.loop.ring.newest()
     assert newest is not None
-    told = played_shipped(station, build_ready_plan("step_battery", sizes=1, hold_s=2.0))
-    after, _ = read_recorded_columns(station.database, told.run.id)
+    battery = played_shipped(station, build_ready_plan("step_battery", sizes=1, hold_s=2.0))
+    after, _ = read_recorded_columns(station.database, battery.run.id)
     assert set(after["lam_q"]) == {0.5}
 
 

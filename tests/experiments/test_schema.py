@@ -204,30 +204,30 @@ def test_a_default_is_refused_with_the_bounds_that_it_violates() -> None:
 
 def test_a_violated_rule_lists_the_values_that_violate_it() -> None:
     low, high = (declared(name=name, default=default) for name, default in (("low", 0.2), ("high", 0.8)))
-    asked = experiment(low, high, rules=(Rule(that="low < high", remedy="keep low below high"),))
+    checked = experiment(low, high, rules=(Rule(that="low < high", remedy="keep low below high"),))
     lines = {(): 1, ("rules", 0, "that"): 21}
-    require_rules(asked, build_settings(asked, {}), {"low": 0.2, "high": 0.8}, ("low",), lines)
+    require_rules(checked, build_settings(checked, {}), {"low": 0.2, "high": 0.8}, ("low",), lines)
     broken = {"rule": "low < high", "values": "low is 0.8, high is 0.8", "remedy": "keep low below high"}
     with refused_because(ExperimentError, "rule_not_satisfied", **broken) as caught:
-        require_rules(asked, build_settings(asked, {}), {"low": 0.8, "high": 0.8}, (), lines)
+        require_rules(checked, build_settings(checked, {}), {"low": 0.8, "high": 0.8}, (), lines)
     assert (caught.value.line, caught.value.path) == (21, ("rules", 0, "that"))
 
 
 @pytest.mark.parametrize(("that", "bounds"), [("low < high", (None, 0.8)), ("low >= 2 * high", (1.6, None))])
 def test_a_rule_violation_names_the_given_setting(that: str, bounds: tuple[float | None, float | None]) -> None:
     low, high = (declared(name=name, default=default) for name, default in (("low", 0.2), ("high", 0.8)))
-    asked = experiment(low, high, rules=(Rule(that=that, remedy="mind the gap"),))
+    checked = experiment(low, high, rules=(Rule(that=that, remedy="mind the gap"),))
     with pytest.raises(OutOfRangeError) as refused:
-        require_rules(asked, build_settings(asked, {}), {"low": 0.9, "high": 0.8}, ("low",), {})
+        require_rules(checked, build_settings(checked, {}), {"low": 0.9, "high": 0.8}, ("low",), {})
     assert (refused.value.quantity, refused.value.minimum, refused.value.maximum) == ("low", *bounds)
     assert refused.value.remedy == "mind the gap"
 
 
 @pytest.mark.parametrize("that", ["low < middle", "low + 1", "low", "low <", "__import__('os')", "1 / 0 < low"])
 def test_a_rule_that_is_not_a_comparison_is_rejected_with_its_line(that: str) -> None:
-    asked = experiment(declared(name="low"), rules=(Rule(that=that, remedy="none"),))
+    checked = experiment(declared(name="low"), rules=(Rule(that=that, remedy="none"),))
     with pytest.raises(ExperimentError) as refused:
-        require_rules(asked, build_settings(asked, {}), {"low": 0.2}, (), {("rules", 0, "that"): 3})
+        require_rules(checked, build_settings(checked, {}), {"low": 0.2}, (), {("rules", 0, "that"): 3})
     assert refused.value.line == 3
 
 

@@ -66,8 +66,8 @@ def written(segments: str) -> ExperimentPlan:
     return plan
 
 
-def played(told: list[Any]) -> Segment:
-    duration_s, q_ref, S_ref, F_push, shape, period_s = told
+def played(row: list[Any]) -> Segment:
+    duration_s, q_ref, S_ref, F_push, shape, period_s = row
     period_s = period_s if shape == Shape.SINE else 1.0  # it had no meaning for other shapes
     return Segment(duration_s, q_ref, S_ref, F_push, Shape(shape), period_s)
 
@@ -182,8 +182,8 @@ def test_samples_and_metrics_of_an_upgraded_run_are_unchanged(database: Database
     assert [(one.name, bool(one.reason)) for one in again.metrics.figures] == [
         (one["name"], bool(one["reason"])) for one in known["figures"]
     ]
-    for figure, told in zip(again.metrics.figures, known["figures"], strict=True):
-        assert figure.value == (None if told["value"] is None else pytest.approx(told["value"], rel=1e-9)), figure.name
+    for figure, row in zip(again.metrics.figures, known["figures"], strict=True):
+        assert figure.value == (None if row["value"] is None else pytest.approx(row["value"], rel=1e-9)), figure.name
     assert again.metrics.steps is not None
     assert [(step.start_s, step.before, step.after) for step in again.metrics.steps] == [
         (step["start_s"], step["before"], step["after"]) for step in known["steps"]

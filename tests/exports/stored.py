@@ -94,12 +94,12 @@ def boxes(database: Database, run: int) -> dict[str, LineageNode]:
     return {f"{node.kind} {node.sha256}": node for node in lineage.nodes}
 
 
-def held(database: Database) -> dict[str, list[tuple[object, ...]]]:
+def read_all_rows(database: Database) -> dict[str, list[tuple[object, ...]]]:
     """Return all rows of an installation."""
     with database.reading() as session:
         return {table: [tuple(row) for row in session.execute(text(f"SELECT * FROM {table}"))] for table in TABLES}
 
 
-def nothing_left(folder: Path) -> bool:
+def has_no_unpacked_files(folder: Path) -> bool:
     """Return whether an import has removed all files that it unpacked."""
     return [path.name for path in folder.iterdir() if not path.name.startswith("sinew.db")] == []

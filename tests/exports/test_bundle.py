@@ -26,7 +26,7 @@ from backend.storage import banks, identifications, origins, results, runs
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database
 from backend.storage.runs import RunKind
-from tests.exports.stored import ESTIMATE, NEW, boxes, held, nothing_left, recorded
+from tests.exports.stored import ESTIMATE, NEW, boxes, has_no_unpacked_files, read_all_rows, recorded
 from tests.reasons import Reason, TextWith
 from tests.refusals import refused
 
@@ -55,7 +55,7 @@ def test_a_bundle_is_imported_into_an_empty_installation_with_its_lineage(
         assert first is not None
         assert second is not None
         assert (second.metrics, second.criteria) == (first.metrics, first.criteria)
-    assert nothing_left(tmp_path / "there")
+    assert has_no_unpacked_files(tmp_path / "there")
 
 
 def test_a_report_from_a_bundle_is_verified_after_the_import(there: Database, file: Path, tmp_path: Path) -> None:
@@ -64,9 +64,9 @@ def test_a_report_from_a_bundle_is_verified_after_the_import(there: Database, fi
         kept = results.newest_report(session, run, "html")
         assert kept is not None
         page = kept.content.decode()
-    said = read_manifest(page)
-    assert isinstance(said, ReportManifest)
-    columns, number = read_stored_samples(there, said)
+    report_manifest = read_manifest(page)
+    assert isinstance(report_manifest, ReportManifest)
+    columns, number = read_stored_samples(there, report_manifest)
     assert number == run
     assert verify_report(page, columns) == Verified((), ())
 
@@ -75,12 +75,12 @@ def test_a_second_import_of_a_bundle_is_reported_and_changes_nothing(
     here: Database, there: Database, run: int, file: Path, tmp_path: Path
 ) -> None:
     assert import_bundle(there, file, "Ben", tmp_path).new
-    before = held(there)
+    before = read_all_rows(there)
     assert import_bundle(there, file, "Ben", tmp_path) == ImportResult(run=2, was=2, new=False)
-    assert held(there) == before
-    before = held(here)
+    assert read_all_rows(there) == before
+    before = read_all_rows(here)
     assert import_bundle(here, file, "Ben", tmp_path) == ImportResult(run=run, was=2, new=False)
-    assert held(here) == before
+    assert read_all_rows(here) == before
 
 
 def test_an_imported_run_can_be_bundled_again(
@@ -92,7 +92,7 @@ def test_an_imported_run_can_be_bundled_again(
 
 
 def test_every_changed_byte_of_a_bundle_is_detected(there: Database, file: Path, tmp_path: Path) -> None:
-    whole, before = file.read_bytes(), held(there)
+    whole, before = file.read_bytes(), read_all_rows(there)
     for place in range(0, len(whole), len(whole) // 40):
         file.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
         with pytest.raises(ImportRefusedError):
@@ -101,8 +101,8 @@ def test_every_changed_byte_of_a_bundle_is_detected(there: Database, file: Path,
         file.write_bytes(whole[:length])
         with pytest.raises(ImportRefusedError):
             import_bundle(there, file, "Ben", tmp_path / "there")
-    assert held(there) == before
-    assert nothing_left(tmp_path / "there")
+    assert read_all_rows(there) == before
+    assert has_no_unpacked_files(tmp_path / "there")
 
 
 def remade(file: Path, change: Callable[[dict[str, bytes]], None], compression: int = zipfile.ZIP_STORED) -> None:
@@ -202,11 +202,11 @@ def test_the_rejection_of_a_bundle_names_the_change(
     code: str,
     values: dict[str, object],
 ) -> None:
-    before = held(there)
+    before = read_all_rows(there)
     remade(file, change)
     with refused(ImportRefusedError, code, **values):
         import_bundle(there, file, "Ben", tmp_path / "there")
-    assert held(there) == before
+    assert read_all_rows(there) == before
 
 
 def forged(change: Callable[[Any], None], *, alone: bool = False) -> Callable[[dict[str, bytes]], None]:
@@ -368,13 +368,13 @@ def forged(change: Callable[[Any], None], *, alone: bool = False) -> Callable[[d
 def test_forged_records_with_correct_hashes_are_rejected(
     there: Database, file: Path, tmp_path: Path, change: Callable[[Any], None], code: str, values: dict[str, object]
 ) -> None:
-    before = held(there)
+    before = read_all_rows(there)
     # without samples only the record of the run is checked
     remade(file, forged(change, alone=code != "recording_refused"))
     with refused(ImportRefusedError, code, **values):
         import_bundle(there, file, "Ben", tmp_path / "there")
-    assert held(there) == before
-    assert nothing_left(tmp_path / "there")
+    assert read_all_rows(there) == before
+    assert has_no_unpacked_files(tmp_path / "there")
 
 
 def test_a_bundle_with_compressed_members_is_rejected(there: Database, file: Path, tmp_path: Path) -> None:

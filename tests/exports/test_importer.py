@@ -25,7 +25,7 @@ from backend.services.downloads import stream_bundle
 from backend.storage import identifications, origins, recordings, results, runs
 from backend.storage.database import Database
 from backend.storage.orm import UnknownRecordError
-from tests.exports.stored import NEW, held, noise, recorded
+from tests.exports.stored import NEW, noise, read_all_rows, recorded
 from tests.migrations.old_schema import migrated
 from tests.models.earlier import BEFORE
 from tests.models.earlier_identifications import BAND, QUALITY
@@ -86,7 +86,7 @@ def test_an_export_with_one_changed_byte_is_rejected(
     here: Database, there: Database, run_imported: int, kind: DataFormat, tmp_path: Path
 ) -> None:
     file = exported(here, run_imported, kind, tmp_path)
-    whole, before = file.read_bytes(), held(there)
+    whole, before = file.read_bytes(), read_all_rows(there)
     changed = bytearray(whole)
     if kind is DataFormat.CSV:
         place = whole.rindex(b"1", 0, whole.rindex(b"\n", 0, -1))
@@ -99,14 +99,14 @@ def test_an_export_with_one_changed_byte_is_rejected(
     file.write_bytes(whole[: int(0.7 * len(whole))])
     with pytest.raises(ImportRefusedError):
         import_export(there, file, "Ben")
-    assert held(there) == before
+    assert read_all_rows(there) == before
 
 
 def test_a_csv_with_inconsistent_metadata_is_rejected(
     here: Database, there: Database, run_imported: int, tmp_path: Path
 ) -> None:
     file = exported(here, run_imported, "csv", tmp_path)
-    whole, before = file.read_text(encoding="utf-8"), held(there)
+    whole, before = file.read_text(encoding="utf-8"), read_all_rows(there)
     for said, other, code, values in (
         ('"format":1', '"format":2', "metadata_of_another_format", {"version": 1}),
         ('"samples":2300', '"samples":2299', "wrong_number_of_samples", {"samples": 2300, "stated": 2299}),
@@ -143,7 +143,7 @@ def test_a_csv_with_inconsistent_metadata_is_rejected(
         file.write_text(changed if code == "metadata_changed" else sealed(changed), encoding="utf-8")
         with refused(ImportRefusedError, code, **values):
             import_export(there, file, "Ben")
-    assert held(there) == before
+    assert read_all_rows(there) == before
 
 
 def test_a_csv_with_a_byte_order_mark_is_imported(
@@ -278,7 +278,7 @@ def test_a_bundle_of_an_earlier_version_is_imported_completely(
     file, later = tmp_path / "earlier.zip", tmp_path / "later.zip"
     file.write_bytes(b"".join(stream_bundle(earlier, run, tmp_path)))
     assert import_bundle(there, file, "Ben", tmp_path / "there") == ImportResult(run=2, was=run, new=True)
-    before = held(there)
+    before = read_all_rows(there)
     with closing(migrated(earlier, tmp_path / "here", BEFORE)) as here:
         with here.reading() as one, there.reading() as other:
             for number in (1, 2):
@@ -297,7 +297,7 @@ def test_a_bundle_of_an_earlier_version_is_imported_completely(
         for known in (file, later):
             assert import_bundle(there, known, "Ben", tmp_path / "there") == ImportResult(run=2, was=run, new=False)
             assert import_bundle(here, known, "Ben", tmp_path / "here") == ImportResult(run=2, was=run, new=False)
-    assert held(there) == before
+    assert read_all_rows(there) == before
 
 
 @pytest.mark.parametrize("kind", DataFormat)

@@ -107,8 +107,8 @@ def test_an_mcap_file_has_a_schema_with_the_notation_and_a_layout() -> None:
     (schema,) = summary.schemas.values()
     (channel,) = summary.channels.values()
     assert (schema.encoding, channel.message_encoding, channel.topic) == ("jsonschema", "json", "/sample")
-    said = json.loads(schema.data)["properties"]
-    assert {name: part["unit"] for name, part in said.items()} == {name: UNITS[name] for name in ORDER}
+    signals = json.loads(schema.data)["properties"]
+    assert {name: part["unit"] for name, part in signals.items()} == {name: UNITS[name] for name in ORDER}
     (attached,) = reader.iter_attachments()
     assert attached.data.decode() == foxglove_layout()
     shown = [

@@ -462,9 +462,8 @@ def test_a_coefficient_that_underflows_is_rejected() -> None:
 
 # Two hundred provoked records: no grade "usable" is wrong, and no good record is rejected.
 #
-# A "usable" is wrong where gain or sum of lags is off by more than 5 % and by more than four of the standard errors
-# that
-# are stated, or where no model is true at all.
+# A grade "usable" is wrong if gain or sum of lags is off by more than 5 % and by more than four standard errors, or if
+# no model is true.
 
 KINDS_PROVOKED = {**GOOD, **FAULTY}
 SEEDS = range(10)

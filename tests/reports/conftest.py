@@ -8,17 +8,17 @@ from backend.reports.experiment_report import tracking_report
 from backend.reports.model import Report
 from backend.reports.plotting import forget_drawings
 from backend.reports.run_data import RunData
-from tests.reports.figure_labels import assert_it_reads_well
+from tests.reports.figure_labels import assert_figure_is_readable
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 
 @pytest.fixture(scope="package", autouse=True)
-def figures_tell_the_truth() -> Iterator[None]:
+def check_figures() -> Iterator[None]:
     """Check the labels and texts of every figure that a report draws in these tests, when it is saved."""
     drawn = Figure.savefig
 
     def looked_at(self: Figure, *args: Any, **how: Any) -> None:
-        assert_it_reads_well(self)
+        assert_figure_is_readable(self)
         drawn(self, *args, **how)
 
     with pytest.MonkeyPatch.context() as patch:

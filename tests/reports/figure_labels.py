@@ -13,19 +13,19 @@ _WORDS = (FixedFormatter, FuncFormatter)
 """What Matplotlib makes of labels that are named one by one: the second where their places are named as well."""
 
 
-def as_read(label: str) -> float:
+def read_label(label: str) -> float:
     """Return the value that a label shows."""
     return float(re.sub(r"\$\\mathdefault\{(.*)\}\$", r"\1", label).replace("\N{MINUS SIGN}", "-"))
 
 
-def assert_it_reads_well(drawn: Figure) -> None:
+def assert_figure_is_readable(drawn: Figure) -> None:
     """Draw a figure once and apply all checks of this module."""
     drawn.draw_without_rendering()
-    assert_labels_are_true(drawn)
-    assert_words_are_legible(drawn)
+    assert_labels_match_positions(drawn)
+    assert_texts_are_legible(drawn)
 
 
-def assert_labels_are_true(drawn: Figure) -> None:
+def assert_labels_match_positions(drawn: Figure) -> None:
     """Check that each label of a linear axis shows the position of its line, without an offset.
 
     An axis with named positions, like the cells of a map, has texts as labels. The figure must be drawn.
@@ -33,22 +33,22 @@ def assert_labels_are_true(drawn: Figure) -> None:
     for panel in drawn.axes:
         for axis in (panel.xaxis, panel.yaxis):
             if axis.get_scale() == "linear" and not isinstance(axis.get_major_formatter(), _WORDS):
-                assert_true(axis)
+                assert_axis_labels_match(axis)
 
 
-def assert_true(axis: Axis) -> None:
+def assert_axis_labels_match(axis: Axis) -> None:
     assert axis.get_offset_text().get_text() == "", "labels are to be read with something added"
     seen = [tick for tick in axis.get_major_ticks() if tick.label1.get_visible() and tick.label1.get_text()]
     distance = np.diff(np.sort([tick.get_loc() for tick in seen])).min() if len(seen) > 1 else 1.0
     for tick in seen:
-        read = as_read(tick.label1.get_text())
+        read = read_label(tick.label1.get_text())
         assert abs(read - tick.get_loc()) < 1e-3 * distance, f"{read} stands at {tick.get_loc()}"
 
 
 _A_PIXEL = 1.0
 
 
-def assert_words_are_legible(drawn: Figure) -> None:
+def assert_texts_are_legible(drawn: Figure) -> None:
     """Check that no text of a drawn figure leaves it, overlaps another panel or the numbers of its axis."""
     panels = [panel for panel in drawn.axes if panel.get_visible()]
     for panel in panels:

@@ -36,7 +36,7 @@ DRAWN = (
 )
 
 
-def of_the_account(page: str) -> Iterator[tuple[str, str]]:
+def of_the_manifest(page: str) -> Iterator[tuple[str, str]]:
     """Change each value of the manifest, with and without correction of its hash in manifest and page."""
     element = find_element(page)
     text = element[element.index(">") + 1 : element.rindex("<")]

@@ -444,10 +444,10 @@ def test_the_error_of_the_shown_stiffness_equals_the_error_of_the_springs() -> N
     rest = slice(-500, None)
     assert found.S[rest].mean() == pytest.approx(12.0, abs=0.02)
     assert found.S_true[rest].mean() == pytest.approx(14.4, abs=0.05)
-    said = [
+    paragraphs = [
         getattr(block, "text", "") for section in build_report(of_law("cascade")).sections for block in section.blocks
     ]
-    assert messages.S_is_an_estimate() in said
+    assert messages.S_is_an_estimate() in paragraphs
     assert re.findall(r"[\d.]+(?= (?:%|N·m/rad|is commanded))", messages.S_is_an_estimate()) == ["20", "14.4", "12"]
 
 

@@ -210,12 +210,14 @@ def test_metrics_settings_steps_and_reasons_are_converted(tracking_source: RunDa
 
 
 def test_texts_that_persons_wrote_are_not_converted(tracking_source: RunData) -> None:
-    said, source = "limit 1.5 rad, see mail", "datasheet: 0.5 rad at 20 N"
+    note_text, source = "limit 1.5 rad, see mail", "datasheet: 0.5 rad at 20 N"
     parameters = copy.deepcopy(tracking_source.run.parameters)
     parameters["geometry"]["r_j"]["source"] = source
-    run = replace(tripped(tracking_source).run, note=said, parameters=parameters, parameters_name="bent by 0.1 rad")
+    run = replace(
+        tripped(tracking_source).run, note=note_text, parameters=parameters, parameters_name="bent by 0.1 rad"
+    )
     report = build_report(replace(tracking_source, run=run, angles=DEG))
-    assert f"Note: {said}" in list(texts(report))
+    assert f"Note: {note_text}" in list(texts(report))
     assert source in list(texts(report))
     assert any("parameters “bent by 0.1 rad”" in fact.text for fact in report.facts)
     assert any("q = 91.7918°" in fact.text for fact in report.facts)

@@ -26,7 +26,7 @@ from backend.reports.run_data import RunData
 from backend.reports.sections import hold_panels
 from backend.reports.series import overlay
 from backend.units import AngleUnit
-from tests.reports.figure_labels import assert_labels_are_true, assert_words_are_legible
+from tests.reports.figure_labels import assert_labels_match_positions, assert_texts_are_legible
 from tests.reports.tracking_run import PLAN, samples
 
 # Labels of the figures in reports, compared with the positions of their lines.
@@ -40,7 +40,7 @@ def test_axis_labels_match_the_positions_of_their_lines(low: float, high: float)
     with figure(1, height_in=2.0) as (drawn, axes):
         axes.plot(np.linspace(low, high, 50), np.linspace(low, high, 50))
         drawn.draw_without_rendering()
-        assert_labels_are_true(drawn)
+        assert_labels_match_positions(drawn)
 
 
 @pytest.mark.parametrize("swing", [6e-3, 6e-4, 0.6])
@@ -76,11 +76,11 @@ def test_the_legibility_check_detects_cut_or_covered_words() -> None:
                 panel.plot([0.0, 1.0], [0.0, 1.0], label="a line")
                 panel.set(ylabel="its name", ylim=(0.0, 1.0))
             drawn.draw_without_rendering()
-            assert_words_are_legible(drawn)
+            assert_texts_are_legible(drawn)
             spoil(axes)
             drawn.draw_without_rendering()
             with pytest.raises(AssertionError):
-                assert_words_are_legible(drawn)
+                assert_texts_are_legible(drawn)
 
 
 @pytest.mark.parametrize("first", [1, 10000])
@@ -94,8 +94,8 @@ def test_the_legend_of_runs_fits_on_one_line_above_the_curves(first: int, runs: 
 
 def test_estimates_have_a_hat_and_measured_signals_have_none() -> None:
     section = ReportSection("One", (Paragraph("F_ext_hat against F_ext"),))
-    said = Report("Title", "", "passed", "", (), (section,), "", datetime(2026, 1, 1, tzinfo=UTC))
-    assert "<i>F\N{COMBINING CIRCUMFLEX ACCENT}</i><sub>ext</sub> against <i>F</i><sub>ext</sub>" in to_html(said)
+    report = Report("Title", "", "passed", "", (), (section,), "", datetime(2026, 1, 1, tzinfo=UTC))
+    assert "<i>F\N{COMBINING CIRCUMFLEX ACCENT}</i><sub>ext</sub> against <i>F</i><sub>ext</sub>" in to_html(report)
 
 
 # Drawings are cached by their arguments.

@@ -164,7 +164,7 @@ def test_partially_measured_metrics_are_marked_and_counted_separately(sources: l
     partial = replace(sources[0], result=replace(first, metrics=replace(first.metrics, figures=in_part)))
     for runs_of_series, marked in (([partial, *sources[1:]], 2), ([*sources[1:], partial], 4)):
         section = next(one for one in series_report(runs_of_series).sections if one.heading == "Metrics")
-        beside, spread, *said = section.blocks
+        beside, spread, *notes = section.blocks
         assert isinstance(beside, Table)
         assert isinstance(spread, Table)
         row = next(row for row in beside.rows if row[0] == "RMSE of q")
@@ -174,7 +174,7 @@ def test_partially_measured_metrics_are_marked_and_counted_separately(sources: l
         row = next(row for row in spread.rows if row[0] == "RMSE of q")
         assert (row[2], row[-1]) == ("2", "1")
         reason = messages.metric_and_reason(label="RMSE of q", reason="of 2 of 3 steps")
-        assert f"{reason} (run {partial.run.id})" in str(said)
+        assert f"{reason} (run {partial.run.id})" in str(notes)
 
 
 def test_an_additional_drawing_is_detected(database: Database, page: str) -> None:

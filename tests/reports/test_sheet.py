@@ -192,7 +192,7 @@ def texts(number: int, letters: int) -> str:
     return f'<text x="9" y="9">{"ab c" * (letters // 4)}{"d" * (letters % 4)}</text>' * number
 
 
-def way(characters: int) -> str:
+def path_of_length(characters: int) -> str:
     """Return a path whose ``d`` has this number of characters."""
     points = "h1v1" * (characters // 4 - 1)
     return f'<path d="{"M0 0" + points}{"0" * (characters % 4)}" fill="none" stroke="#0072B2"/>'
@@ -203,7 +203,7 @@ def at_the_bounds() -> str:
     longest = MOST_LETTERS // MOST_LETTERS_OF_A_TEXT - 10
     short = MOST_TEXTS - longest
     letters = texts(longest, MOST_LETTERS_OF_A_TEXT) + texts(short, 1)
-    paths = way(MOST_OF_A_PATH) * 2
+    paths = path_of_length(MOST_OF_A_PATH) * 2
     drawn = 1 + 1 + MOST_TEXTS + 2  # svg, title, texts and paths
     rects = '<rect width="1" height="2"/>' * (MOST_ELEMENTS - drawn)
     return svg(f"<title>{'a' * MOST_OF_A_TITLE}</title>{letters}{paths}{rects}")
@@ -225,7 +225,7 @@ def test_a_sheet_at_all_bounds_is_drawn() -> None:
         (texts(1, MOST_LETTERS_OF_A_TEXT + 1), "characters of a text", MOST_LETTERS_OF_A_TEXT),
         (f"<text>{'a' * 400}{texts(1, 50)}{'a' * 51}</text>", "characters of a text", MOST_LETTERS_OF_A_TEXT),
         (texts(MOST_LETTERS // 400 + 1, 400), "characters of all texts", MOST_LETTERS),
-        (way(MOST_OF_A_PATH + 1), "characters of a path", MOST_OF_A_PATH),
+        (path_of_length(MOST_OF_A_PATH + 1), "characters of a path", MOST_OF_A_PATH),
         (f"<title>{'a' * (MOST_OF_A_TITLE + 1)}</title>", "characters of the title", MOST_OF_A_TITLE),
     ],
 )

@@ -39,14 +39,14 @@ def test_the_signature_is_verified_with_only_the_page_and_the_documented_message
     begin = signed.index(b'<template id="signature">')
     end = signed.index(b"</template>", begin)
     text = signed[begin + len(b'<template id="signature">') : end]
-    said = json.loads(text)
-    value = bytes.fromhex(said["signature"])
-    assert said == {"algorithm": "Ed25519", "public_key": derive_public_key(KEY).text, "name": "<rig> & λ"} | {
+    signed_fields = json.loads(text)
+    value = bytes.fromhex(signed_fields["signature"])
+    assert signed_fields == {"algorithm": "Ed25519", "public_key": derive_public_key(KEY).text, "name": "<rig> & λ"} | {
         "signature": value.hex()
     }
     assert signed[:begin] + signed[end + len(b"</template>") :] == PAGE
     assert signed[:begin].endswith(b"</template>")
-    key = load_ssh_public_key(said["public_key"].encode())
+    key = load_ssh_public_key(signed_fields["public_key"].encode())
     assert isinstance(key, Ed25519PublicKey)
     head = text[: text.index(b',"signature"')] + b"}"
     key.verify(value, b"Sinew report signature 1\n" + head + b"\n" + PAGE)

@@ -428,7 +428,7 @@ def test_the_two_texts_of_a_difference_are_never_equal(one: str, other: str) -> 
 
 Forging = Callable[[str], Iterator[tuple[str, str]]]
 KINDS: dict[str, tuple[Forging, int]] = {
-    "account": (forgeries.of_the_account, 60),
+    "account": (forgeries.of_the_manifest, 60),
     "page": (forgeries.of_the_page, 400),
     "drawings": (forgeries.of_the_drawings, 10),
     "versions": (forgeries.with_versions, 2),

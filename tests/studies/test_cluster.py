@@ -37,9 +37,9 @@ class Cluster:
         )
         while not place.exists():
             time.sleep(0.02)
-        while not (said := place.read_text()).endswith("}"):
+        while not (content := place.read_text()).endswith("}"):
             time.sleep(0.02)
-        self.address = str(json.loads(said)["address"])
+        self.address = str(json.loads(content)["address"])
         self.workers = [self.worker(), self.worker()]
 
     def worker(self) -> subprocess.Popen[bytes]:

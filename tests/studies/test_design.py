@@ -200,9 +200,9 @@ def test_every_offered_parameter_can_be_varied() -> None:
     document = parameters.to_document()
     for one in offered:
         section, entry, *index = one.name.split(".")
-        said = document[section][entry]
-        assert one.value == (said["value"][int(index[0])] if index else said["value"])
-        assert one.unit == said["unit"]
+        parameter = document[section][entry]
+        assert one.value == (parameter["value"][int(index[0])] if index else parameter["value"])
+        assert one.unit == parameter["unit"]
         assert len(design(f"axes: [{{over: {one.name}, values: [{one.value!r}]}}]")) == 1
 
 

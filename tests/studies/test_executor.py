@@ -100,10 +100,10 @@ class Process:
 
     def __init__(self) -> None:
         self.gate = asyncio.Event()
-        self.asked = 0
+        self.calls = 0
 
     async def run(self, work: Callable[..., Any], *arguments: Any) -> Any:
-        self.asked += 1
+        self.calls += 1
         await self.gate.wait()
         return await asyncio.to_thread(work, *arguments)
 
@@ -126,7 +126,7 @@ def test_a_stop_request_during_the_start_of_the_process_is_executed(database: Da
         reading.gate.set()
         study = await page.start(SHORT, "Ana")
         await asyncio.sleep(0)
-        assert (study.state, computing.asked) == ("waiting", 1)
+        assert (study.state, computing.calls) == ("waiting", 1)
         assert (await page.stop(study.id)).state == "stopped"
         computing.gate.set()
         assert [found.state for found in (await page.list_newest()).studies] == ["stopped"]
@@ -148,7 +148,7 @@ def test_a_study_is_resumed_after_the_end_of_its_previous_attempt(database: Data
         await page.resume(study.id)
         with database.reading() as session:
             assert not studies.get(session, study.id).stop_asked
-        assert (computing.asked, list(page._waiting)) == (1, [study.id])
+        assert (computing.calls, list(page._waiting)) == (1, [study.id])
         await page.close()
 
     asyncio.run(go())
@@ -176,14 +176,14 @@ def test_the_table_of_a_running_study_is_cached_between_requests(
         study = (await page.start(SHORT, "Ana")).id
         with database.session() as session:
             studies.claim(session, study, "elsewhere:1")
-        before = reading.asked
+        before = reading.calls
         monkeypatch.setattr("backend.services.studies.REFRESH_FACTOR", 1e6)
         shown = [(await page.build_detail(study, "worst")).study.state for _ in range(3)]
-        assert (shown, reading.asked - before) == (["running"] * 3, 1)
+        assert (shown, reading.calls - before) == (["running"] * 3, 1)
         with database.session() as session:
             studies.release(session, study, "elsewhere:1")
         await page.build_detail(study, "worst")
-        assert reading.asked - before == 2
+        assert reading.calls - before == 2
         await page.close()
 
     asyncio.run(go())

@@ -119,13 +119,13 @@ def test_a_point_that_kills_every_worker_is_reported_and_affects_no_other(databa
 
 def test_a_stopped_study_continues_with_the_missing_points(database: Database, tmp_path: Path) -> None:
     study = begun(database)
-    asked: list[int] = []
+    stopped_at: list[int] = []
 
     def notify(progress: Progress) -> None:
-        if asked:  # the request has been read
+        if stopped_at:  # the request has been read
             (tmp_path / "go").touch()
         elif progress.done == 4:
-            asked.append(progress.done)
+            stopped_at.append(progress.done)
             with database.session() as session:
                 studies.ask_to_stop(session, study)
 

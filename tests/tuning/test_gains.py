@@ -92,8 +92,8 @@ def test_a_motor_loop_that_is_too_slow_is_rejected_with_its_bound() -> None:
 
 # Gains and lags from geometry, springs and motor loops, compared with closed forms for equal quadratic springs.
 #
-# The motor loops give four lags λ. The joint lags by B_j/S. A tendon that pulls more turns its motor back until the
-# integral has made up for it: r_m² F'/(2 K_t k_i) later on both sides, which leaves q alone and delays S twice.
+# The motor loops cause four lags λ, and the joint lags by B_j/S. A higher tendon force turns its motor back until the
+# integral compensates it: both sides lag by r_m² F'/(2 K_t k_i), which does not affect q and delays S twice.
 
 
 @pytest.mark.parametrize("S", [8.24, 10.55, 14.06])

@@ -212,21 +212,21 @@ def test_a_slow_winding_narrows_the_range_of_the_motor_loop() -> None:
 
 def test_a_preview_from_a_pickled_snapshot_is_unchanged() -> None:
     tuning, _ = default_tuning(load_parameters("lab"))
-    asked = pickle.loads(pickle.dumps(TuningSnapshot.from_active(tuning)))
+    snapshot = pickle.loads(pickle.dumps(TuningSnapshot.from_active(tuning)))
     wanted = 0.6, 0.5, 10.0, -1.0, None, None, None, True
-    assert background_work.preview_tuning(asked, *wanted) == tuning.preview(0.6, 0.5, 10.0, -1.0, printed=True)
-    assert background_work.preview_motor(asked, 0.2) == tuning.preview_motor(0.2)
-    assert background_work.compute_robust_tuning(asked, 1.5) == tuning.compute_robust_tuning(1.5)
+    assert background_work.preview_tuning(snapshot, *wanted) == tuning.preview(0.6, 0.5, 10.0, -1.0, printed=True)
+    assert background_work.preview_motor(snapshot, 0.2) == tuning.preview_motor(0.2)
+    assert background_work.compute_robust_tuning(snapshot, 1.5) == tuning.compute_robust_tuning(1.5)
 
 
 def test_models_are_cached_for_equal_tunings_only() -> None:
     tuning, _ = default_tuning(load_parameters("lab"))
-    asked = TuningSnapshot.from_active(tuning)
-    first = asked.resolve().previewer
-    assert asked.resolve().previewer is first
-    assert replace(asked, settings=replace(asked.settings, lam_q=0.9)).resolve().previewer is first
-    assert replace(asked, settings=replace(asked.settings, lam_motor=0.1)).resolve().previewer is not first
-    assert replace(asked, parameters=load_parameters("ideal")).resolve().previewer is not first
+    snapshot = TuningSnapshot.from_active(tuning)
+    first = snapshot.resolve().previewer
+    assert snapshot.resolve().previewer is first
+    assert replace(snapshot, settings=replace(snapshot.settings, lam_q=0.9)).resolve().previewer is first
+    assert replace(snapshot, settings=replace(snapshot.settings, lam_motor=0.1)).resolve().previewer is not first
+    assert replace(snapshot, parameters=load_parameters("ideal")).resolve().previewer is not first
 
 
 # The shortest position step that the motors allow, compared with the method and an integrated motor.

@@ -180,8 +180,8 @@ def measured_response(parameters: PlantParameters, tuning: cascade.CascadeTuning
     q_ref, S_ref = (wave, S + still) if signal == "q" else (still, S + wave)
     run = simulation.simulate_cascade(parameters, tuning, q_ref, S_ref)
     line = np.exp(-1j * phase)[before:]
-    asked = (wave[before:] * line).sum()
-    return np.array([(seen[before:] * line).sum() / asked for seen in (run.q, run.S)])
+    reference_component = (wave[before:] * line).sum()
+    return np.array([(seen[before:] * line).sum() / reference_component for seen in (run.q, run.S)])
 
 
 @pytest.mark.parametrize("sides", ["alike", "unlike"])
