@@ -263,7 +263,7 @@ def test_an_expression_has_its_arithmetic_value(expression: float | str, expecte
     ("expression", "held"),
     [("hold_s < count", True), ("hold_s < count < 4", False), ("profile == 'hand'", True), ("not on", False)],
 )
-def test_a_comparison_holds_or_does_not(expression: str, held: bool) -> None:
+def test_a_comparison_is_true_or_false(expression: str, held: bool) -> None:
     assert evaluate_condition(expression, KNOWN) is held
 
 

@@ -195,7 +195,7 @@ def test_an_invalid_declaration_is_rejected_with_its_line(
     assert caught.value.path[:2] == ("settings", 1)
 
 
-def test_a_default_is_refused_with_the_bounds_that_it_violates() -> None:
+def test_a_default_beyond_its_bounds_is_rejected_with_the_bounds() -> None:
     with refused_because(ExperimentError, "invalid_default", default=1.1, reason=TextWith(r"1\.1 .* 0 to 1\b")):
         build_settings(experiment(declared(default=1.1)), {})
     with refused_because(ExperimentError, "invalid_default", default=3, reason=TextWith("true or false")):
@@ -289,7 +289,7 @@ def test_settings_are_checked_against_each_other() -> None:
     assert chips.value.remedy.code == "shorter_excitation"
 
 
-def test_tracking_program_holds_its_references_as_the_paper_does() -> None:
+def test_the_tracking_program_holds_its_references_for_the_durations_of_the_paper() -> None:
     plan = build_ready_plan("tracking")
     program, phases = plan.program(), plan.phases()
     assert program.law is Law.CASCADE
@@ -339,7 +339,7 @@ def test_segments_last_a_whole_number_of_milliseconds(plan: Plan) -> None:
 
 
 @pytest.mark.parametrize("profile", ["hand", "steps", "ramp"])
-def test_the_compliance_program_pushes_in_both_directions_within_its_bound_and_ends_at_rest(profile: str) -> None:
+def test_compliance_pushes_in_both_directions_within_its_bound_and_ends_at_rest(profile: str) -> None:
     plan = build_ready_plan("compliance", **{"profile": profile, "F_push": 12.0, "pushes": 20})
     program = plan.program()
     forces = [segment.F_push for segment in program.segments]

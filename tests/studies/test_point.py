@@ -93,7 +93,7 @@ def test_each_row_has_the_margins_of_the_drawn_plant_and_of_the_model(database: 
                 assert found[f"phase_margin_{loop}{ending}"] == pytest.approx(phase_margin, abs=1e-3)
 
 
-def test_sensitivity_peaks_of_a_motor_grid_match_a_published_analysis(database: Database) -> None:
+def test_sensitivity_peaks_of_a_motor_grid_match_an_independent_analysis(database: Database) -> None:
     design = build_design(database, GRID)
     peaks = {}
     for number in range(len(design)):

@@ -172,7 +172,7 @@ def test_failed_and_lost_points_are_recomputed_on_request(database: Database, tm
     assert [row.state for row in table(database, study)] == ["completed"] * 2 + [REFUSED] + ["completed"] * 13
 
 
-def test_a_requested_stop_holds_until_the_study_is_resumed(database: Database, tmp_path: Path) -> None:
+def test_a_requested_stop_is_effective_until_the_study_is_resumed(database: Database, tmp_path: Path) -> None:
     study = begun(database)
     Studies(database).request_stop(study)
     assert not run_study(database, study, with_work(studying.quick, tmp_path))
