@@ -119,7 +119,7 @@ def moving(inside: Running) -> Running:
     return inside
 
 
-def test_everything_that_runs_is_supervised(inside: Running) -> None:
+def test_every_task_and_thread_is_supervised(inside: Running) -> None:
     """A task or thread that is new has to be put under supervision, or into the lists of this file."""
     tasks = inside.tasks()
     assert set(tasks) >= TASKS
@@ -138,7 +138,7 @@ def code_of(task: "asyncio.Task[object]") -> CodeType:
     return coroutine.cr_code
 
 
-def test_each_task_that_is_killed_is_told_and_runs_again(inside: Running) -> None:
+def test_each_killed_task_is_reported_and_restarted(inside: Running) -> None:
     kept = {kept._task for kept in inside.made.of(SupervisedTask)}
     victims = {name: task for name, task in inside.tasks().items() if task in kept}
     assert set(victims) >= TASKS
@@ -152,7 +152,7 @@ def test_each_task_that_is_killed_is_told_and_runs_again(inside: Running) -> Non
 
 
 @pytest.mark.parametrize("name", ["The recorder", "A 3D view"])
-def test_a_thread_that_is_killed_is_told_and_runs_again(inside: Running, name: str) -> None:
+def test_a_killed_thread_is_reported_and_restarted(inside: Running, name: str) -> None:
     victims = {thread for thread in threading.enumerate() if thread.name == name}
     for thread in victims:
         kill(thread)
@@ -165,14 +165,14 @@ def test_a_thread_that_is_killed_is_told_and_runs_again(inside: Running, name: s
     until(again)
 
 
-def test_the_joint_is_stopped_softly_when_nobody_watches_over_lost_pages(moving: Running) -> None:
+def test_death_of_the_page_monitor_causes_a_soft_stop(moving: Running) -> None:
     moving.call(moving.tasks()["The monitor of lost pages"].cancel)
     state = wait_for(moving.client, "mode", "tripped")
     assert isinstance(state["fault"], dict)
     assert state["fault"]["code"] == "operator_lost"
 
 
-def test_the_loop_stops_by_itself_when_the_heartbeat_keeps_dying(moving: Running) -> None:
+def test_the_loop_stops_if_the_heartbeat_task_keeps_dying(moving: Running) -> None:
     def stop_beating() -> bool:
         for heart in moving.made.of(HeartbeatSender):
             heart._words[0] = 1  # what a thread of compiled code can be ended by
@@ -188,7 +188,7 @@ def test_the_loop_stops_by_itself_when_the_heartbeat_keeps_dying(moving: Running
     assert wait_for(moving.client, "mode", "off")
 
 
-def test_an_experiment_that_nobody_watches_is_stopped_and_said_to_be_given_up(moving: Running) -> None:
+def test_an_experiment_without_its_task_is_stopped_and_reported(moving: Running) -> None:
     segments = '[{"duration_s": 60, "q_ref": 0.1, "S_ref": 10}]'
     body = {"name": "sequence", "settings": {"segments": segments}}
     run = moving.client.post("/api/experiments", json=body).raise_for_status().json()["id"]
@@ -202,7 +202,7 @@ def test_an_experiment_that_nobody_watches_is_stopped_and_said_to_be_given_up(mo
     assert moving.client.get(f"/api/runs/{run}").json()["end_state"] == "service_died"
 
 
-def test_the_clock_of_a_trial_keeps_its_promise_when_it_is_killed(inside: Running) -> None:
+def test_a_trial_reverts_although_its_timer_task_is_killed(inside: Running) -> None:
     inside.client.post("/api/stop").raise_for_status()
     inside.client.post("/api/reset").raise_for_status()
     before = inside.client.get("/api/tuning").json()["lam_q"]
@@ -212,7 +212,7 @@ def test_the_clock_of_a_trial_keeps_its_promise_when_it_is_killed(inside: Runnin
     assert inside.client.get("/api/tuning").json()["lam_q"] == before
 
 
-def test_deaths_are_in_the_journal_and_no_run_lacks_a_sample(moving: Running) -> None:
+def test_a_run_lacks_no_sample_after_a_restart_of_the_recorder(moving: Running) -> None:
     until(lambda: moving.client.get("/api/state").json()["pretension_done"])
     moving.client.post("/api/mode", json={"mode": "run"}).raise_for_status()
     state = wait_for(moving.client, "mode", "run")

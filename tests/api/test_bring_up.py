@@ -75,14 +75,14 @@ def switch_on(client: httpx.Client) -> None:
     assert client.post(f"{URL}/drives", json={"on": True}).raise_for_status().json()["drives_on"] is True
 
 
-def test_a_simulator_has_nothing_to_be_brought_up(operator: httpx.Client) -> None:
+def test_a_simulator_has_no_commissioning(operator: httpx.Client) -> None:
     view = operator.get(URL).json()
     assert not view["applies"]
     assert "simulator" in view["why_not"]
     assert operator.post(f"{URL}/zero", json={"values": {}}).status_code == 409
 
 
-def test_the_wiring_test_is_played_confirmed_and_kept(rig: httpx.Client) -> None:
+def test_the_wiring_test_is_run_confirmed_and_stored(rig: httpx.Client) -> None:
     view = rig.get(URL).raise_for_status().json()
     assert view["applies"]
     assert {step["state"] for step in view["steps"]} == {"never"}
@@ -108,7 +108,7 @@ def test_the_wiring_test_is_played_confirmed_and_kept(rig: httpx.Client) -> None
     switch_on(rig)
 
 
-def test_a_step_that_is_given_up_leaves_no_result(rig: httpx.Client) -> None:
+def test_a_cancelled_step_leaves_no_result(rig: httpx.Client) -> None:
     rig.post(f"{URL}/zero", json={"values": {}}).raise_for_status()
     until(lambda: (step_of(rig, "zero")["running"] or {}).get("confirm"))
     rig.post(f"{URL}/cancel").raise_for_status()
@@ -116,7 +116,7 @@ def test_a_step_that_is_given_up_leaves_no_result(rig: httpx.Client) -> None:
     assert problem(rig.post(f"{URL}/confirm"))["code"] == "conflict"
 
 
-def test_what_has_to_come_before_pretension_is_in_the_state(rig: httpx.Client) -> None:
+def test_the_state_lists_the_steps_required_before_pretension(rig: httpx.Client) -> None:
     """A direction step that has failed leaves the directions unproven until it has passed."""
 
     def read_readiness() -> tuple[str, list[str]]:
@@ -143,13 +143,13 @@ def test_what_has_to_come_before_pretension_is_in_the_state(rig: httpx.Client) -
     assert read_readiness() == ("", ["pretension"])
 
 
-def test_there_is_no_homing_without_a_position_of_the_end_switch(rig: httpx.Client) -> None:
+def test_homing_requires_a_position_of_the_end_switch(rig: httpx.Client) -> None:
     assert "home" not in {step["id"] for step in rig.get(URL).json()["steps"]}
     refused = problem(rig.post(f"{URL}/home", json={"values": {}}))
     assert "end_switch.position" in str(refused["message"])
 
 
-def test_weights_too_near_are_refused(rig: httpx.Client) -> None:
+def test_weights_that_differ_too_little_are_rejected(rig: httpx.Client) -> None:
     answer = rig.post(f"{URL}/calibrate", json={"values": {"weight_1_N": 10.0, "weight_2_N": 12.0}})
     assert answer.status_code == 422
     assert "at least 5 N apart" in str(problem(answer)["message"])
@@ -175,7 +175,7 @@ def read_problems(client: httpx.Client) -> list[str]:
     return [problem for problem in problems if "of the bring-up" in problem]
 
 
-def test_a_tare_takes_the_zero_with_it_and_says_so(rig: httpx.Client) -> None:
+def test_a_tare_invalidates_the_zero_and_gives_the_reason(rig: httpx.Client) -> None:
     assert played(rig, "zero")["state"] == "current"
     step = played(rig, "tare")
     assert step["state"] == "current", step
@@ -185,7 +185,7 @@ def test_a_tare_takes_the_zero_with_it_and_says_so(rig: httpx.Client) -> None:
     assert "lost their zero" in zero["why"]
 
 
-def test_a_tare_that_is_not_taken_up_is_told_and_takes_effect_later(rig: httpx.Client) -> None:
+def test_a_pending_tare_is_reported_and_takes_effect_at_the_next_start(rig: httpx.Client) -> None:
     def stop(asked: str) -> None:
         if "the control loop restarts" in asked:
             rig.post("/api/stop").raise_for_status()
@@ -201,7 +201,7 @@ def test_a_tare_that_is_not_taken_up_is_told_and_takes_effect_later(rig: httpx.C
     assert read_problems(rig) == []
 
 
-def test_a_result_that_cannot_be_kept_is_told(rig: httpx.Client, folder: Path) -> None:
+def test_a_result_that_cannot_be_stored_is_reported(rig: httpx.Client, folder: Path) -> None:
     def rename(old: str, new: str) -> None:
         with closing(sqlite3.connect(folder / "sinew.db", timeout=10.0)) as database:
             database.execute(f"ALTER TABLE {old} RENAME TO {new}")
@@ -219,7 +219,7 @@ def test_a_result_that_cannot_be_kept_is_told(rig: httpx.Client, folder: Path) -
     assert step_of(rig, "zero")["running"] is None
 
 
-def test_a_tare_keeps_the_slope_that_is_stored_whether_it_is_in_force_or_not(rig: httpx.Client, folder: Path) -> None:
+def test_a_tare_retains_the_stored_slope_even_if_it_is_not_active(rig: httpx.Client, folder: Path) -> None:
     wiring = load_wiring("pcie-6323")
     assert wiring.load_cell_A.slope == 10.0
     cells = tuple(CellCalibration(tendon, 20.0, 0.0, "calibrated") for tendon in "AB")
@@ -232,7 +232,7 @@ def test_a_tare_keeps_the_slope_that_is_stored_whether_it_is_in_force_or_not(rig
     assert [(found["tendon"], found["slope"]) for found in tared] == [("A", 20.0), ("B", 20.0)]
 
 
-def test_a_service_that_starts_anew_keeps_the_drives_off_until_somebody_says_that_the_hands_are_away(
+def test_a_restarted_service_keeps_the_drive_lockout_until_an_operator_ends_it(
     tmp_path: Path,
 ) -> None:
     plant = ("rig", "--virtual-card")

@@ -275,7 +275,7 @@ def test_loop_exit_ends_the_sweep_without_restoring_S_ref(database: Database) ->
 
 
 @pytest.mark.live
-def test_from_the_command_line(service: Service, running: httpx.Client) -> None:
+def test_calibration_from_the_command_line(service: Service, running: httpx.Client) -> None:
     nothing = json.loads(sinew("touch", "show", "--json", folder=service.data).stdout)
     assert (nothing["learned"], nothing["sweep"]) == ([], None)
     refused = running.put("/api/touch", json={"sweep": "again"})

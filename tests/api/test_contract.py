@@ -38,7 +38,7 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     phases=[Phase.generate],
     suppress_health_check=list(HealthCheck),
 )
-def test_answers_are_as_described(case: schemathesis.Case[Any], alone: Service) -> None:
+def test_answers_match_the_schema(case: schemathesis.Case[Any], alone: Service) -> None:
     with client_with(alone, "token") as operator:
         headers = {"Authorization": operator.headers["Authorization"]}
     response = case.call(base_url=alone.url, headers=headers, timeout=120.0)
@@ -54,10 +54,10 @@ def test_answers_are_as_described(case: schemathesis.Case[Any], alone: Service) 
 
 
 @pytest.mark.parametrize("name", ["State", "LiveMessage", "ErrorResponse"])
-def test_messages_are_described(name: str) -> None:
+def test_the_schema_describes_the_messages(name: str) -> None:
     assert name in DESCRIBED["components"]["schemas"]
 
 
-def test_each_schema_has_a_name_of_its_own() -> None:
+def test_schema_names_are_unique() -> None:
     """Two of one name are called by their modules, which change."""
     assert [name for name in DESCRIBED["components"]["schemas"] if "__" in name] == []

@@ -77,7 +77,7 @@ class Desk:
         return error.value.code
 
 
-def test_commands_of_the_holder_pass_once_and_in_order() -> None:
+def test_commands_of_the_lease_holder_are_accepted_once_and_in_order() -> None:
     desk = Desk()
     page = desk.take(ANA).page_key
     desk.command(ANA, CommandToken(page, 1))
@@ -88,7 +88,7 @@ def test_commands_of_the_holder_pass_once_and_in_order() -> None:
     assert desk.refusal(VERA, None) == "control_needed"
 
 
-def test_control_is_taken_over_only_when_that_is_said() -> None:
+def test_taking_a_held_lease_requires_an_explicit_take_over() -> None:
     desk = Desk()
     first = desk.take(ANA).build_lease()
     with refused(RequestRejectedError, "control_held", holder="Ana"):
@@ -115,7 +115,7 @@ def swap_the_session(control: ControlLease) -> None:
 
 
 @pytest.mark.parametrize("spoil", [forget_an_epoch, lose_count_of_silence, swap_the_session])
-def test_a_lease_that_is_not_consistent_is_ended(spoil: Callable[[ControlLease], None]) -> None:
+def test_an_inconsistent_lease_is_released(spoil: Callable[[ControlLease], None]) -> None:
     desk = Desk()
     page = desk.take(ANA).page_key
     released: list[int] = []
@@ -131,7 +131,7 @@ def test_a_lease_that_is_not_consistent_is_ended(spoil: Callable[[ControlLease],
     desk.take(VERA)
 
 
-def test_a_clock_that_goes_back_ends_control() -> None:
+def test_a_clock_that_goes_back_releases_the_lease() -> None:
     desk = Desk()
     desk.take(ANA)
     desk.now -= 1.0
@@ -141,7 +141,7 @@ def test_a_clock_that_goes_back_ends_control() -> None:
     desk.wait(1.0)
 
 
-def test_another_page_of_the_same_person_is_another_page() -> None:
+def test_two_pages_of_one_person_do_not_share_the_lease() -> None:
     desk = Desk()
     first = desk.take(ANA).page_key
     with refused(RequestRejectedError, "control_held", holder="another of your pages"):
@@ -150,7 +150,7 @@ def test_another_page_of_the_same_person_is_another_page() -> None:
     assert desk.refusal(ANA, CommandToken(first, 1)) == "control_lost"
 
 
-def test_a_page_that_is_loaded_again_goes_on_and_what_it_was_before_does_not() -> None:
+def test_a_reloaded_page_resumes_the_lease_and_its_old_key_is_rejected() -> None:
     desk = Desk()
     first = desk.take(ANA).build_lease()
     desk.command(ANA, CommandToken(first.page, 1))
@@ -168,7 +168,7 @@ def test_a_page_that_is_loaded_again_goes_on_and_what_it_was_before_does_not() -
     assert desk.told == ["Ana: control taken", "Vera: control taken over from Ana"]
 
 
-def test_what_is_held_by_hand_is_let_go_with_control_however_that_ends() -> None:
+def test_every_loss_of_control_releases_the_push() -> None:
     desk, released = Desk(), []  # type: Desk, list[float]
     desk.events.subscribe(ControlReleased, lambda _: released.append(desk.now))
     page = desk.take(ANA).page_key
@@ -191,7 +191,7 @@ def test_what_is_held_by_hand_is_let_go_with_control_however_that_ends() -> None
     assert len(released) == 1
 
 
-def test_a_silent_page_is_lost_after_its_time_and_a_stamp_of_before_does_nothing() -> None:
+def test_a_silent_page_loses_the_lease_and_its_old_commands_are_rejected() -> None:
     desk = Desk()
     page = desk.take(ANA).page_key
     for _ in range(20):
@@ -210,7 +210,7 @@ def test_a_silent_page_is_lost_after_its_time_and_a_stamp_of_before_does_nothing
     assert desk.refusal(ANA, CommandToken(page, 1)) == "control_lost"
 
 
-def test_a_page_that_comes_back_in_time_goes_on_holding_control() -> None:
+def test_a_page_that_reconnects_in_time_keeps_the_lease() -> None:
     desk = Desk()
     page = desk.take(ANA).page_key
     desk.wait(LOST_S + HOLD_S - 0.3)
@@ -225,7 +225,7 @@ def test_a_page_that_comes_back_in_time_goes_on_holding_control() -> None:
     assert not desk.lost
 
 
-def test_a_service_that_stood_still_blames_no_page() -> None:
+def test_a_pause_of_the_service_does_not_time_out_pages() -> None:
     desk = Desk()
     desk.take(ANA)
     for _ in range(5):
@@ -234,7 +234,7 @@ def test_a_service_that_stood_still_blames_no_page() -> None:
     assert not desk.lost
 
 
-def test_scripts_need_no_stamp_while_nobody_else_holds_control() -> None:
+def test_scripts_need_no_command_token_while_the_lease_is_free() -> None:
     desk = Desk()
     desk.command(SCRIPT, None)
     with refused(RequestRejectedError, "control_held", holder="operator"):
@@ -248,13 +248,13 @@ def test_scripts_need_no_stamp_while_nobody_else_holds_control() -> None:
 @pytest.mark.parametrize(
     "text", ["", "1.1", KEY, KEY + ".", ".1", KEY + ".-1", KEY + ".1.1", KEY + ".1\n", KEY + ".١", KEY + "." + "9" * 30]
 )
-def test_a_stamp_that_is_none_is_refused(text: str) -> None:
+def test_an_invalid_command_token_is_rejected(text: str) -> None:
     with pytest.raises(RequestRejectedError) as error:
         parse_command_token(text)
     assert error.value.category is ErrorCode.MALFORMED
 
 
-def test_a_stale_page_is_refused_after_take_over_and_may_still_stop(service: Service, off: httpx.Client) -> None:
+def test_a_page_that_lost_control_may_only_send_stop(service: Service, off: httpx.Client) -> None:
     with pages(service, "Ana", "Vera") as (ana, vera):
         assert ana.take(take_over=True).is_success
         assert vera.take().status_code == 409
@@ -272,7 +272,7 @@ def test_a_stale_page_is_refused_after_take_over_and_may_still_stop(service: Ser
         assert vera.command("POST", "/api/reset").is_success
 
 
-def test_losing_the_page_that_holds_control_ends_in_a_soft_stop(service: Service, off: httpx.Client) -> None:
+def test_loss_of_the_controlling_page_causes_a_soft_stop(service: Service, off: httpx.Client) -> None:
     with pages(service, "Ana") as (ana,):
         ana.take(take_over=True)
         assert ana.ping() == {"type": "pong", "id": 1}
@@ -300,14 +300,14 @@ def test_losing_the_page_that_holds_control_ends_in_a_soft_stop(service: Service
         assert ended(off, run["id"])["end_state"] == "link_lost"
 
 
-def test_a_viewer_takes_no_control(service: Service) -> None:
+def test_a_viewer_cannot_take_the_control_lease(service: Service) -> None:
     watcher = Page(service, "Vic", role="viewer-token")
     assert watcher.take().status_code == 403
     assert watcher.take(take_over=True).status_code == 403
     watcher.browser.close()
 
 
-def test_commands_on_two_connections_are_obeyed_in_the_order_they_were_given(service: Service) -> None:
+def test_commands_on_two_connections_are_executed_in_their_order(service: Service) -> None:
     """As browsers send them: the second leaves before the first is answered, by another connection."""
     with pages(service, "Ana") as (ana,):
         assert ana.take(take_over=True).is_success
@@ -322,7 +322,7 @@ def test_commands_on_two_connections_are_obeyed_in_the_order_they_were_given(ser
         assert refused == 0
 
 
-def test_a_reload_keeps_control_and_a_copy_of_the_page_gets_none(service: Service, off: httpx.Client) -> None:
+def test_a_reload_keeps_control_and_a_copied_page_has_none(service: Service, off: httpx.Client) -> None:
     with pages(service, "Ana") as (ana,):
         assert ana.take(take_over=True).is_success
         before = ana.key

@@ -39,7 +39,7 @@ def costly(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, 
 
 
 @pytest.mark.parametrize("token", ["token", "viewer-token"])
-def test_what_held_the_interpreter_is_refused(costly: tuple[Service, int], token: str) -> None:
+def test_requests_that_would_block_the_interpreter_are_rejected(costly: tuple[Service, int], token: str) -> None:
     service, run = costly
     with client_with(service, token) as client:
         text = client.post(CHECK, json={"text": json.dumps(text_of(HOLDING)), "play": False})
@@ -50,7 +50,7 @@ def test_what_held_the_interpreter_is_refused(costly: tuple[Service, int], token
         assert (letters.status_code, problem(letters)["code"]) == (422, "sheet_too_large")
 
 
-def test_stop_is_answered_while_costly_requests_are_under_way(costly: tuple[Service, int]) -> None:
+def test_stop_is_answered_during_costly_requests(costly: tuple[Service, int]) -> None:
     service, run = costly
     over = threading.Event()
     statuses: list[int] = []
@@ -90,7 +90,7 @@ def test_stop_is_answered_while_costly_requests_are_under_way(costly: tuple[Serv
     assert set(statuses) <= {200, 422, 429}
 
 
-def test_a_sheet_whose_sender_leaves_does_not_keep_others_waiting(costly: tuple[Service, int]) -> None:
+def test_a_disconnected_sender_of_a_sheet_delays_no_other_request(costly: tuple[Service, int]) -> None:
     service, _ = costly
     with client_with(service, "viewer-token") as client:
         for _ in range(3):  # as many as one person has places, and one more

@@ -47,7 +47,7 @@ def hangup_heeded() -> Iterator[None]:
     [(signal.SIGTERM, begin_experiment), (signal.SIGHUP, begin_experiment), (signal.SIGINT, begin_session)],
     ids=["SIGTERM", "SIGHUP", "SIGINT"],
 )
-def test_a_run_that_a_signal_ends_says_so(
+def test_a_run_that_a_signal_ends_stores_the_signal(
     tmp_path: Path, number: signal.Signals, begin: Callable[[httpx.Client], None]
 ) -> None:
     with running_service(tmp_path, params="ideal") as service:
@@ -84,7 +84,7 @@ def sinew(*words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-m", "backend", *words], capture_output=True, text=True, check=False)
 
 
-def test_a_data_folder_taken_away_is_told_and_nothing_is_lost_once_it_is_back(tmp_path: Path) -> None:
+def test_a_missing_data_folder_is_reported_and_its_return_loses_no_data(tmp_path: Path) -> None:
     data = tmp_path / "data"
     with running_service(data, params="ideal") as service, client_with(service, "token") as operator:
         assert sinew("link", "--data", str(data)).stdout.splitlines()[0].endswith(service.link)

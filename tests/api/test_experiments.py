@@ -35,7 +35,7 @@ DOCUMENT = {
 }
 
 
-def test_it_is_told_part_by_part_and_not_played(viewer: httpx.Client) -> None:
+def test_the_check_lists_the_parts_without_a_dry_run(viewer: httpx.Client) -> None:
     order = {"text": json.dumps(DOCUMENT), "play": False}
     told = viewer.post("/api/experiments/check", json=order).raise_for_status().json()
     assert told["duration_s"] == pytest.approx(2.5)
@@ -48,7 +48,7 @@ def test_it_is_told_part_by_part_and_not_played(viewer: httpx.Client) -> None:
     assert told["not_predicted"] == messages.checked_without_dry_run()
 
 
-def test_what_cannot_be_run_is_refused_at_its_place(viewer: httpx.Client) -> None:
+def test_the_check_gives_the_path_of_an_invalid_value(viewer: httpx.Client) -> None:
     text = json.dumps(DOCUMENT).replace("0.2", "3.5")
     refused = problem(viewer.post("/api/experiments/check", json={"text": text, "play": False}))
     assert refused["path"] == ["phases", 0, "parts", 1, "parts", 0, "q_ref"]

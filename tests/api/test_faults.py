@@ -42,7 +42,7 @@ def test_every_fault_has_its_injection_or_a_button() -> None:
     assert set(MANUAL_CAUSES) == {Fault.STOP_PRESSED, Fault.SERVICE_ENDED, Fault.INTERNAL_ERROR}
 
 
-def test_what_only_a_card_has_is_offered_on_the_virtual_card_only() -> None:
+def test_card_faults_are_offered_on_the_virtual_card_only() -> None:
     here, there = describe_faults(SIMULATOR), describe_faults(PlantChoice(PlantKind.VIRTUAL_CARD))
     assert here.card == []
     assert {fault.injection.kind.value for fault in there.card} >= set(ONLY_OF_A_CARD)
@@ -53,14 +53,14 @@ def test_what_only_a_card_has_is_offered_on_the_virtual_card_only() -> None:
     assert {fault.code for fault in there.faults if fault.injection is None} == set(MANUAL_CAUSES)
 
 
-def test_a_simulator_has_no_card_to_break(off: httpx.Client) -> None:
+def test_card_faults_are_rejected_on_the_simulator(off: httpx.Client) -> None:
     refused = off.post("/api/faults/injection", json={"kind": "device_gone"})
     assert refused.status_code == 409
     assert problem(refused)["code"] == "no_virtual_card"
     assert problem(refused)["message_code"] == "fault_needs_virtual_card"
 
 
-def test_the_list_tells_words_and_injections(viewer: httpx.Client) -> None:
+def test_the_list_of_faults_has_texts_and_injections(viewer: httpx.Client) -> None:
     listed = viewer.get("/api/faults").json()["faults"]
     assert [entry["code"] for entry in listed] == [str(fault) for fault in FAULTS[1:]]
     assert all(entry["message"] and entry["remedy"] for entry in listed)
@@ -71,7 +71,7 @@ def test_the_list_tells_words_and_injections(viewer: httpx.Client) -> None:
 
 
 @pytest.mark.parametrize("fault", ONLY_HERE)
-def test_an_injected_fault_is_latched_and_told(off: httpx.Client, fault: Fault) -> None:
+def test_an_injected_fault_is_latched_and_reported(off: httpx.Client, fault: Fault) -> None:
     off.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
     off.post("/api/faults/injection", json=INJECTIONS[fault].model_dump(mode="json")).raise_for_status()
     wait_for(off, "mode", "tripped")
@@ -92,7 +92,7 @@ def test_an_injected_fault_is_latched_and_told(off: httpx.Client, fault: Fault) 
 
 
 @pytest.mark.parametrize("kind", ["read_error", "write_error"])
-def test_a_plant_that_fails_while_tripped_is_a_standing_problem(off: httpx.Client, kind: str) -> None:
+def test_a_plant_error_while_tripped_remains_a_problem(off: httpx.Client, kind: str) -> None:
     off.post("/api/stop").raise_for_status()
     off.post("/api/faults/injection", json={"kind": kind}).raise_for_status()
     (problem_shown,) = cast(list[str], once_told(off, "problems")["problems"])
@@ -104,7 +104,7 @@ def test_a_plant_that_fails_while_tripped_is_a_standing_problem(off: httpx.Clien
     assert off.post("/api/reset").json()["mode"] == "off"
 
 
-def test_a_dead_watchdog_is_shown_and_a_reset_brings_a_new_one(off: httpx.Client) -> None:
+def test_a_dead_watchdog_is_shown_and_a_reset_starts_a_new_one(off: httpx.Client) -> None:
     """Also where something else is latched already, so that no trip tells of it."""
     off.post("/api/stop").raise_for_status()
     starts = off.get("/api/state").json()["link"]["starts"]
@@ -120,7 +120,7 @@ def test_a_dead_watchdog_is_shown_and_a_reset_brings_a_new_one(off: httpx.Client
     assert cast(dict[str, object], state["link"])["starts"] == cast(int, starts) + 1
 
 
-def test_a_viewer_breaks_nothing(viewer: httpx.Client) -> None:
+def test_a_viewer_cannot_inject_faults(viewer: httpx.Client) -> None:
     refused = viewer.post("/api/faults/injection", json={"kind": "jump"})
     assert refused.status_code == 403
     assert problem(refused)["code"] == "not_allowed"
@@ -135,7 +135,7 @@ class _RigActuator:
 
 
 @pytest.mark.parametrize("fault", INJECTIONS)
-def test_nothing_is_injected_into_a_rig(fault: Fault) -> None:
+def test_faults_cannot_be_injected_into_a_rig(fault: Fault) -> None:
     rig, control = cast(ActuatorService, _RigActuator()), cast(ControlLease, None)
     with pytest.raises(RequestRejectedError) as error:
         asyncio.run(apply_fault(rig, control, INJECTIONS[fault], "Ana"))
@@ -281,13 +281,13 @@ ALONE = ("calibration over S", "run, and its temporary tuning", "queue after the
 TOGETHER = ("tuning trial", "manual push", "obstacle")
 
 
-def test_the_table_names_what_is_tried() -> None:
+def test_the_documented_table_lists_the_tested_objects() -> None:
     assert sorted(documented()) == sorted((*ALONE, *TOGETHER))
 
 
 @pytest.mark.parametrize("names", [TOGETHER, ALONE[:1], ALONE[1:]], ids=["in run", "learning", "run"])
 @pytest.mark.parametrize("event", EVENTS)
-def test_each_event_ends_what_the_table_says(bench: Bench, names: tuple[str, ...], event: str) -> None:
+def test_each_event_ends_the_objects_in_the_documented_table(bench: Bench, names: tuple[str, ...], event: str) -> None:
     bench.begin()
     for name in names:
         if name != "queue after the run":
@@ -334,7 +334,7 @@ def watchdog_in(state: dict[str, Any]) -> dict[str, Any]:
     return dict(link)
 
 
-def test_a_load_cell_at_its_end_has_a_fault_of_its_own(card: httpx.Client) -> None:
+def test_a_saturated_load_cell_has_its_own_fault(card: httpx.Client) -> None:
     code, remedy = latched(card, "saturation")
     assert code == Fault.SENSOR_SATURATED
     assert "amplifier" in remedy
@@ -345,7 +345,7 @@ def test_a_load_cell_at_its_end_has_a_fault_of_its_own(card: httpx.Client) -> No
     assert card.post("/api/reset").raise_for_status().json()["mode"] == "off"
 
 
-def test_a_card_that_is_gone_is_opened_anew_by_a_reset(card: httpx.Client) -> None:
+def test_a_reset_reopens_a_disconnected_card(card: httpx.Client) -> None:
     starts = card.get("/api/state").json()["link"]["starts"]
     code, _ = latched(card, "device_gone")
     assert code == Fault.PLANT_ERROR
@@ -356,7 +356,7 @@ def test_a_card_that_is_gone_is_opened_anew_by_a_reset(card: httpx.Client) -> No
     assert (state["link"]["starts"], state["problems"]) == (starts + 1, [])
 
 
-def test_motors_that_were_exchanged_have_to_be_proven_anew_after_the_next_start_too(card: httpx.Client) -> None:
+def test_swapped_motors_invalidate_the_direction_step_after_a_restart_too(card: httpx.Client) -> None:
     card.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
     wait_for(card, "pretension_done", True)
     card.post("/api/mode", json={"mode": "run"}).raise_for_status()

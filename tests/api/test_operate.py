@@ -13,14 +13,14 @@ from tests.api.conftest import ended, problem, until, wait_for
 # Operating the simulator through the interface: what is asked, what is refused, what is in force then.
 
 
-def test_an_illegal_move_is_refused_with_the_legal_ones(off: httpx.Client) -> None:
+def test_an_illegal_mode_is_rejected_with_the_legal_modes(off: httpx.Client) -> None:
     refused = off.post("/api/mode", json={"mode": "run"})
     assert refused.status_code == 409
     assert problem(refused)["legal"] == ["pretension"]
     assert off.get("/api/state").json()["mode"] == "off"
 
 
-def test_run_has_to_wait_for_the_pretension(off: httpx.Client) -> None:
+def test_run_is_rejected_until_pretension_is_done(off: httpx.Client) -> None:
     def asked_too_early() -> httpx.Response | None:
         for path in ("stop", "reset"):
             off.post(f"/api/{path}").raise_for_status()
@@ -59,7 +59,7 @@ def test_the_joint_follows_its_references(running: httpx.Client) -> None:
         ("/api/tuning", {"lam_motor": 0.01}, "lam_motor", 0.01, "s", "λ_motor: 0.01 s "),
     ],
 )
-def test_a_value_out_of_range_is_refused_with_its_bounds_and_changes_nothing(
+def test_a_value_out_of_range_is_rejected_with_its_bounds(
     running: httpx.Client, path: str, body: dict[str, float], quantity: str, value: float, unit: str, said: str
 ) -> None:
     before = running.get("/api/state").json()
@@ -88,14 +88,14 @@ def test_a_value_out_of_range_is_refused_with_its_bounds_and_changes_nothing(
         "{",
     ],
 )
-def test_nonsense_is_refused_and_names_what_is_wrong(running: httpx.Client, body: str) -> None:
+def test_an_invalid_body_is_rejected_with_its_field(running: httpx.Client, body: str) -> None:
     refused = running.put("/api/references", content=body, headers={"Content-Type": "application/json"})
     assert refused.status_code == 422
     assert problem(refused)["message"]
     assert "torque" not in body or "torque" in str(problem(refused)["message"])
 
 
-def test_a_new_lambda_is_read_back_and_leaves_the_rest(running: httpx.Client) -> None:
+def test_a_new_lambda_leaves_the_other_settings_unchanged(running: httpx.Client) -> None:
     before = running.get("/api/tuning").json()
     answer = running.put("/api/tuning", json={"lam_q": 0.61}).json()
     assert answer == {**before, "lam_q": 0.61}
@@ -118,11 +118,11 @@ def test_the_preview_agrees_with_the_design(operator: httpx.Client) -> None:
     assert slow["step_q"]["u_peak_V"] < step["u_peak_V"] <= 10.0
 
 
-def test_references_are_refused_where_nobody_follows_them(off: httpx.Client) -> None:
+def test_references_are_rejected_in_modes_without_loops(off: httpx.Client) -> None:
     assert off.put("/api/references", json={"q_ref": 0.1, "S_ref": 10.0}).status_code == 409
 
 
-def test_stop_gives_its_proof_latches_and_needs_a_reset(running: httpx.Client) -> None:
+def test_stop_is_confirmed_latched_and_requires_a_reset(running: httpx.Client) -> None:
     run = running.get("/api/state").json()["recording_run"]
     proof = running.post("/api/stop").raise_for_status().json()
     assert 0 <= proof["zero_tick"] - proof["arrived_tick"] <= 2
@@ -145,7 +145,7 @@ def test_a_push_moves_the_joint_of_the_simulator(running: httpx.Client) -> None:
     running.post("/api/push", json={"F_push": 0.0}).raise_for_status()
 
 
-def test_what_an_identification_will_do_is_told_before(operator: httpx.Client) -> None:
+def test_an_identification_is_predicted_in_advance(operator: httpx.Client) -> None:
     told = operator.post("/api/identifications/prediction", json={"tension_N": 20.0}).json()
     assert told["q_counts"] == pytest.approx(57.0, abs=1.0)
     assert told["enough_motion"]
@@ -257,7 +257,7 @@ def liking(off: httpx.Client) -> Iterator[Any]:
 
 
 @pytest.mark.parametrize(("method", "path", "body", "place", "said"), REFUSED)
-def test_a_refusal_is_whole_in_words_and_units_and_says_where(
+def test_a_refusal_has_text_units_and_field(
     off: httpx.Client, liking: Any, method: str, path: str, body: dict[str, Any], place: list[str | int], said: str
 ) -> None:
     """No code name, no further unit, no number that nobody reads; in radians where the person asks for them."""
@@ -293,7 +293,7 @@ def told(client: httpx.Client, method: str, path: str, body: dict[str, Any]) -> 
     return problem(answer)
 
 
-def test_the_choice_is_kept_for_the_person_and_starts_with_degrees(
+def test_the_unit_of_angles_is_stored_per_person_and_defaults_to_degrees(
     off: httpx.Client, viewer: httpx.Client, liking: Any
 ) -> None:
     assert off.get("/api/preferences").json()["angles"] == "deg"
@@ -302,7 +302,7 @@ def test_the_choice_is_kept_for_the_person_and_starts_with_degrees(
     assert viewer.get("/api/preferences").json()["angles"] == "deg"
 
 
-def test_a_report_is_in_the_unit_of_who_downloads_it(running: httpx.Client, liking: Any) -> None:
+def test_a_report_uses_the_angle_unit_of_the_downloading_person(running: httpx.Client, liking: Any) -> None:
     """What the person prefers, unless the address says otherwise; the data beside it stay in SI."""
     run = running.get("/api/state").json()["recording_run"]
     running.post("/api/stop").raise_for_status()

@@ -53,7 +53,7 @@ def test_an_identification_gives_models_and_a_bank_that_the_loop_uses(off: httpx
     assert [item["id"] for item in listed if item["active"]] == [made["id"]]
 
 
-def test_what_the_form_offers_is_what_the_service_takes(off: httpx.Client) -> None:
+def test_the_service_accepts_exactly_the_range_that_the_form_offers(off: httpx.Client) -> None:
     kinds = off.get("/api/experiments").json()["experiments"]
     offered = {one["name"]: one for one in next(kind for kind in kinds if kind["name"] == "tracking")["settings"]}
 
@@ -73,7 +73,7 @@ def test_what_the_form_offers_is_what_the_service_takes(off: httpx.Client) -> No
     assert answered("seed", 1) == 422
 
 
-def test_tracking_runs_reports_and_is_downloaded(off: httpx.Client) -> None:
+def test_tracking_is_run_reported_and_downloaded(off: httpx.Client) -> None:
     kinds = off.get("/api/experiments").json()["experiments"]
     units = {setting["name"]: setting["unit"] for setting in kinds[0]["settings"]}
     assert (units["q_amplitude"], units["S_hold"], units["lam_q"]) == ("rad", "N·m/rad", "s")
@@ -118,7 +118,7 @@ def test_tracking_runs_reports_and_is_downloaded(off: httpx.Client) -> None:
     assert found["total"] == 1
 
 
-def test_bad_orders_are_refused_before_anything_moves(off: httpx.Client) -> None:
+def test_invalid_requests_are_rejected_before_motion(off: httpx.Client) -> None:
     before = off.get("/api/runs").json()["total"]
     unknown = off.post("/api/experiments", json={"name": "levitation"})
     assert unknown.status_code == 422
@@ -154,7 +154,7 @@ def table(count: int = 40) -> str:
     return "x [mm],F [N]\n" + "\n".join(f"{a:.4f},{b:.4f}" for a, b in zip(x, F, strict=True))
 
 
-def test_what_motors_and_springs_will_do_is_told_before(operator: httpx.Client) -> None:
+def test_motor_and_spring_identifications_are_predicted_in_advance(operator: httpx.Client) -> None:
     motor = operator.post("/api/identifications/prediction", json={"kind": "motor"}).json()
     figures = {figure["name"]: figure["value"] for figure in motor["figures"]}
     assert motor["enough_motion"]
@@ -173,7 +173,7 @@ def test_what_motors_and_springs_will_do_is_told_before(operator: httpx.Client) 
     assert several["duration_s"] > 4.0 * 28.32
 
 
-def test_what_would_leave_the_range_is_told_before_and_refused_at_the_start(off: httpx.Client) -> None:
+def test_an_identification_beyond_the_range_is_predicted_and_rejected(off: httpx.Client) -> None:
     order = {"tension_N": 42.0, "amplitude_rad": 2.0, "chip_s": 0.5, "bits": 5, "periods": 1}
     told = off.post("/api/identifications/prediction", json=order).raise_for_status().json()
     assert not told["within_range"]
@@ -195,7 +195,9 @@ def test_what_would_leave_the_range_is_told_before_and_refused_at_the_start(off:
         ({"kind": "motor", "tension_N": 20.0}, "tension_N"),
     ],
 )
-def test_orders_out_of_bounds_are_refused(operator: httpx.Client, order: dict[str, object], said: str) -> None:
+def test_identification_settings_out_of_bounds_are_rejected(
+    operator: httpx.Client, order: dict[str, object], said: str
+) -> None:
     refused = operator.post("/api/identifications", json=order)
     assert refused.status_code == 422
     assert said in str(problem(refused))
@@ -231,7 +233,7 @@ def test_a_table_becomes_a_spring(operator: httpx.Client) -> None:
     assert "more points" in str(problem(refused)["message"])
 
 
-def test_what_was_read_of_a_table_is_told_and_options_resolve_what_is_not_clear(operator: httpx.Client) -> None:
+def test_the_interpretation_of_a_table_is_shown_and_options_resolve_ambiguity(operator: httpx.Client) -> None:
     words = table().replace(",", ";").replace(".", ",").replace("\n", ";ok\n").replace("F [N];ok", "F [N];note")
     view = operator.post("/api/spring-tables", json={"name": "own.csv", "table": f"bench 4\n{words};ok"}).json()
     read = view["read"]
@@ -254,7 +256,7 @@ def test_what_was_read_of_a_table_is_told_and_options_resolve_what_is_not_clear(
     assert made.json()["read"]["rows"] == 40
 
 
-def test_a_bank_is_brought_in_compared_and_taken_out(operator: httpx.Client, viewer: httpx.Client) -> None:
+def test_a_bank_is_imported_compared_and_exported(operator: httpx.Client, viewer: httpx.Client) -> None:
     made = operator.post("/api/banks/file", json=FILE)
     assert made.status_code == 201, made.text
     bank = made.json()

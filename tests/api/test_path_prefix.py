@@ -47,7 +47,7 @@ def test_sign_in_and_all_redirects_stay_below_the_path(below: Service, prefix: s
         assert browser.get("/").status_code == 200
 
 
-def test_a_page_asks_whether_its_commands_would_be_refused(below: Service) -> None:
+def test_a_page_can_check_whether_its_commands_would_be_rejected(below: Service) -> None:
     with httpx.Client(base_url=local(below)) as browser:
 
         def asked(page: str, **headers: str) -> httpx.Response:
@@ -61,7 +61,7 @@ def test_a_page_asks_whether_its_commands_would_be_refused(below: Service) -> No
 
 
 @pytest.mark.parametrize("path", ["/api/live", "/sinew/api/live"])
-def test_websockets_of_the_public_page_alone_come_in(below: Service, path: str) -> None:
+def test_only_websockets_of_the_public_page_are_accepted(below: Service, path: str) -> None:
     token = (below.data / "token").read_text().strip()
     url = local(below).replace("http", "ws") + path
     known = {

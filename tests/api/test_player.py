@@ -71,7 +71,7 @@ def standing(client: httpx.Client, **wanted: Any) -> dict[str, Any]:
     return until_state(client, stands, f"the player never stood at {wanted}")
 
 
-def test_its_end_is_its_end_without_trip_alarm_or_flight_record(ended: httpx.Client) -> None:
+def test_the_end_of_a_replay_causes_no_trip_alarm_or_flight_record(ended: httpx.Client) -> None:
     state = standing(ended, ended=True)
     assert state["player"]["t"] == state["player"]["duration_s"] == DURATION_S
     assert (state["player"]["playing"], state["mode"], state["fault"], state["problems"]) == (False, "off", None, [])
@@ -80,7 +80,7 @@ def test_its_end_is_its_end_without_trip_alarm_or_flight_record(ended: httpx.Cli
     assert not kinds & {"trip", "fault"}
 
 
-def test_it_goes_to_a_time_pauses_and_plays_at_the_speed_that_is_set(ended: httpx.Client) -> None:
+def test_the_player_seeks_pauses_and_plays_at_the_set_speed(ended: httpx.Client) -> None:
     ended.put("/api/player", json={"t": 1.25, "playing": False, "speed": 0.5}).raise_for_status()
     state = standing(ended, t=1.25, playing=False)
     assert (state["player"]["speed"], state["player"]["ended"]) == (0.5, False)
@@ -93,7 +93,7 @@ def test_it_goes_to_a_time_pauses_and_plays_at_the_speed_that_is_set(ended: http
     assert moved_s == pytest.approx(0.5 * ticks / 1000.0, abs=0.0011)
 
 
-def test_stop_pauses_it_latches_nothing_and_says_so(ended: httpx.Client) -> None:
+def test_stop_pauses_the_player_without_latching_and_is_logged(ended: httpx.Client) -> None:
     ended.put("/api/player", json={"t": 0.0, "playing": True, "speed": 0.25}).raise_for_status()
     proof = ended.post("/api/stop").raise_for_status().json()
     assert proof["paused_recording"] is True
@@ -122,7 +122,7 @@ def test_stop_pauses_it_latches_nothing_and_says_so(ended: httpx.Client) -> None
         ("DELETE", "/api/faults/injection", None),
     ],
 )
-def test_a_command_that_makes_no_sense_is_refused_with_the_reason(
+def test_an_invalid_player_command_is_rejected_with_the_reason(
     ended: httpx.Client, method: str, path: str, body: object
 ) -> None:
     answer = ended.request(method, path, json=body)
@@ -132,7 +132,7 @@ def test_a_command_that_makes_no_sense_is_refused_with_the_reason(
 @pytest.mark.parametrize(
     ("order", "quantity"), [({"speed": 0.1}, "speed"), ({"speed": 5.0}, "speed"), ({"t": 4.5}, "t"), ({"t": -1.0}, "t")]
 )
-def test_an_order_beyond_the_recording_names_its_bounds(
+def test_a_seek_beyond_the_recording_names_its_bounds(
     ended: httpx.Client, order: dict[str, float], quantity: str
 ) -> None:
     refused = problem(ended.put("/api/player", json=order))
@@ -140,7 +140,7 @@ def test_an_order_beyond_the_recording_names_its_bounds(
     assert (refused["minimum"], refused["maximum"]) == {"speed": (0.25, 4.0), "t": (0.0, DURATION_S)}[quantity]
 
 
-def test_what_is_played_is_told_with_what_happened_in_it(ended: httpx.Client, replaying: Service) -> None:
+def test_the_player_view_has_the_events_of_the_recording(ended: httpx.Client, replaying: Service) -> None:
     with client_with(replaying, "viewer-token") as viewer:
         played = viewer.get("/api/player").raise_for_status().json()
         assert viewer.put("/api/player", json={"playing": True}).status_code == 403
@@ -158,9 +158,7 @@ def test_a_plant_has_no_player(operator: httpx.Client) -> None:
 
 
 @pytest.mark.parametrize("format", [DataFormat.CSV, DataFormat.PARQUET])
-def test_the_log_tells_what_happened_where_the_run_is_stored_and_the_columns_elsewhere(
-    tmp_path: Path, format: DataFormat
-) -> None:
+def test_events_come_from_the_log_of_the_run_or_from_the_columns(tmp_path: Path, format: DataFormat) -> None:
     with closing(open_database(tmp_path / "here")) as here, closing(open_database(tmp_path / "there")) as there:
         run = tracked(here)
         with here.session() as session:
@@ -174,7 +172,7 @@ def test_the_log_tells_what_happened_where_the_run_is_stored_and_the_columns_els
     assert all(mark.kind in (EventKind.MODE, EventKind.TRIP) for mark in elsewhere.marks)
 
 
-def test_a_file_that_says_nothing_of_itself_goes_by_its_name(tmp_path: Path) -> None:
+def test_a_file_without_metadata_is_named_by_its_file_name(tmp_path: Path) -> None:
     (tmp_path / "bench.csv").write_bytes(b"".join(to_csv(recorded()).splitlines(keepends=True)[-SAMPLES - 1 :]))
     with closing(open_database(tmp_path)) as database:
         assert describe_recording(tmp_path / "bench.csv", database).title == "bench.csv"

@@ -71,7 +71,7 @@ def pushed_by(parts: Parts) -> float:
     return float(row[INDEX["F_push"]])
 
 
-def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -> None:
+def test_a_push_ends_as_soon_as_the_page_is_silent(database: Database) -> None:
     async def lost(parts: Parts) -> None:
         await in_run(parts)
         now = 100.0
@@ -100,7 +100,7 @@ def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -
     assert messages.push_without_operator() in told
 
 
-def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Database) -> None:
+def test_experiments_with_pushes_are_offered_on_simulated_plants_only(database: Database) -> None:
     async def offered(parts: Parts) -> None:
         def why_not(kind: PlantKind) -> dict[str, str]:
             tuning, offers = parts.live_state.tuning.view(0.0), experiments_by_name().values()
@@ -118,7 +118,7 @@ def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Data
     stepped(database, load_parameters("ideal"), offered)
 
 
-def test_a_push_is_bounded_and_refused_where_nothing_can_push(database: Database) -> None:
+def test_a_push_is_bounded_and_rejected_on_other_plants(database: Database) -> None:
     async def not_possible(parts: Parts) -> None:
         reason = push_not_in_mode(mode=Mode.OFF, push_modes=(Mode.RUN, Mode.COMPLIANCE))
         with pytest.raises(RequestRejectedError, match=re.escape(reason)):
@@ -161,7 +161,7 @@ def pressed(parts: Parts) -> float:
     return float(row[INDEX["F_wall"]])
 
 
-def test_it_is_put_up_in_flight_shown_noted_and_taken_away(database_wall: Database) -> None:
+def test_an_obstacle_is_set_shown_logged_and_removed_during_operation(database_wall: Database) -> None:
     async def session(parts: Parts) -> None:
         await in_run(parts)
         assert parts.state().wall is None
@@ -185,7 +185,7 @@ def test_it_is_put_up_in_flight_shown_noted_and_taken_away(database_wall: Databa
     assert "no wall" in told
 
 
-def test_a_programs_wall_is_shown_while_it_stands_and_the_operators_after_it(database_wall: Database) -> None:
+def test_the_obstacle_of_a_program_replaces_that_of_the_operator_temporarily(database_wall: Database) -> None:
     async def session(parts: Parts) -> None:
         await in_run(parts)
         below = WallView(q_wall=-0.5, side="below", k_wall=1e4, c_wall=0.0)
@@ -203,7 +203,7 @@ def test_a_programs_wall_is_shown_while_it_stands_and_the_operators_after_it(dat
     stepped(database_wall, load_parameters("ideal"), session)
 
 
-def test_it_is_bounded_and_refused_where_nothing_is_simulated(database_wall: Database) -> None:
+def test_an_obstacle_is_bounded_and_rejected_without_a_simulation(database_wall: Database) -> None:
     async def session(parts: Parts) -> None:
         limits = parts.state().limits
         await in_run(parts)
@@ -234,7 +234,7 @@ def test_it_is_bounded_and_refused_where_nothing_is_simulated(database_wall: Dat
 
 
 @pytest.mark.live
-def test_over_http_and_from_the_command_line(service: Service, running: httpx.Client) -> None:
+def test_obstacles_are_set_over_http_and_from_the_command_line(service: Service, running: httpx.Client) -> None:
     order = {"wall": {"q_wall": 0.9, "side": "above", "k_wall": 10000.0, "c_wall": 2.0}}
     assert running.put("/api/wall", json=order).json() == order
     assert wait_for(running, "wall", order["wall"])
@@ -307,7 +307,7 @@ def agrees(database: Database, run: int, walls: list[Obstacle | None]) -> None:
     assert pressed > 20
 
 
-def test_walls_put_up_in_flight(database: Database) -> None:
+def test_replay_draws_obstacles_that_were_set_during_operation(database: Database) -> None:
     above, below = WallView(q_wall=0.3), WallView(q_wall=-0.2, side="below", k_wall=5000.0)
     runs: list[int] = []
 
@@ -337,7 +337,7 @@ def test_walls_put_up_in_flight(database: Database) -> None:
     assert drawn_at(ReplayView(database), runs[1], [0.0, 1.0]) == [(up, False), (up, False)]
 
 
-def test_walls_of_a_program_and_a_run_that_keeps_none(database: Database) -> None:
+def test_replay_draws_obstacles_of_a_program_and_none_without_records(database: Database) -> None:
     first, second = Obstacle(1.0, 0.3, 2e4, 1.0), Obstacle(-1.0, -0.25, 1e4, 0.5)
     runs: list[int] = []
 

@@ -20,7 +20,7 @@ def add(client: httpx.Client, segments: str) -> httpx.Response:
     return client.post("/api/experiments/queue", json={"name": "sequence", "settings": {"segments": segments}})
 
 
-def test_the_queue_runs_one_after_the_other(off: httpx.Client) -> None:
+def test_the_queue_runs_its_experiments_in_order(off: httpx.Client) -> None:
     for _ in range(2):
         assert add(off, SHORT).status_code == 201
     waiting = off.get("/api/experiments/queue").json()
@@ -38,7 +38,7 @@ def test_the_queue_runs_one_after_the_other(off: httpx.Client) -> None:
     assert ends == ["completed", "completed"]
 
 
-def test_a_stop_holds_the_queue_and_says_why(off: httpx.Client) -> None:
+def test_a_stop_pauses_the_queue_and_gives_the_reason(off: httpx.Client) -> None:
     add(off, LONG)
     add(off, SHORT)
     run = off.post("/api/experiments/queue/run").raise_for_status().json()["run"]
@@ -52,7 +52,7 @@ def test_a_stop_holds_the_queue_and_says_why(off: httpx.Client) -> None:
     assert len(queue["items"]) == 1
 
 
-def test_what_waits_is_moved_to_its_place(off: httpx.Client) -> None:
+def test_queued_experiments_can_be_reordered(off: httpx.Client) -> None:
     items = [add(off, SHORT).json()["items"][-1]["id"] for _ in range(3)]
 
     def order_after(item: int, place: int) -> list[int]:
@@ -71,7 +71,7 @@ def test_what_waits_is_moved_to_its_place(off: httpx.Client) -> None:
     assert (gone.status_code, problem(gone)["message_code"]) == (404, "not_in_the_queue")
 
 
-def test_an_own_experiment_waits_in_the_version_that_it_was_added_in(off: httpx.Client) -> None:
+def test_a_queued_user_experiment_keeps_its_version(off: httpx.Client) -> None:
     text = off.get("/api/experiments/texts/step_battery").raise_for_status().json()["text"]
     own = text.replace("name: step_battery\n", "name: waiting\n", 1)
     for written, version in ((own, 1), (own.replace("title: Step battery", "title: Another"), 2)):
@@ -84,7 +84,7 @@ def test_an_own_experiment_waits_in_the_version_that_it_was_added_in(off: httpx.
     assert "waiting@1" not in listed
 
 
-def test_the_tuning_that_an_experiment_puts_into_use_is_the_one_that_is_shown(off: httpx.Client) -> None:
+def test_the_tuning_that_an_experiment_applies_is_shown(off: httpx.Client) -> None:
     text = (
         "format: 1\nname: slowly\ntitle: Slowly\nphases:\n  - name: all\n    title: All\n    parts:\n"
         "      - {do: step, q_ref: 0.0, S_ref: 10.0, duration_s: 1.0}\n"
@@ -108,7 +108,7 @@ def test_the_tuning_that_an_experiment_puts_into_use_is_the_one_that_is_shown(of
     assert off.get(f"/api/runs/{run}").json()["title"] == "Slowly"
 
 
-def test_a_text_is_checked_by_anybody_and_nothing_is_kept_of_what_is_refused(off: httpx.Client) -> None:
+def test_every_role_may_check_a_text_and_rejected_texts_are_not_stored(off: httpx.Client) -> None:
     before = off.get("/api/experiments/own").raise_for_status().json()
     text = off.get("/api/experiments/texts/lambda_sweep").raise_for_status().json()["text"]
     fast = text.replace("name: lambda_sweep\n", "name: fast\n", 1).replace(
@@ -125,7 +125,7 @@ def test_a_text_is_checked_by_anybody_and_nothing_is_kept_of_what_is_refused(off
     assert off.get("/api/experiments/texts/nowhere").status_code == 404
 
 
-def test_what_could_not_be_started_is_refused_when_it_is_added(off: httpx.Client) -> None:
+def test_an_experiment_that_cannot_start_is_rejected_by_the_queue(off: httpx.Client) -> None:
     refused = add(off, '[{"duration_s": 1, "q_ref": 9, "S_ref": 10}]')
     assert refused.status_code == 422
     assert str(problem(refused)["message"]).startswith("segment 1, position reference: 515.662° is outside ")
@@ -135,7 +135,7 @@ def test_what_could_not_be_started_is_refused_when_it_is_added(off: httpx.Client
     assert off.delete("/api/experiments/queue/9999").status_code == 404
 
 
-def test_a_dry_run_tells_the_outcome_and_moves_nothing(off: httpx.Client) -> None:
+def test_a_dry_run_predicts_the_outcome_without_motion(off: httpx.Client) -> None:
     runs = off.get("/api/runs").json()["total"]
     segments = '[{"duration_s": 1, "q_ref": 0, "S_ref": 10}, {"duration_s": 4, "q_ref": 0.4, "S_ref": 10}]'
     order = {"name": "sequence", "settings": {"segments": segments}}

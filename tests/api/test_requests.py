@@ -55,7 +55,7 @@ def until_all_is_loaded(service: Service, operator: httpx.Client) -> None:
 
 
 @pytest.mark.parametrize(("path", "token"), [("/api/session", ""), ("/api/push", "right"), ("/api/push", "")])
-def test_a_body_of_two_lengths_is_refused_and_not_taken(
+def test_a_body_with_two_lengths_is_rejected_and_not_read(
     service: Service, operator: httpx.Client, path: str, token: str
 ) -> None:
     sign = f"Authorization: {operator.headers['Authorization']}\r\n" if token else ""
@@ -71,18 +71,18 @@ def test_a_body_of_two_lengths_is_refused_and_not_taken(
 
 
 @pytest.mark.parametrize("path", CLOSED)
-def test_who_is_not_signed_in_is_answered_before_the_body_comes(service: Service, path: str) -> None:
+def test_anonymous_requests_are_answered_before_the_body(service: Service, path: str) -> None:
     status, _ = exchange(service, f"POST {path} HTTP/1.1\r\nContent-Length: 200000\r\n")
     assert status == 401
 
 
-def test_nor_does_the_service_ask_for_such_a_body(service: Service) -> None:
+def test_anonymous_requests_get_no_100_continue(service: Service) -> None:
     status, _ = exchange(service, "POST /api/push HTTP/1.1\r\nContent-Length: 9\r\nExpect: 100-continue\r\n")
     assert status == 401
 
 
 @pytest.mark.parametrize("body", ["", "{", "[]", "1", '{"token": 1}', "\ufeff"])
-def test_who_is_not_signed_in_learns_nothing_of_what_a_body_needs(service: Service, body: str) -> None:
+def test_anonymous_requests_get_no_validation_details(service: Service, body: str) -> None:
     answer = httpx.put(
         f"{service.url}/api/references", content=body.encode(), headers={"Content-Type": "application/json"}
     )
@@ -91,7 +91,7 @@ def test_who_is_not_signed_in_learns_nothing_of_what_a_body_needs(service: Servi
 
 
 @pytest.mark.parametrize("length", ["²", "-1", "1 2", "9" * 30, "0x10"])
-def test_a_length_that_is_none_is_refused(service: Service, length: str) -> None:
+def test_an_invalid_content_length_is_rejected(service: Service, length: str) -> None:
     status, _ = exchange(service, f"POST /api/session HTTP/1.1\r\nContent-Length: {length}\r\n")
     assert status in (400, 413)
 
@@ -105,7 +105,7 @@ def begun(service: Service, token: str, length: int) -> socket.socket:
     return connection
 
 
-def test_where_no_place_is_free_a_body_is_not_waited_for(service: Service, viewer: httpx.Client) -> None:
+def test_a_request_above_the_sheet_limit_is_rejected_before_its_body(service: Service, viewer: httpx.Client) -> None:
     token = viewer.headers["Authorization"]
     waiting = [begun(service, token, 1_000_000) for _ in range(MAX_SHEETS_PER_USER)]
     until(lambda: viewer.post("/api/chart-sheet.pdf", json={"svg": "x"}).status_code == 429)
@@ -127,14 +127,12 @@ def test_where_no_place_is_free_a_body_is_not_waited_for(service: Service, viewe
     ],
     ids=["names", "names in lists", "lists"],
 )
-def test_a_body_of_more_parts_than_any_request_has_is_refused(
-    operator: httpx.Client, path: str, body: dict[str, object]
-) -> None:
+def test_a_body_with_too_many_parts_is_rejected(operator: httpx.Client, path: str, body: dict[str, object]) -> None:
     refused = operator.put(path, json=body)
     assert (refused.status_code, refused.json()["error"]["code"]) == (422, "too_many_parts")
 
 
-def test_a_body_of_the_most_parts_is_told_what_is_wrong_with_it(operator: httpx.Client) -> None:
+def test_a_body_at_the_limit_of_parts_is_validated(operator: httpx.Client) -> None:
     refused = operator.put("/api/preferences", json={f"a{number}": 1 for number in range(MOST_NAMES)})
     assert (refused.status_code, refused.json()["error"]["code"]) == (422, "missing")
 
@@ -145,7 +143,7 @@ PATIENCE_S_METHODS = 20.0
 
 
 @pytest.mark.parametrize("path", ["/", "/api/state", "/api/health", "/api/runs"])
-def test_head_has_the_head_of_get_and_nothing_more(operator: httpx.Client, path: str) -> None:
+def test_head_returns_the_headers_of_get_without_a_body(operator: httpx.Client, path: str) -> None:
     read, head = operator.get(path), operator.head(path)
     assert (read.status_code, head.status_code) == (200, 200)
     assert head.headers["content-type"] == read.headers["content-type"]
@@ -161,7 +159,7 @@ def test_head_has_the_head_of_get_and_nothing_more(operator: httpx.Client, path:
         ("DELETE", "/index.html", {"GET", "HEAD"}),
     ],
 )
-def test_a_method_that_an_address_does_not_take_is_refused_with_those_that_it_takes(
+def test_an_unsupported_method_is_rejected_with_the_supported_methods(
     operator: httpx.Client, method: str, path: str, allowed: set[str]
 ) -> None:
     answer = operator.request(method, path)
@@ -178,7 +176,7 @@ def test_a_method_that_an_address_does_not_take_is_refused_with_those_that_it_ta
         b"Content-Length: +4\r\n",
     ],
 )
-def test_nothing_that_follows_a_malformed_request_is_obeyed(
+def test_a_request_after_a_malformed_request_is_not_executed(
     service: Service, operator: httpx.Client, lengths: bytes
 ) -> None:
     """A STOP hidden behind it reaches nobody, and its connection ends."""
@@ -276,14 +274,14 @@ def ask(client: httpx.Client, method: str, path: str, body: str) -> httpx.Respon
 
 
 @pytest.mark.parametrize(("method", "path", "body"), BODIES)
-def test_a_body_is_refused_in_a_sentence(operator: httpx.Client, method: str, path: str, body: str) -> None:
+def test_an_invalid_body_is_rejected_with_a_message(operator: httpx.Client, method: str, path: str, body: str) -> None:
     answer = ask(operator, method, path, body)
     assert 400 <= answer.status_code < 500, answer.text
     assert problem(answer)["message"]
 
 
 @pytest.mark.parametrize("path", ADDRESSES)
-def test_an_address_is_no_failure(operator: httpx.Client, path: str) -> None:
+def test_an_invalid_address_causes_no_internal_error(operator: httpx.Client, path: str) -> None:
     answer = operator.get(written(path))
     assert answer.status_code < 500, answer.text
     if answer.status_code >= 400:
@@ -291,14 +289,14 @@ def test_an_address_is_no_failure(operator: httpx.Client, path: str) -> None:
 
 
 @pytest.mark.parametrize("origin", ["http://[", "http://]", "[", "http://[::1", "\u00b2", "http://a:b:c"])
-def test_an_origin_that_is_none_is_foreign(operator: httpx.Client, origin: str) -> None:
+def test_an_invalid_origin_is_rejected_as_foreign(operator: httpx.Client, origin: str) -> None:
     refused = operator.post("/api/reset", headers={b"Origin": origin.encode("latin-1")})
     assert refused.status_code == 403
     assert problem(refused)["code"] == "foreign_origin"
 
 
 @pytest.mark.parametrize("said", ['{"id": DIGITS}', '{"id": 1, "control": "short"}', '{"id": "HALF"}', "DEEP", "\x00"])
-def test_what_is_no_ping_ends_the_stream(operator: httpx.Client, said: str) -> None:
+def test_an_invalid_ping_closes_the_stream(operator: httpx.Client, said: str) -> None:
     with live(operator) as watching:
         watching.send(written(said))
         with pytest.raises(ConnectionClosedError) as closed:
@@ -312,7 +310,7 @@ def read_on(watching: Connection) -> None:
         watching.recv(timeout=PATIENCE_S)
 
 
-def test_nothing_of_all_this_left_a_traceback(service: Service, operator: httpx.Client) -> None:
+def test_invalid_requests_leave_no_traceback_in_the_log(service: Service, operator: httpx.Client) -> None:
     for method, path, body in BODIES:
         ask(operator, method, path, body)
     for path in ADDRESSES:
@@ -337,7 +335,7 @@ def failing() -> Iterator[str]:
         yield f"http://localhost:{address[1]}"
 
 
-def test_a_failure_carries_the_policy_too(failing: str) -> None:
+def test_an_internal_error_has_the_security_headers(failing: str) -> None:
     answer = httpx.get(f"{failing}/fails", timeout=PATIENCE_S)  # a first answer loads what it is made with
     assert answer.status_code == 500
     assert problem(answer)["code"] == "internal_error"
@@ -345,6 +343,6 @@ def test_a_failure_carries_the_policy_too(failing: str) -> None:
     assert answer.headers["x-content-type-options"] == "nosniff"
 
 
-def test_a_refusal_is_readable_though_the_value_is_not(operator: httpx.Client) -> None:
+def test_a_refusal_of_an_undecodable_value_is_valid_json(operator: httpx.Client) -> None:
     answer = ask(operator, *BODIES[-1])
     assert json.loads(answer.text)["error"]["path"] == ["segments"]

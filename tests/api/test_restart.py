@@ -52,7 +52,7 @@ def in_run(service: Service) -> httpx.Client:
     return script
 
 
-def test_a_second_service_is_refused_and_the_first_is_undisturbed(tmp_path: Path) -> None:
+def test_a_second_service_is_rejected_and_the_first_continues(tmp_path: Path) -> None:
     first = tmp_path / "a"
     (tmp_path / "link").symlink_to(first)
     with running_service(first, params="ideal") as service, closing(in_run(service)) as script:
@@ -82,7 +82,7 @@ def elapsed_s(client: httpx.Client) -> float:
     return float(task["elapsed_s"])
 
 
-def test_its_report_says_how_much_was_played(tmp_path: Path) -> None:
+def test_the_report_of_an_interrupted_run_states_the_executed_time(tmp_path: Path) -> None:
     with running_service(tmp_path, params="ideal") as service, client_with(service, "token") as client:
         run = client.post("/api/experiments", json={"name": "tracking"}).raise_for_status().json()["id"]
         wait_for(client, "mode", "experiment")
@@ -135,7 +135,7 @@ async def _ask_to_publish(service: Service, viewer: httpx.Client) -> None:
         await asyncio.sleep(0.5)  # what is not to happen cannot be waited for
 
 
-def test_no_process_holds_what_is_the_services_own_and_none_outlives_it(busy: Service) -> None:
+def test_child_processes_share_no_descriptors_and_end_with_the_service(busy: Service) -> None:
     processes = descendants(busy.pid)
     for name in (*MEMORY, "spawn_main"):
         assert [line for line in processes.values() if name in line], f"{name} does not exist: {processes}"

@@ -32,7 +32,7 @@ def sheet(inside: str = "") -> dict[str, str]:
     return {"svg": f'{root}<text x="16" y="430">{FOOT}</text>{inside}</svg>'}
 
 
-def test_a_sheet_comes_back_as_a_pdf_to_be_saved(viewer: httpx.Client) -> None:
+def test_a_sheet_is_returned_as_a_pdf_attachment(viewer: httpx.Client) -> None:
     points = "".join(f"L{column % 900} {column % 430}" for column in range(MAX_BODY_BYTES // 7))
     body = sheet(f'<path d="M0 0{points}" fill="none" stroke="#0072B2"/>')
     assert len(body["svg"]) > MAX_BODY_BYTES  # many curves are more than other bodies may be
@@ -44,7 +44,7 @@ def test_a_sheet_comes_back_as_a_pdf_to_be_saved(viewer: httpx.Client) -> None:
     assert FOOT in page.extract_text()
 
 
-def test_what_is_no_sheet_is_refused_in_words(operator: httpx.Client) -> None:
+def test_an_invalid_sheet_is_rejected_with_a_message(operator: httpx.Client) -> None:
     answer = operator.post(SHEETS, json=sheet("<script>fetch('/api/stop')</script>"))
     assert answer.status_code == 422
     problem = answer.json()["error"]
@@ -53,7 +53,7 @@ def test_what_is_no_sheet_is_refused_in_words(operator: httpx.Client) -> None:
     assert problem["message"].startswith(not_a_sheet(reason=reason).partition(";")[0])
 
 
-def test_a_sheet_that_is_too_large_is_refused_before_it_is_read(operator: httpx.Client) -> None:
+def test_a_sheet_that_is_too_large_is_rejected_before_it_is_read(operator: httpx.Client) -> None:
     answer = operator.post(SHEETS, content=b"x" * (MAX_SHEET_BYTES + 1))
     assert answer.status_code == 413
     assert answer.json()["error"]["message"] == messages.body_too_large(maximum_bytes=MAX_SHEET_BYTES)
@@ -61,7 +61,7 @@ def test_a_sheet_that_is_too_large_is_refused_before_it_is_read(operator: httpx.
     assert elsewhere.status_code == 413
 
 
-def test_nobody_else_gets_one(service: Service) -> None:
+def test_anonymous_clients_get_no_sheet(service: Service) -> None:
     assert httpx.post(f"{service.url}{SHEETS}", json=sheet()).status_code == 401
 
 
@@ -87,7 +87,7 @@ def lines(response: httpx.Response) -> list[dict[str, Any]]:
     return [json.loads(line) for line in response.raise_for_status().iter_lines()]
 
 
-def test_statistics_come_in_lines_the_last_of_which_is_the_result(stored: tuple[httpx.Client, int]) -> None:
+def test_statistics_are_streamed_as_lines_and_the_last_is_the_result(stored: tuple[httpx.Client, int]) -> None:
     client, run = stored
     *under_way, last = lines(client.get(f"/api/runs/{run}/statistics", params={"signals": "q,S"}))
     assert [line["result"] for line in under_way] == [None] * len(under_way)
@@ -99,7 +99,7 @@ def test_statistics_come_in_lines_the_last_of_which_is_the_result(stored: tuple[
     assert (stiffness["without_value"], stiffness["values"], stiffness["mean"]) == (1000, COUNT - 1000, 8.0)
 
 
-def test_spectra_say_how_they_were_computed(stored: tuple[httpx.Client, int]) -> None:
+def test_spectra_state_their_method(stored: tuple[httpx.Client, int]) -> None:
     client, run = stored
     result = lines(client.get(f"/api/runs/{run}/spectra", params={"signals": "q,S", "from": 2.0}))[-1]["result"]
     assert (result["method"], result["window"], result["overlap"]) == ("Welch", "Hann", 0.5)
@@ -108,7 +108,7 @@ def test_spectra_say_how_they_were_computed(stored: tuple[httpx.Client, int]) ->
     assert (q["values"], q["unit"]) == (COUNT - 2000, "rad")
 
 
-def test_a_range_is_a_file_of_every_sample(stored: tuple[httpx.Client, int]) -> None:
+def test_a_range_is_downloaded_with_every_sample(stored: tuple[httpx.Client, int]) -> None:
     client, run = stored
     answer = client.get(f"/api/runs/{run}/range.csv", params={"from": 69.0, "to": 71.0, "signals": "q,S"})
     assert f"sinew-run-{run}-69.000-to-71.000-s.csv" in answer.headers["content-disposition"]
@@ -118,7 +118,7 @@ def test_a_range_is_a_file_of_every_sample(stored: tuple[httpx.Client, int]) -> 
     assert rows[1 + 1123].startswith("70.123,2")
 
 
-def test_values_are_those_of_the_samples_at_or_before(stored: tuple[httpx.Client, int]) -> None:
+def test_values_are_taken_from_the_sample_at_or_before_the_time(stored: tuple[httpx.Client, int]) -> None:
     client, run = stored
     asked = client.get(f"/api/runs/{run}/values", params={"at": [0.5, 70.1234], "signals": "q,S"})
     first, second = asked.raise_for_status().json()["moments"]
@@ -135,7 +135,7 @@ def test_values_are_those_of_the_samples_at_or_before(stored: tuple[httpx.Client
         ({"signals": "q,nonsense"}, 422, {}),
     ],
 )
-def test_a_bad_range_is_refused_before_anything_is_sent(
+def test_an_invalid_range_is_rejected_before_the_first_byte(
     stored: tuple[httpx.Client, int], kind: str, params: dict[str, Any], status: int, told: dict[str, Any]
 ) -> None:
     client, run = stored
@@ -146,7 +146,7 @@ def test_a_bad_range_is_refused_before_anything_is_sent(
     assert client.get(f"/api/runs/{run + 1}/{kind}").status_code == 404
 
 
-def test_a_range_that_is_left_makes_place_for_others(stored: tuple[httpx.Client, int]) -> None:
+def test_an_abandoned_range_frees_its_slot(stored: tuple[httpx.Client, int]) -> None:
     """More of them than are read at a time, each left after its first line: the next one is answered all the same."""
     client, run = stored
     for _ in range(20):

@@ -52,7 +52,7 @@ def run(operator: httpx.Client) -> int:
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet", "mat", "mcap"])
-def test_every_format_is_taken_in_again(operator: httpx.Client, run: int, kind: str, tmp_path: Path) -> None:
+def test_every_export_format_can_be_imported(operator: httpx.Client, run: int, kind: str, tmp_path: Path) -> None:
     answer = operator.get(f"/api/runs/{run}/data.{kind}").raise_for_status()
     assert answer.headers["content-disposition"] == f'attachment; filename="sinew-run-{run}.{kind}"'
     assert "content-length" not in answer.headers  # a stream
@@ -62,7 +62,7 @@ def test_every_format_is_taken_in_again(operator: httpx.Client, run: int, kind: 
     database.close()
 
 
-def test_a_bundle_is_taken_in_elsewhere(operator: httpx.Client, run: int, tmp_path: Path) -> None:
+def test_a_bundle_can_be_imported_into_another_database(operator: httpx.Client, run: int, tmp_path: Path) -> None:
     file = tmp_path / "run.zip"
     file.write_bytes(operator.get(f"/api/runs/{run}/bundle.zip").raise_for_status().content)
     assert f"recordings/{run}.parquet" in zipfile.ZipFile(file).namelist()
@@ -73,19 +73,21 @@ def test_a_bundle_is_taken_in_elsewhere(operator: httpx.Client, run: int, tmp_pa
     database.close()
 
 
-def test_what_cannot_be_had_is_refused_before_the_first_byte(operator: httpx.Client, viewer: httpx.Client) -> None:
+def test_downloads_of_missing_runs_are_rejected_before_the_first_byte(
+    operator: httpx.Client, viewer: httpx.Client
+) -> None:
     for path in ("data.csv", "data.mcap", "bundle.zip"):
         assert operator.get(f"/api/runs/999999/{path}").status_code == 404
     assert viewer.get("/api/runs/foxglove-layout.json").raise_for_status().text == foxglove_layout()
 
 
-def test_a_viewer_reads_what_the_operator_recorded(viewer: httpx.Client, run: int) -> None:
+def test_a_viewer_can_download_runs_of_the_operator(viewer: httpx.Client, run: int) -> None:
     text = viewer.get(f"/api/runs/{run}/data.csv").raise_for_status().text
     table = pandas.read_csv(io.StringIO(text), comment="#")
     np.testing.assert_allclose(np.diff(table["t"]), 1e-3, atol=1e-9)
 
 
-def test_who_leaves_leaves_no_process_behind(service: Service, operator: httpx.Client, run: int) -> None:
+def test_an_abandoned_download_leaves_no_process(service: Service, operator: httpx.Client, run: int) -> None:
     with operator.stream("GET", f"/api/runs/{run}/data.csv") as answer:
         next(answer.iter_bytes(64))
     until(lambda: True if not _writers(service) else None)
@@ -154,9 +156,7 @@ def test_runs_are_found_by_tags_and_all_parts_of_a_search(operator: httpx.Client
     assert problem(operator.patch("/api/run-tags/figure-7", json={"tag": "x"}))["code"] == "not_found"
 
 
-def test_a_run_in_the_list_has_the_verdict_and_a_figure_of_its_result(
-    operator: httpx.Client, played: list[int]
-) -> None:
+def test_a_listed_run_has_its_verdict_and_a_metric(operator: httpx.Client, played: list[int]) -> None:
     for run in newest(operator):
         result = operator.get(f"/api/experiments/{run['id']}").raise_for_status().json()
         assert run["outcome"] == result["outcome"]
@@ -181,7 +181,7 @@ def in_search(reason: str) -> str:
     return search_messages.invalid_search(place=0, reason=reason, near=[], known=[])
 
 
-def test_a_search_that_says_nothing_is_refused(operator: httpx.Client, played: list[int]) -> None:
+def test_an_invalid_search_is_rejected(operator: httpx.Client, played: list[int]) -> None:
     for where, said in (
         ("durtion_s < 5", in_search(search_messages.name_in_no_run(name="durtion_s"))),
         ("kind = sequense", "did you mean sequence"),
@@ -194,7 +194,7 @@ def test_a_search_that_says_nothing_is_refused(operator: httpx.Client, played: l
     assert played
 
 
-def test_tags_that_are_none_and_runs_that_are_not_there_are_refused(operator: httpx.Client, played: list[int]) -> None:
+def test_invalid_tags_and_missing_runs_are_rejected(operator: httpx.Client, played: list[int]) -> None:
     refused = operator.post(f"/api/runs/{played[0]}/tags", json={"tag": "two words"})
     assert (refused.status_code, problem(refused)["code"]) == (422, "bad_tag")
     assert operator.post("/api/runs/999999/tags", json={"tag": "a"}).status_code == 404
@@ -215,7 +215,7 @@ def test_searches_are_saved_under_names(operator: httpx.Client, viewer: httpx.Cl
     assert operator.delete("/api/saved-searches/of this test").status_code == 404
 
 
-def test_runs_are_compared_by_what_each_of_them_shows(operator: httpx.Client, played: list[int]) -> None:
+def test_runs_are_compared_by_their_metrics(operator: httpx.Client, played: list[int]) -> None:
     shown = [metrics(operator, run) for run in played]
     asked: dict[str, Any] = {"run": played, "reference": played[1]}
     told = operator.get("/api/run-comparison", params=asked).raise_for_status().json()
@@ -230,7 +230,7 @@ def test_runs_are_compared_by_what_each_of_them_shows(operator: httpx.Client, pl
     assert any(metric["values"][0]["difference"] for metric in told["metrics"])
 
 
-def test_settings_that_differ_are_those_that_the_runs_tell(operator: httpx.Client, played: list[int]) -> None:
+def test_different_settings_are_those_of_the_runs(operator: httpx.Client, played: list[int]) -> None:
     told = operator.get("/api/run-comparison", params={"run": played}).raise_for_status().json()
     shown = [operator.get(f"/api/runs/{run}").raise_for_status().json()["settings"] for run in played]
     each = [{f"{one['meaning']} {one['symbol']}": one["value"] for one in settings} for settings in shown]
@@ -271,7 +271,7 @@ def test_differences_and_files_are_those_of_the_samples(operator: httpx.Client, 
     assert "metric,peak_voltage_V,Peak voltage,V" in table.text
 
 
-def test_comparisons_of_nothing_are_refused(operator: httpx.Client, played: list[int]) -> None:
+def test_invalid_comparisons_are_rejected(operator: httpx.Client, played: list[int]) -> None:
     refused: tuple[tuple[dict[str, Any], int], ...] = (
         ({"run": played[:1]}, 422),
         ({"run": [played[0]] * 3}, 422),
@@ -287,7 +287,7 @@ def test_comparisons_of_nothing_are_refused(operator: httpx.Client, played: list
     assert operator.get("/api/run-comparison", params={"run": played, "by": "x"}).status_code == 422
 
 
-def test_a_metric_over_dates_is_that_of_each_run(operator: httpx.Client, played: list[int]) -> None:
+def test_the_history_of_a_metric_has_the_value_of_each_run(operator: httpx.Client, played: list[int]) -> None:
     where = f"run >= {played[0]} run <= {played[1]}"
     told = operator.get("/api/metric-history", params={"kind": "sequence", "where": where}).raise_for_status().json()
     assert [one["name"] for one in told["metrics"]] == list(metrics(operator, played[1]))
@@ -303,7 +303,7 @@ def test_a_metric_over_dates_is_that_of_each_run(operator: httpx.Client, played:
     assert problem(operator.get("/api/metric-history", params=asked))["code"] == "bad_search"
 
 
-def test_what_can_be_asked_for_is_told(operator: httpx.Client, played: list[int]) -> None:
+def test_the_terms_of_a_search_are_listed(operator: httpx.Client, played: list[int]) -> None:
     words = operator.get("/api/run-words").raise_for_status().json()
     assert (words["station"], words["stations"]) == ("", [""])
     assert set(metrics(operator, played[0])) - unmeasured(operator, played) <= set(words["values"]["metric"])
@@ -362,7 +362,7 @@ def column(told: dict[str, Any], name: str) -> Any:
     return np.array([math.nan if value is None else value for value in told["signals"][name]["minimum"]])
 
 
-def test_it_is_read_with_a_recording_as_its_formula_says(operator: httpx.Client, run_formulas: int) -> None:
+def test_a_derived_signal_is_computed_by_its_formula(operator: httpx.Client, run_formulas: int) -> None:
     told = put(operator, "F_mean", "(F_A + F_B) / 2", meaning="mean tension").raise_for_status().json()
     assert (told["name"], told["unit"], told["who"], told["signals"]) == ("F_mean", "N", "operator", ["F_A", "F_B"])
     raw = samples(operator, run_formulas, "F_mean,F_A,F_B", **{"from": 1.0, "to": 1.5, "points": 2000})
@@ -379,7 +379,7 @@ def test_a_division_by_zero_is_a_gap(operator: httpx.Client, run_formulas: int) 
     assert np.isnan(column(samples(operator, run_formulas, "odd"), "odd")).all()
 
 
-def test_its_statistics_are_those_of_every_sample(operator: httpx.Client, run_formulas: int) -> None:
+def test_statistics_of_a_derived_signal_use_every_sample(operator: httpx.Client, run_formulas: int) -> None:
     put(operator, "F_mean", "(F_A + F_B) / 2").raise_for_status()
     asked: dict[str, Any] = {"signals": "F_mean", "from": 1.0, "to": 1.5}
     lines = operator.get(f"/api/runs/{run_formulas}/statistics", params=asked).raise_for_status().text.splitlines()
@@ -390,7 +390,7 @@ def test_its_statistics_are_those_of_every_sample(operator: httpx.Client, run_fo
     assert (told["minimum"], told["maximum"]) == (raw.min(), raw.max())
 
 
-def test_runs_are_compared_by_it(operator: httpx.Client, run_formulas: int, another: int) -> None:
+def test_runs_are_compared_by_a_derived_signal(operator: httpx.Client, run_formulas: int, another: int) -> None:
     put(operator, "F_mean", "(F_A + F_B) / 2").raise_for_status()
     asked: dict[str, Any] = {"run": [run_formulas, another], "signal": "F_mean"}
     told = operator.get("/api/run-comparison/differences", params=asked).raise_for_status().json()
@@ -399,9 +399,7 @@ def test_runs_are_compared_by_it(operator: httpx.Client, run_formulas: int, anot
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet", "mat"])
-def test_exports_have_it_behind_the_recorded_columns_where_asked_for(
-    operator: httpx.Client, run_formulas: int, kind: str
-) -> None:
+def test_exports_append_derived_signals_on_request(operator: httpx.Client, run_formulas: int, kind: str) -> None:
     put(operator, "F_mean", "(F_A + F_B) / 2").raise_for_status()
     answer = operator.get(f"/api/runs/{run_formulas}/data.{kind}", params={"formulas": "F_mean"}).raise_for_status()
     assert b"F_mean" in answer.content
@@ -414,7 +412,7 @@ def test_exports_have_it_behind_the_recorded_columns_where_asked_for(
     assert b"F_mean" not in operator.get(f"/api/runs/{run_formulas}/data.{kind}").raise_for_status().content
 
 
-def test_a_change_counts_at_once_and_a_removed_one_is_no_signal(operator: httpx.Client, run_formulas: int) -> None:
+def test_changes_and_deletions_of_derived_signals_apply_immediately(operator: httpx.Client, run_formulas: int) -> None:
     put(operator, "twice", "2 * q", "rad").raise_for_status()
     put(operator, "twice", "q + q + 1", "rad").raise_for_status()
     told = samples(operator, run_formulas, "twice,q", **{"from": 1.0, "to": 1.1})
@@ -434,14 +432,16 @@ def test_a_change_counts_at_once_and_a_removed_one_is_no_signal(operator: httpx.
         ("f_Mean", "q", "differs from 'F_mean' only in case"),
     ],
 )
-def test_what_is_wrong_is_refused_in_words(operator: httpx.Client, name: str, expression: str, said: str) -> None:
+def test_an_invalid_formula_is_rejected_with_a_message(
+    operator: httpx.Client, name: str, expression: str, said: str
+) -> None:
     put(operator, "F_mean", "(F_A + F_B) / 2").raise_for_status()
     refused = put(operator, name, expression)
     assert (refused.status_code, problem(refused)["code"]) == (422, "bad_formula")
     assert said in problem(refused)["message"]
 
 
-def test_a_layout_of_the_charts_may_show_it_with_signals_of_its_unit(operator: httpx.Client) -> None:
+def test_a_layout_may_show_a_derived_signal_with_signals_of_its_unit(operator: httpx.Client) -> None:
     put(operator, "F_mean", "(F_A + F_B) / 2").raise_for_status()
     kept = operator.get("/api/preferences").raise_for_status().json()
     panel = {"title": "Mean", "signals": ["F_mean", "F_A"], "over": None, "share": 1.0}
@@ -450,7 +450,7 @@ def test_a_layout_of_the_charts_may_show_it_with_signals_of_its_unit(operator: h
     operator.put("/api/preferences", json=kept).raise_for_status()
 
 
-def test_a_viewer_reads_and_writes_none(viewer: httpx.Client) -> None:
+def test_a_viewer_can_read_but_not_change_derived_signals(viewer: httpx.Client) -> None:
     assert viewer.get("/api/formulas").status_code == 200
     assert put(viewer, "made", "q").status_code == 403
     assert viewer.delete("/api/formulas/made").status_code == 403
@@ -461,7 +461,7 @@ def test_a_viewer_reads_and_writes_none(viewer: httpx.Client) -> None:
 PARAMETERS = {"r_m": 0.0075}
 
 
-def test_a_session_tells_its_origin_and_what_happened_in_it(off: httpx.Client) -> None:
+def test_a_session_has_its_origin_and_events(off: httpx.Client) -> None:
     off.post("/api/banks/geometry/activate").raise_for_status()  # another test of the service may have used a bank
     off.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
     running = off
@@ -542,7 +542,7 @@ def states(database: Database, in_use: int | None, parameters: dict[str, Any] = 
         return {step.name: str(step.state) for step in build_checklist(session, parameters, in_use)}
 
 
-def test_the_checklist_leads_from_pretension_to_report(database: Database) -> None:
+def test_the_checklist_covers_pretension_to_report(database: Database) -> None:
     assert set(states(database, None).values()) == {"missing"}
     identified(database, RunKind.MOTOR_IDENTIFICATION)
     identified(database, RunKind.SPRING_IDENTIFICATION)
@@ -554,7 +554,7 @@ def test_the_checklist_leads_from_pretension_to_report(database: Database) -> No
     assert set(told.values()) == {"done"}
 
 
-def test_a_tuning_is_done_once_it_is_saved_for_the_bank_in_use(database: Database) -> None:
+def test_the_tuning_step_is_done_once_saved_for_the_active_bank(database: Database) -> None:
     bank = built(database, identified(database, RunKind.ACTUATOR_IDENTIFICATION))
     other = built(database, identified(database, RunKind.ACTUATOR_IDENTIFICATION, S=14.0))
     with database.session() as session:
@@ -576,7 +576,7 @@ def test_a_bank_older_than_the_parameters_is_out_of_date(database: Database) -> 
     assert (told["actuator"], told["bank"]) == ("outdated", "outdated")
 
 
-def test_what_was_identified_again_makes_the_later_steps_out_of_date(database: Database) -> None:
+def test_a_new_identification_makes_later_steps_out_of_date(database: Database) -> None:
     bank = built(database, identified(database, RunKind.ACTUATOR_IDENTIFICATION))
     completed(database, RunKind.TRACKING, bank=bank)
     identified(database, RunKind.ACTUATOR_IDENTIFICATION, S=14.0)  # another point

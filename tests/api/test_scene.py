@@ -48,7 +48,7 @@ async def closed_with(socket: ClientConnection) -> int | None:
         return socket.close_code
 
 
-def test_the_page_comes_with_its_own_policy(operator: httpx.Client) -> None:
+def test_the_page_of_the_scene_has_its_own_policy(operator: httpx.Client) -> None:
     page = operator.get("/scene/")
     assert page.status_code == 200
     assert "wasm-unsafe-eval" in page.headers["content-security-policy"]
@@ -66,7 +66,7 @@ def test_messages_of_the_scene_arrive_in_its_own_protocol(service: Service, oper
     asyncio.run(session())
 
 
-def test_without_signing_in_there_is_no_scene(service: Service) -> None:
+def test_the_scene_requires_a_session(service: Service) -> None:
     async def session() -> int:
         with pytest.raises(InvalidStatus) as error:
             async with connect(service.url.replace("http", "ws") + "/scene", subprotocols=[PROTOCOL]):
@@ -77,7 +77,7 @@ def test_without_signing_in_there_is_no_scene(service: Service) -> None:
     assert asyncio.run(session()) in (401, 403)
 
 
-def test_the_service_takes_connections_at_its_one_address_only(service: Service, operator: httpx.Client) -> None:
+def test_the_service_listens_on_one_address_only(service: Service, operator: httpx.Client) -> None:
     port = httpx.URL(service.url).port
     assert listening(service.pid) == [f"listening tcp 0100007F:{port:04X}"]
     for child in descendants(service.pid):
@@ -85,7 +85,7 @@ def test_the_service_takes_connections_at_its_one_address_only(service: Service,
 
 
 @SCENES
-def test_nothing_that_a_viewer_says_is_obeyed(service: Service, viewer: httpx.Client, path: str) -> None:
+def test_messages_of_a_viewer_change_nothing_in_the_scene(service: Service, viewer: httpx.Client, path: str) -> None:
     """Least of all to publish the scene: viser's own server would fork for it, and ask a server far away."""
     kinds = sorted(kind.__name__ for kind in _messages.Message.get_subclasses())
     upload = {"source_component_uuid": "a", "transfer_uuid": "b", "filename": "c", "mime_type": "d"}
@@ -123,7 +123,7 @@ def test_nothing_that_a_viewer_says_is_obeyed(service: Service, viewer: httpx.Cl
     ],
     ids=["text", "long text", "too large", "a megabyte", "nothing, often", "junk, often"],
 )
-def test_who_says_what_the_page_never_says_is_sent_away(
+def test_unknown_messages_close_the_connection(
     service: Service, viewer: httpx.Client, path: str, said: str | bytes, count: int, code: int
 ) -> None:
     async def session() -> None:
@@ -157,7 +157,7 @@ def test_junk_leaves_no_traceback_and_few_lines_in_the_log(service: Service, vie
 
 
 @pytest.mark.parametrize(("protocol", "answer"), [("viser-v0.2.7", 1002), ("junk", 403), ("viser-vx", 403)])
-def test_the_page_of_another_version_is_told_so_and_nobody_else_let_in(
+def test_other_page_versions_and_protocols_are_rejected(
     service: Service, viewer: httpx.Client, protocol: str, answer: int
 ) -> None:
     async def session() -> int | None:
@@ -170,7 +170,7 @@ def test_the_page_of_another_version_is_told_so_and_nobody_else_let_in(
     assert asyncio.run(session()) == answer
 
 
-def test_a_scene_has_room_for_so_many_and_again_when_they_leave(service: Service, viewer: httpx.Client) -> None:
+def test_the_scene_limits_its_connections(service: Service, viewer: httpx.Client) -> None:
     async def session() -> None:
         async with AsyncExitStack() as stack:
             for _ in range(32):

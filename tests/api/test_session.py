@@ -32,7 +32,7 @@ from tests.refusals import refused
 CLOSED = ["/api/state", "/api/tuning", "/api/runs", "/api/banks", "/api/identifications", "/api/session", "/scene/"]
 
 
-def test_the_link_gives_a_cookie_and_an_address_without_the_token(service: Service) -> None:
+def test_the_link_sets_a_cookie_and_redirects_without_the_token(service: Service) -> None:
     with httpx.Client(base_url=service.url) as browser:
         answer = browser.get(service.link)
         assert answer.status_code == 303
@@ -56,14 +56,14 @@ def test_a_name_given_at_sign_in_is_shown(service: Service) -> None:
 
 
 @pytest.mark.parametrize("path", CLOSED)
-def test_nobody_gets_in_without_a_token_or_with_a_wrong_one(service: Service, path: str) -> None:
+def test_requests_without_a_valid_token_are_rejected(service: Service, path: str) -> None:
     assert httpx.get(service.url + path).status_code == 401
     wrong = httpx.get(service.url + path, headers={"Authorization": "Bearer wrong"})
     assert wrong.status_code in (401, 429)
     assert httpx.get(service.url + path, cookies={COOKIE + service.url.rpartition(":")[2]: "forged"}).status_code == 401
 
 
-def test_a_wrong_link_is_refused_and_the_log_keeps_no_token(service: Service) -> None:
+def test_a_wrong_link_is_rejected_and_the_log_has_no_token(service: Service) -> None:
     answer = httpx.get(service.url + "/?token=wrong-and-unique-token")
     assert answer.status_code in (401, 429)
     assert "set-cookie" not in answer.headers
@@ -72,7 +72,7 @@ def test_a_wrong_link_is_refused_and_the_log_keeps_no_token(service: Service) ->
     assert log.count(urlsplit(service.link).query) == 1
 
 
-def test_health_is_open_and_tells_no_secret(service: Service, operator: httpx.Client) -> None:
+def test_health_requires_no_session_and_has_no_secret(service: Service, operator: httpx.Client) -> None:
     health = httpx.get(service.url + "/api/health").json()
     assert set(health) == {"alive", "mode", "rate_Hz", "overruns", "version"}
     assert health["alive"]
@@ -93,7 +93,7 @@ def test_health_is_open_and_tells_no_secret(service: Service, operator: httpx.Cl
         ("PATCH", "/api/runs/1", {"note": "n"}),
     ],
 )
-def test_a_viewer_watches_and_commands_nothing(
+def test_a_viewer_can_read_but_not_command(
     viewer: httpx.Client, method: str, path: str, body: dict[str, object] | None
 ) -> None:
     assert viewer.get("/api/state").status_code == 200
@@ -160,7 +160,7 @@ def moved_clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MOVED_S", str(40 * 86400))
 
 
-def test_sessions_outlive_restart_and_clock_and_end_when_they_are_told_to(
+def test_sessions_survive_restarts_and_clock_changes_until_sign_out(
     tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     data = tmp_path / "data"
@@ -210,7 +210,7 @@ def test_sessions_outlive_restart_and_clock_and_end_when_they_are_told_to(
         assert fresh["viewer"] not in log
 
 
-def test_pictures_on_a_foreign_page_and_wrong_tokens_lock_nobody_out(service: Service) -> None:
+def test_wrong_tokens_lock_out_no_signed_in_person(service: Service) -> None:
     foreign = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Dest": "image"}
     for headers in (foreign, {}):
         for _ in range(ATTEMPTS + 2):
@@ -220,7 +220,7 @@ def test_pictures_on_a_foreign_page_and_wrong_tokens_lock_nobody_out(service: Se
     assert httpx.get(service.link).status_code == 303
 
 
-def test_a_viewer_of_the_same_name_has_a_page_of_their_own(service: Service) -> None:
+def test_a_viewer_of_the_same_name_has_separate_preferences(service: Service) -> None:
     ana, other = signed_in(service, "Ana"), signed_in(service, "Ana", "viewer-token")
     liked = ana.get("/api/preferences").json() | {"scheme": "light", "window_s": 33.0}
     ana.put("/api/preferences", json=liked).raise_for_status()
@@ -230,11 +230,11 @@ def test_a_viewer_of_the_same_name_has_a_page_of_their_own(service: Service) -> 
     assert other.get("/api/session").json() == {"name": "Ana (viewer)", "role": "viewer", "asks_name": False}
 
 
-def test_a_viewer_rotates_no_token(viewer: httpx.Client) -> None:
+def test_a_viewer_cannot_rotate_tokens(viewer: httpx.Client) -> None:
     assert viewer.post("/api/session/tokens/rotate", json={}).status_code == 403
 
 
-def test_who_is_connected_is_told_apart(service: Service, operator: httpx.Client) -> None:
+def test_connected_people_of_one_name_are_distinguished(service: Service, operator: httpx.Client) -> None:
     async def together() -> list[str]:
         url = service.url.replace("http", "ws") + "/api/live"
         first = signed_in(service, "Eva")
@@ -258,7 +258,7 @@ def newcomer(session: str, role: Role = Role.OPERATOR) -> User:
     return User(str(role), role, session, str(role))
 
 
-def test_a_link_asks_for_a_name_once_and_keeps_session_and_control(service: Service) -> None:
+def test_a_new_name_is_requested_once_and_keeps_session_and_control(service: Service) -> None:
     with httpx.Client(base_url=service.url, follow_redirects=True) as browser:
         browser.get(service.link)
         assert browser.get("/api/session").json() == {"name": "operator", "role": "operator", "asks_name": True}
@@ -276,12 +276,12 @@ def test_a_link_asks_for_a_name_once_and_keeps_session_and_control(service: Serv
         assert httpx.get(f"{service.url}/api/session", cookies=kept).status_code == 401
 
 
-def test_a_script_has_no_name_to_give(operator: httpx.Client) -> None:
+def test_a_script_cannot_set_a_name(operator: httpx.Client) -> None:
     assert operator.put("/api/session/name", json={"name": "Ana"}).status_code == 409
 
 
 @pytest.mark.parametrize("name", ["Ana", "ana", "\uff21na", " A\u200bna "], ids=["same", "small", "wide", "hidden"])
-def test_nobody_gets_the_name_of_somebody_who_is_there(name: str) -> None:
+def test_a_name_in_use_gets_a_suffix(name: str) -> None:
     people = ActiveUsers()
     ana = people.rename(newcomer("1"), "Ana")
     with people.connect(ana, is_page=True):
@@ -291,13 +291,13 @@ def test_nobody_gets_the_name_of_somebody_who_is_there(name: str) -> None:
     assert people.rename(newcomer("2"), "Ana").name == "Ana"
 
 
-def test_marks_that_tell_persons_apart_cannot_be_typed() -> None:
+def test_suffixes_of_names_cannot_be_entered() -> None:
     for pretended in ("Ana (2)", "Ana \uff082\uff09", "Ana \u2475"):
         assert "(" not in ActiveUsers().rename(newcomer("1"), pretended).name
 
 
 @pytest.mark.parametrize("name", ["operator", "Viewer", " ", "()", "\u202e"])
-def test_what_is_no_name_is_refused(name: str) -> None:
+def test_an_invalid_name_is_rejected(name: str) -> None:
     with pytest.raises(RequestRejectedError) as error:
         ActiveUsers().rename(newcomer("1"), name)
     assert (error.value.category, error.value.message.code) == (ErrorCode.BAD_VALUE, "name_not_allowed")
@@ -313,7 +313,7 @@ def test_all_pages_of_a_person_are_counted_under_the_new_name() -> None:
     assert people.view() == []
 
 
-def test_somebody_has_been_there_since_the_first_of_their_pages_came() -> None:
+def test_presence_begins_with_the_first_page_of_a_person() -> None:
     people, ana = ActiveUsers(), newcomer("1")
     with people.connect(ana, is_page=True):
         first = people.view()[0].since
@@ -323,7 +323,7 @@ def test_somebody_has_been_there_since_the_first_of_their_pages_came() -> None:
         assert people.view()[0].since > first
 
 
-def test_who_comes_back_while_another_has_their_name_is_told_apart_from_them() -> None:
+def test_a_returning_person_whose_name_is_in_use_gets_a_suffix() -> None:
     people = ActiveUsers()
     ana = people.rename(newcomer("1"), "Ana")
     other = people.rename(newcomer("2"), "Ana")  # while the first was away
@@ -375,18 +375,18 @@ def layout(*panels: dict[str, Any], name: str = "Mine") -> dict[str, Any]:
         ([layout(PLANE)], "no_panel_over_time", {}),
     ],
 )
-def test_what_no_chart_can_show_is_refused_in_words(
+def test_an_invalid_layout_is_rejected_with_a_message(
     layouts: list[dict[str, Any]], code: str, values: dict[str, object]
 ) -> None:
     with refused(RequestRejectedError, code, layout="Mine", **values):
         check_preferences([ChartLayout.model_validate(one) for one in layouts])
 
 
-def test_an_axis_may_have_another_unit_than_what_is_drawn_over_it() -> None:
+def test_the_horizontal_axis_may_have_another_unit_than_the_signals() -> None:
     check_preferences([ChartLayout.model_validate(layout(ERRORS, PLANE))])
 
 
-def test_layouts_are_kept_for_a_person_and_a_refused_one_changes_nothing(
+def test_layouts_are_stored_per_person_and_a_rejected_one_changes_nothing(
     operator: httpx.Client, viewer: httpx.Client
 ) -> None:
     before = viewer.get("/api/preferences").raise_for_status().json()

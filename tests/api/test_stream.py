@@ -33,7 +33,7 @@ async def receive(socket: ClientConnection) -> dict[str, Any] | wire.Frame:
     return wire.unpack_frame(message) if isinstance(message, bytes) else json.loads(message)
 
 
-def test_layout_state_and_an_unbroken_row_of_samples(service: Service, running: httpx.Client) -> None:
+def test_the_stream_sends_layout_state_and_samples_without_gaps(service: Service, running: httpx.Client) -> None:
     async def session() -> None:
         async with connect(address(service), additional_headers=bearer(running)) as socket:
             layout = await receive(socket)
@@ -63,7 +63,7 @@ def test_layout_state_and_an_unbroken_row_of_samples(service: Service, running: 
     asyncio.run(session())
 
 
-def test_a_command_is_marked_for_everybody_and_pings_are_answered(service: Service, running: httpx.Client) -> None:
+def test_the_stream_sends_marks_of_commands_and_answers_pings(service: Service, running: httpx.Client) -> None:
     async def session() -> None:
         async with connect(address(service), additional_headers=bearer(running)) as socket:
             await socket.send('{"type":"ping","id":42}')
@@ -84,7 +84,9 @@ def test_a_command_is_marked_for_everybody_and_pings_are_answered(service: Servi
 
 
 @pytest.mark.parametrize("path", ["/api/live", "/scene", "/scene/"])
-def test_nobody_listens_unsigned_or_from_another_origin(service: Service, operator: httpx.Client, path: str) -> None:
+def test_anonymous_clients_and_foreign_origins_get_no_stream(
+    service: Service, operator: httpx.Client, path: str
+) -> None:
     async def refused(headers: dict[str, str]) -> int:
         with pytest.raises(InvalidStatus) as error:
             async with connect(service.url.replace("http", "ws") + path, additional_headers=headers):
@@ -95,7 +97,7 @@ def test_nobody_listens_unsigned_or_from_another_origin(service: Service, operat
     assert asyncio.run(refused({"Origin": "http://evil.example", **bearer(operator)})) == 403
 
 
-def test_a_message_that_is_no_ping_ends_the_websocket(service: Service, operator: httpx.Client) -> None:
+def test_a_message_other_than_a_ping_closes_the_websocket(service: Service, operator: httpx.Client) -> None:
     async def session() -> None:
         async with connect(address(service), additional_headers=bearer(operator)) as socket:
             await socket.send('{"type":"command","id":1}')

@@ -32,7 +32,7 @@ def reached(client: httpx.Client, study: int, state: str, least: int = 0) -> Cal
     return is_it
 
 
-def test_a_study_is_computed_beside_the_loop_and_drawn(operator: httpx.Client, viewer: httpx.Client) -> None:
+def test_a_study_is_computed_and_has_its_maps(operator: httpx.Client, viewer: httpx.Client) -> None:
     study = begin(operator, HEAD + GRID)
     assert (study["points"], study["who"] != "") == (6, True)
     until(reached(operator, study["id"], "done"))
@@ -58,7 +58,7 @@ def test_a_study_is_computed_beside_the_loop_and_drawn(operator: httpx.Client, v
     assert [one["name"] for one in found["figures"]][:2] == ["min_tension_N", "M_s_q_true"]
 
 
-def test_a_text_is_read_and_looked_over_before_it_is_begun(viewer: httpx.Client) -> None:
+def test_a_text_of_a_study_is_checked_without_a_start(viewer: httpx.Client) -> None:
     def checked(text: str) -> dict[str, Any]:
         return dict(viewer.post("/api/studies/check", json={"text": text}).raise_for_status().json())
 
@@ -77,7 +77,7 @@ def test_a_text_is_read_and_looked_over_before_it_is_begun(viewer: httpx.Client)
     assert numbers["motor.K_m"]["value"] > 0.0
 
 
-def test_a_study_is_stopped_and_resumed_and_another_waits_for_its_turn(operator: httpx.Client) -> None:
+def test_a_study_is_stopped_and_resumed_while_another_waits(operator: httpx.Client) -> None:
     first, second = begin(operator, HEAD + LONG)["id"], begin(operator, HEAD + LONG)["id"]
     until(reached(operator, first, "running", 2))
     assert reached(operator, second, "waiting")()
@@ -106,7 +106,7 @@ def test_a_study_is_stopped_and_resumed_and_another_waits_for_its_turn(operator:
         ("]", 1, not_yaml_or_json(reason="")),
     ],
 )
-def test_what_cannot_be_is_refused_with_its_line(operator: httpx.Client, text: str, line: int, told: str) -> None:
+def test_an_invalid_study_is_rejected_with_its_line(operator: httpx.Client, text: str, line: int, told: str) -> None:
     answer = operator.post("/api/studies", json={"text": text})
     assert answer.status_code == 422
     found = problem(answer)
@@ -114,7 +114,9 @@ def test_what_cannot_be_is_refused_with_its_line(operator: httpx.Client, text: s
     assert told in found["message"]
 
 
-def test_a_viewer_begins_none_and_what_is_not_there_is_told(operator: httpx.Client, viewer: httpx.Client) -> None:
+def test_a_viewer_cannot_start_a_study_and_a_missing_study_is_reported(
+    operator: httpx.Client, viewer: httpx.Client
+) -> None:
     assert viewer.post("/api/studies", json={"text": HEAD + GRID}).status_code == 403
     for asked in (operator.get("/api/studies/999"), operator.post("/api/studies/999/resume")):
         assert asked.status_code == 404

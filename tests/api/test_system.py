@@ -36,7 +36,7 @@ from tests.storage.test_lineage import NEW_RUN
 # The System page's view, a backup made while the service works, and bringing it back.
 
 
-def test_the_machine_the_timing_and_the_database_are_told(viewer: httpx.Client) -> None:
+def test_the_state_of_computer_timing_and_database_is_reported(viewer: httpx.Client) -> None:
     system = viewer.get("/api/system").json()
     assert system["granted"]["timer_slack_ns"] >= 0  # a FIFO process has none
     assert (system["granted"]["priority"] > 0) or system["granted"]["refusals"]
@@ -49,7 +49,7 @@ def test_the_machine_the_timing_and_the_database_are_told(viewer: httpx.Client) 
     assert system["database"]["disk_free_bytes"] > 0
 
 
-def test_a_backup_is_made_and_checked_while_the_service_works(
+def test_a_backup_is_made_and_checked_while_the_service_runs(
     operator: httpx.Client, viewer: httpx.Client, data: Path
 ) -> None:
     assert viewer.post("/api/system/backups").status_code == 403
@@ -59,7 +59,7 @@ def test_a_backup_is_made_and_checked_while_the_service_works(
     assert operator.post("/api/system/check").json() == {"problems": []}
 
 
-def test_recordings_are_listed_and_go_only_when_named(operator: httpx.Client, viewer: httpx.Client) -> None:
+def test_recordings_are_listed_and_deleted_only_by_number(operator: httpx.Client, viewer: httpx.Client) -> None:
     """The service under test keeps within its limit, so nothing may go: naming a run is refused."""
     listed = viewer.get("/api/system/recordings").raise_for_status().json()
     assert listed["limit_bytes"] == 20_000_000_000
@@ -71,12 +71,12 @@ def test_recordings_are_listed_and_go_only_when_named(operator: httpx.Client, vi
     assert "nothing was deleted" in str(problem(refused)["message"])
 
 
-def test_nothing_is_restored_under_a_service_that_works(data: Path) -> None:
+def test_a_database_cannot_be_restored_while_its_service_runs(data: Path) -> None:
     with pytest.raises(AlreadyRunningError), lock_for_service(data):
         pass
 
 
-def test_a_restored_database_is_the_copy_and_the_one_before_is_kept(tmp_path: Path) -> None:
+def test_a_restore_installs_the_copy_and_retains_the_previous_database(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     with database.session() as session:
         first = runs.create(session, NEW_RUN).id
@@ -98,7 +98,7 @@ def test_a_restored_database_is_the_copy_and_the_one_before_is_kept(tmp_path: Pa
 
 
 @pytest.mark.parametrize("bad", ["missing", "text", "cut", "foreign"])
-def test_a_bad_file_is_refused_and_nothing_changes(tmp_path: Path, bad: str) -> None:
+def test_an_invalid_backup_is_rejected_without_changes(tmp_path: Path, bad: str) -> None:
     database = open_database(tmp_path)
     with database.session() as session:
         for _ in range(200):
@@ -131,7 +131,7 @@ def log(client: httpx.Client, **asked: Any) -> list[dict[str, Any]]:
     return list(client.get("/api/log", params=asked).raise_for_status().json()["entries"])
 
 
-def test_who_comes_and_goes_is_kept(service: Service, viewer: httpx.Client) -> None:
+def test_sign_in_and_sign_out_are_logged(service: Service, viewer: httpx.Client) -> None:
     token = urlsplit(service.link).query.partition("=")[2]
     with httpx.Client(base_url=service.url) as browser:
         browser.post("/api/session", json={"token": token, "name": "Zoë"}).raise_for_status()
@@ -147,14 +147,14 @@ def test_who_comes_and_goes_is_kept(service: Service, viewer: httpx.Client) -> N
     assert token not in str(log(viewer))
 
 
-def test_a_copy_of_the_database_is_kept_with_its_name(operator: httpx.Client, viewer: httpx.Client) -> None:
+def test_a_backup_is_logged_with_its_name(operator: httpx.Client, viewer: httpx.Client) -> None:
     name = operator.post("/api/system/backups").raise_for_status().json()["name"]
     copied = f"database copied to {name}"
     newest = until(lambda: [one for one in log(viewer, kind="backup") if one["text"] == copied])[0]
     assert newest["who"] == "operator"
 
 
-def test_a_run_begins_and_ends_in_it_and_an_order_stands_at_its_second(running: httpx.Client) -> None:
+def test_the_log_has_start_and_end_of_a_run_and_the_time_of_a_command(running: httpx.Client) -> None:
     run = running.get("/api/state").json()["recording_run"]
     running.put("/api/references", json={"q_ref": 0.2, "S_ref": 10.5}).raise_for_status()
     tick = running.get("/api/state").json()["tick"]
@@ -172,7 +172,7 @@ def test_a_run_begins_and_ends_in_it_and_an_order_stands_at_its_second(running: 
     assert abs((datetime.fromisoformat(entry["at"]) - began).total_seconds() - entry["t"]) < 1.0
 
 
-def test_a_mode_is_told_with_whoever_ordered_it_and_a_stop_without(off: httpx.Client, viewer: httpx.Client) -> None:
+def test_the_log_names_the_person_of_a_mode_change(off: httpx.Client, viewer: httpx.Client) -> None:
     last = log(viewer)[0]["event"] or 0
 
     def modes() -> list[tuple[str, str]]:
@@ -192,7 +192,7 @@ def test_a_mode_is_told_with_whoever_ordered_it_and_a_stop_without(off: httpx.Cl
     assert ended == ("pretension → off", "operator")
 
 
-def test_a_stop_is_one_entry_with_whoever_pressed_it_and_its_flight_record_and_a_reset_is_no_alarm(
+def test_a_stop_is_one_entry_with_person_and_flight_record_and_a_reset_is_no_alarm(
     off: httpx.Client, viewer: httpx.Client
 ) -> None:
     proof = off.post("/api/stop").raise_for_status().json()
@@ -211,7 +211,7 @@ def test_a_stop_is_one_entry_with_whoever_pressed_it_and_its_flight_record_and_a
     assert trip["flight"]
 
 
-def test_an_operator_says_something_of_an_event_and_a_viewer_reads_it(
+def test_an_operator_can_add_a_remark_to_an_event_and_a_viewer_can_read_it(
     operator: httpx.Client, viewer: httpx.Client
 ) -> None:
     operator.post("/api/system/backups").raise_for_status()
@@ -231,7 +231,7 @@ def test_an_operator_says_something_of_an_event_and_a_viewer_reads_it(
 @pytest.mark.parametrize(
     "asked", [{"kind": "everything"}, {"before": "yesterday"}, {"limit": 0}, {"since": "2026-01-01"}]
 )
-def test_what_cannot_be_asked_is_refused(viewer: httpx.Client, asked: dict[str, Any]) -> None:
+def test_an_invalid_query_of_the_log_is_rejected(viewer: httpx.Client, asked: dict[str, Any]) -> None:
     assert viewer.get("/api/log", params=asked).status_code == 422
 
 
@@ -251,7 +251,7 @@ def lines_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, level: str | None)
     return [line for line in service.log.read_text().splitlines() if " INFO " in line]
 
 
-def test_info_names_what_happens_with_its_identifiers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_info_log_has_events_with_their_identifiers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lines = lines_of(tmp_path, monkeypatch, "info")
     text = "\n".join(lines)
     started = re.search(r"Control loop process (\d+) started", text)
@@ -262,13 +262,13 @@ def test_info_names_what_happens_with_its_identifiers(tmp_path: Path, monkeypatc
     assert "The service stopped: " in text
 
 
-def test_by_default_it_has_warnings_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_default_log_has_only_warnings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("SINEW_LOG_LEVEL", raising=False)
     lines = lines_of(tmp_path, monkeypatch, None)
     assert lines == []
 
 
-def test_events_are_written_however_many_there_are() -> None:
+def test_the_log_limits_no_events() -> None:
     def written(extra: dict[str, bool]) -> int:
         limit, log = RateLimit(lambda: 0.0), logging.getLogger("test")
         record = log.makeRecord("test", logging.INFO, "here.py", 1, "a line", (), None, extra=extra)
@@ -297,7 +297,9 @@ def loggers() -> Iterator[None]:
         ("error", []),
     ],
 )
-def test_a_level_holds_for_libraries_too(level: Level, written: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_log_level_applies_to_libraries_too(
+    level: Level, written: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     configure_logging(level)
     for name in ("backend.x", "asyncio"):
         logging.getLogger(name).info("%s INFO", name)
@@ -363,7 +365,7 @@ def test_flood_of_refusals_is_bounded_and_its_windows_grow(database: Database) -
     assert flood.windows_s[-1] == LONGEST_WINDOW_S
 
 
-def test_window_is_short_again_after_a_quiet_one(database: Database) -> None:
+def test_window_is_short_again_after_one_without_refusals(database: Database) -> None:
     flood = Flood(database)
     for repeats in (2, 1, 1):
         for _ in range(repeats):
@@ -392,11 +394,11 @@ def test_long_reason_is_cut_and_invisible_characters_are_escaped(database: Datab
         ({f"value_{number}": number for number in range(9)}, ", ".join(f"value_{n} {n}" for n in range(6))),
     ],
 )
-def test_values_are_told_with_their_units(asked: object, said: str) -> None:
+def test_values_are_logged_with_their_units(asked: object, said: str) -> None:
     assert describe_values(json.dumps(asked).encode()) == said
 
 
-def test_what_is_no_document_has_no_values() -> None:
+def test_an_invalid_body_has_no_logged_values() -> None:
     assert [describe_values(body) for body in (b"", b"{", b"\xff", 10_000 * b"[")] == ["", "", "", ""]
 
 
@@ -407,7 +409,7 @@ def unrefused(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
         yield running
 
 
-def test_a_refused_command_stands_in_the_log_with_its_person_and_is_no_alarm(unrefused: Service) -> None:
+def test_a_rejected_command_is_logged_with_its_person_and_is_no_alarm(unrefused: Service) -> None:
     with client_with(unrefused, "token") as off, client_with(unrefused, "viewer-token") as viewer:
         _check_refusals_in_log(off, viewer)
 
@@ -443,7 +445,7 @@ def _check_refusals_in_log(off: httpx.Client, viewer: httpx.Client) -> None:
     assert not [entry for entry in alarms if "refused" in entry["text"]]
 
 
-def test_the_log_is_searched_in_the_unit_in_which_somebody_reads(unrefused: Service) -> None:
+def test_the_log_is_searched_in_the_angle_unit_of_the_reader(unrefused: Service) -> None:
     with client_with(unrefused, "token") as off:
         _check_search_of_angles(off)
 
@@ -459,7 +461,7 @@ def _check_search_of_angles(off: httpx.Client) -> None:
     assert (found("378.2", "rad"), found("q_ref 6.6 rad", "rad"), found("6.6", "deg")) == (0, 1, 0)
 
 
-def test_the_log_tells_how_many_entries_there_are(off: httpx.Client) -> None:
+def test_the_log_returns_the_number_of_entries(off: httpx.Client) -> None:
     page = off.get("/api/log", params={"limit": 3}).raise_for_status().json()
     assert len(page["entries"]) == 3
     assert page["total"] > 3

@@ -29,9 +29,7 @@ def arm(client: httpx.Client, **order: Any) -> httpx.Response:
     return client.put("/api/trigger", json={"signal": "q_ref", "condition": "rising", "level": 0.1, **order})
 
 
-def test_a_capture_has_the_samples_asked_for_around_the_tick_at_which_the_reference_rose(
-    disarmed: httpx.Client, viewer: httpx.Client
-) -> None:
+def test_a_capture_has_the_requested_samples_around_the_trigger(disarmed: httpx.Client, viewer: httpx.Client) -> None:
     before = len(records(viewer))
     disarmed.put("/api/references", json={"q_ref": 0.0, "S_ref": 10.0}).raise_for_status()
     wait_for(disarmed, "references", {"q_ref": 0.0, "S_ref": 10.0, "in_force": True})
@@ -72,7 +70,7 @@ def test_a_capture_has_the_samples_asked_for_around_the_tick_at_which_the_refere
     disarmed.delete("/api/trigger").raise_for_status()  # again: nothing is armed
 
 
-def test_a_trigger_waits_on_a_formula_as_it_was_when_it_was_armed(disarmed: httpx.Client, viewer: httpx.Client) -> None:
+def test_an_armed_trigger_uses_the_formula_at_the_time_of_arming(disarmed: httpx.Client, viewer: httpx.Client) -> None:
     body = {"expression": "(q_ref + 1) * 2", "unit": "rad"}
     disarmed.put("/api/formulas/shifted", json=body).raise_for_status()
     disarmed.put("/api/references", json={"q_ref": 0.0, "S_ref": 10.0}).raise_for_status()
@@ -95,7 +93,7 @@ def test_a_trigger_waits_on_a_formula_as_it_was_when_it_was_armed(disarmed: http
         ({"upper": 0.3}, "bad_window"),
     ],
 )
-def test_orders_that_make_no_sense_are_refused(disarmed: httpx.Client, order: dict[str, Any], code: str) -> None:
+def test_invalid_triggers_are_rejected(disarmed: httpx.Client, order: dict[str, Any], code: str) -> None:
     refused = arm(disarmed, **order)
     assert (refused.status_code, problem(refused)["code"]) == (422, code)
     if code == "unknown_signal":
@@ -108,7 +106,7 @@ def test_bounds(disarmed: httpx.Client, order: dict[str, Any]) -> None:
     assert arm(disarmed, **order).status_code == 422
 
 
-def test_a_viewer_arms_and_disarms_nothing(viewer: httpx.Client) -> None:
+def test_a_viewer_cannot_arm_or_disarm_the_trigger(viewer: httpx.Client) -> None:
     assert arm(viewer).status_code == 403
     assert viewer.delete("/api/trigger").status_code == 403
     assert service_state(viewer) is None or service_state(viewer)["phase"] == "ended"
@@ -118,7 +116,7 @@ def service_state(client: httpx.Client) -> Any:
     return client.get("/api/state").json()["trigger"]
 
 
-def test_a_restart_of_the_service_disarms_it_and_says_so(tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_a_restart_of_the_service_disarms_the_trigger_and_is_logged(tmp_path_factory: pytest.TempPathFactory) -> None:
     folder = tmp_path_factory.mktemp("trigger")
     with running_service(folder, params="ideal") as first, client_with(first, "token") as client:
         arm(client, signal="F_A", condition="above", level=45.0).raise_for_status()

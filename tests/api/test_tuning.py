@@ -22,7 +22,7 @@ def starting_tuning(off: httpx.Client) -> Iterator[None]:
     off.put("/api/tuning", json=START).raise_for_status()
 
 
-def test_a_trial_is_reverted_without_anybody_asking(off: httpx.Client) -> None:
+def test_a_trial_is_reverted_without_a_connected_page(off: httpx.Client) -> None:
     state = off.post("/api/tuning/trial", json={"lam_q": 0.7, "duration_s": 1.0}).raise_for_status().json()
     assert state["tuning"]["lam_q"] == 0.7
     assert state["trial"]["lam_q"] == 0.5
@@ -32,7 +32,7 @@ def test_a_trial_is_reverted_without_anybody_asking(off: httpx.Client) -> None:
     assert after["tuning"]["lam_q"] == 0.5
 
 
-def test_a_trial_of_a_trial_goes_back_to_what_was_before_both(off: httpx.Client) -> None:
+def test_a_trial_of_a_trial_reverts_to_the_tuning_before_both(off: httpx.Client) -> None:
     off.post("/api/tuning/trial", json={"lam_q": 0.7, "duration_s": 60.0}).raise_for_status()
     off.post("/api/tuning/trial", json={"lam_q": 0.8, "lam_S": 0.6, "duration_s": 60.0}).raise_for_status()
     state = off.delete("/api/tuning/trial").raise_for_status().json()
@@ -40,7 +40,7 @@ def test_a_trial_of_a_trial_goes_back_to_what_was_before_both(off: httpx.Client)
     assert off.delete("/api/tuning/trial").status_code == 409
 
 
-def test_a_kept_or_replaced_trial_stays(off: httpx.Client) -> None:
+def test_a_confirmed_or_replaced_trial_does_not_revert(off: httpx.Client) -> None:
     off.post("/api/tuning/trial", json={"lam_q": 0.7, "duration_s": 60.0}).raise_for_status()
     assert off.post("/api/tuning/trial/keep").raise_for_status().json()["tuning"]["lam_q"] == 0.7
     off.post("/api/tuning/trial", json={"lam_q": 0.8, "duration_s": 60.0}).raise_for_status()
@@ -49,7 +49,7 @@ def test_a_kept_or_replaced_trial_stays(off: httpx.Client) -> None:
     assert (state["tuning"]["lam_q"], state["trial"]) == (0.9, None)
 
 
-def test_nothing_is_saved_or_started_while_something_is_tried(off: httpx.Client) -> None:
+def test_saves_and_starts_are_rejected_during_a_trial(off: httpx.Client) -> None:
     off.post("/api/tuning/trial", json={"lam_q": 0.7, "duration_s": 60.0}).raise_for_status()
     refused = off.put("/api/tuning/saved")
     assert (refused.status_code, problem(refused)["message_code"]) == (409, "trial_in_progress")
@@ -60,7 +60,7 @@ def test_nothing_is_saved_or_started_while_something_is_tried(off: httpx.Client)
     assert problem(refused)["quantity"] == "lam_q"
 
 
-def test_the_saved_tuning_is_what_was_in_force_when_it_was_saved(off: httpx.Client) -> None:
+def test_the_saved_tuning_is_the_active_tuning_at_the_time_of_saving(off: httpx.Client) -> None:
     off.put("/api/tuning", json={"lam_q": 0.61, "interpolate": True}).raise_for_status()
     saved = off.put("/api/tuning/saved").raise_for_status().json()
     off.put("/api/tuning", json={"lam_q": 0.9}).raise_for_status()
@@ -70,7 +70,7 @@ def test_the_saved_tuning_is_what_was_in_force_when_it_was_saved(off: httpx.Clie
     off.put("/api/tuning/saved").raise_for_status()
 
 
-def test_the_printed_formula_is_shown_beside_the_right_one(off: httpx.Client) -> None:
+def test_the_preview_has_the_printed_and_the_corrected_formula(off: httpx.Client) -> None:
     query = {"lam_q": 0.5, "lam_S": 0.42, "u_plan": 0.0, "S": 10.0}  # in off the present S moves
     preview = off.get("/api/tuning/preview", params={**query, "printed": True}).raise_for_status().json()
     position = preview["position"]
@@ -81,7 +81,7 @@ def test_the_printed_formula_is_shown_beside_the_right_one(off: httpx.Client) ->
     assert without["position"] == {**position, "printed": None}
 
 
-def test_a_voltage_limit_that_is_not_sent_is_shown_as_the_step_it_would_give(off: httpx.Client) -> None:
+def test_an_unsent_voltage_limit_is_previewed_by_its_step(off: httpx.Client) -> None:
     def step(**more: float | str) -> dict[str, float]:
         query = {"lam_q": 0.5, "lam_S": 0.42, "S": 10.0, **more}  # in off the present S moves
         found = off.get("/api/tuning/preview", params=query).raise_for_status().json()
@@ -101,7 +101,7 @@ def test_a_voltage_limit_that_is_not_sent_is_shown_as_the_step_it_would_give(off
     assert "u_plan" in refused.text
 
 
-def test_a_preview_is_for_the_stiffness_asked_for_and_one_out_of_range_is_refused(off: httpx.Client) -> None:
+def test_a_preview_uses_the_requested_stiffness_and_rejects_one_out_of_range(off: httpx.Client) -> None:
     query = {"lam_q": 0.5, "lam_S": 0.42}
     soft, stiff = (
         off.get("/api/tuning/preview", params={**query, "S": S}).raise_for_status().json() for S in (8.24, 14.06)
@@ -114,7 +114,7 @@ def test_a_preview_is_for_the_stiffness_asked_for_and_one_out_of_range_is_refuse
     assert (refused["quantity"], refused["maximum"], refused["unit"]) == ("S_ref", 15.0, "N·m/rad")
 
 
-def test_the_motor_loop_is_shown_as_it_runs(off: httpx.Client) -> None:
+def test_the_preview_of_the_motor_loop_is_sampled_with_electrical_lag(off: httpx.Client) -> None:
     """Sampled and with its electrical lag (erratum E5); at 0.05 s the gain may fall to 4 % only, and that is said."""
     query = {"lam_q": 0.5, "lam_S": 0.42}
     motor = off.get("/api/tuning/preview", params=query).raise_for_status().json()["motor"]
@@ -133,7 +133,7 @@ def test_the_motor_loop_is_shown_as_it_runs(off: httpx.Client) -> None:
     assert motor["gain_reduction_margin"] == pytest.approx(0.040, abs=1e-3)
 
 
-def test_lambda_for_a_wanted_sensitivity_or_why_there_is_none(viewer: httpx.Client) -> None:
+def test_the_service_gives_lambda_for_a_sensitivity_or_the_reason_for_none(viewer: httpx.Client) -> None:
     found = viewer.get("/api/tuning/robust", params={"M_s": 1.4}).raise_for_status().json()
     assert 0.40 < found["lam_q"]["lam"] < 0.45
     assert found["lam_motor"] == {"lam": pytest.approx(0.0933, abs=2e-4), "reason": ""}
@@ -153,7 +153,7 @@ def test_preferences_belong_to_a_person_and_are_checked(operator: httpx.Client, 
 
 
 @pytest.mark.parametrize("lam_motor", [0.05, 0.0854, 0.15])
-def test_the_motor_loop_can_be_asked_for_at_any_lambda_that_is_offered(off: httpx.Client, lam_motor: float) -> None:
+def test_the_motor_loop_is_computed_at_every_offered_lambda(off: httpx.Client, lam_motor: float) -> None:
     """What the form of an experiment shows beside λ_motor is what the sampled loop gives."""
     told = off.get("/api/tuning/motor", params={"lam_motor": lam_motor}).raise_for_status().json()
     parameters = load_parameters("ideal")
@@ -164,7 +164,7 @@ def test_the_motor_loop_can_be_asked_for_at_any_lambda_that_is_offered(off: http
     assert (told["gain_reduction_margin"] or 0.0) == pytest.approx(expected.gain_reduction, rel=1e-6)
 
 
-def test_margins_of_a_motor_loop_that_is_not_offered_are_refused_with_the_range(off: httpx.Client) -> None:
+def test_margins_of_a_motor_loop_outside_the_range_are_rejected(off: httpx.Client) -> None:
     refused = off.get("/api/tuning/motor", params={"lam_motor": 0.01})
     assert refused.status_code == 422
     assert problem(refused)["quantity"] == "lam_motor"

@@ -81,7 +81,7 @@ def run(off: httpx.Client) -> int:
     return number
 
 
-def test_reports_and_exports_survive_their_process(service: Service, off: httpx.Client, run: int) -> None:
+def test_reports_and_exports_work_after_their_process_is_killed(service: Service, off: httpx.Client, run: int) -> None:
     assert off.get(f"/api/runs/{run}/report.html").is_success
     assert kill_all(service, POLITE) >= 1
     (told,) = until(
@@ -93,7 +93,7 @@ def test_reports_and_exports_survive_their_process(service: Service, off: httpx.
     assert off.post("/api/experiments/dry-run", json=SHORT).is_success
 
 
-def test_an_experiment_ends_with_its_result_although_its_process_was_killed(
+def test_an_experiment_has_its_result_although_its_process_was_killed(
     service: Service, off: httpx.Client, run: int
 ) -> None:
     assert kill_all(service, COMPUTING) >= 1
@@ -104,7 +104,7 @@ def test_an_experiment_ends_with_its_result_although_its_process_was_killed(
     assert off.get(f"/api/runs/{again}").json()["evaluation"] == "done"
 
 
-def test_a_run_that_could_not_be_evaluated_says_so_and_is_evaluated_again(
+def test_a_failed_evaluation_is_reported_and_can_be_repeated(
     service: Service, off: httpx.Client, run: int, data: Path
 ) -> None:
     with all_killed(service, COMPUTING):
@@ -134,7 +134,7 @@ def sinew(*words: str, data: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | {"COLUMNS": "200"})
 
 
-def test_what_has_no_result_is_not_evaluated(off: httpx.Client, viewer: httpx.Client, run: int) -> None:
+def test_runs_without_a_result_cannot_be_evaluated(off: httpx.Client, viewer: httpx.Client, run: int) -> None:
     assert off.post("/api/runs/999999/evaluation").status_code == 404
     assert viewer.post(f"/api/runs/{run}/evaluation").status_code == 403
     off.post("/api/stop").raise_for_status()
@@ -148,7 +148,7 @@ def test_what_has_no_result_is_not_evaluated(off: httpx.Client, viewer: httpx.Cl
     assert "session" in str(problem(refused)["message"])
 
 
-def test_a_dry_run_has_a_longest_length(viewer: httpx.Client) -> None:
+def test_a_dry_run_has_a_maximum_duration(viewer: httpx.Client) -> None:
     segments = ", ".join(['{"duration_s": 400, "q_ref": 0.1, "S_ref": 10}'] * 2)
     refused = viewer.post(
         "/api/experiments/dry-run", json={"name": "sequence", "settings": {"segments": f"[{segments}]"}}
@@ -211,7 +211,7 @@ def hanging(service: Service, viewer: httpx.Client, reported: int) -> Iterator[s
     raise AssertionError("the long dry run never came first")
 
 
-def test_a_viewer_s_dry_run_holds_up_no_report_and_ends_when_the_viewer_leaves(
+def test_a_dry_run_of_a_viewer_delays_no_report_and_ends_on_disconnect(
     service: Service, off: httpx.Client, viewer: httpx.Client, reported: int, hanging: socket.socket
 ) -> None:
     since = {pid: processor_ticks(pid) for pid in workers(service, POLITE)}

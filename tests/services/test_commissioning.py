@@ -46,7 +46,7 @@ IDEAL = load_parameters("ideal")
 VIRTUAL = PlantChoice(PlantKind.VIRTUAL_CARD)
 
 
-def test_a_step_whose_result_is_being_kept_is_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_step_cannot_be_cancelled_while_its_result_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither a person nor the end of the service gives it up any more: the loop may be starting anew with it."""
     database = open_database(tmp_path)
     release, keep = threading.Event(), standing.store_result
@@ -80,7 +80,7 @@ def test_a_step_whose_result_is_being_kept_is_over(tmp_path: Path, monkeypatch: 
         database.close()
 
 
-def test_a_changed_wiring_file_is_tried_by_no_step_and_starts_unproven(
+def test_a_changed_wiring_file_is_rejected_by_every_step_and_starts_unproven(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     database, file = open_database(tmp_path), tmp_path / "rig.toml"
@@ -124,7 +124,7 @@ def test_a_changed_wiring_file_is_tried_by_no_step_and_starts_unproven(
         database.close()
 
 
-def test_what_a_loop_has_read_counts_and_not_what_the_file_said_before_or_says_now(tmp_path: Path) -> None:
+def test_the_wiring_that_the_loop_has_read_is_the_valid_one(tmp_path: Path) -> None:
     """The file was edited while the loop started, and edited back."""
     database = open_database(tmp_path)
     wiring = load_wiring(VIRTUAL.wiring)
@@ -150,7 +150,7 @@ def test_what_a_loop_has_read_counts_and_not_what_the_file_said_before_or_says_n
         database.close()
 
 
-def test_directions_whose_trial_is_given_up_are_proven_neither_in_the_loop_nor_on_the_page(
+def test_a_cancelled_direction_step_leaves_the_directions_unproven(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     database = open_database(tmp_path)
@@ -207,7 +207,7 @@ def test_directions_whose_trial_is_given_up_are_proven_neither_in_the_loop_nor_o
         database.close()
 
 
-def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_step_cannot_begin_during_the_start_of_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Between the first question of the run, whether the rig is free, and its being shown there is a database."""
     database, wiring = open_database(tmp_path), load_wiring(VIRTUAL.wiring)
     cells = tuple(CellCalibration(tendon, 10.0, 0.0, "calibrated") for tendon in "AB")
@@ -253,7 +253,7 @@ def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkey
         database.close()
 
 
-def test_the_drives_go_off_at_once_whoever_has_the_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_drive_lockout_starts_before_waiting_requests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A start of the loop, or a disk that is slow, is waited for by the answer, not by the drives."""
     database = open_database(tmp_path)
     rig = VirtualRig(load_wiring("pcie-6323"), Simulator(IDEAL, 0))

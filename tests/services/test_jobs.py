@@ -52,7 +52,7 @@ ORDER = ActuatorRequest(tensions_N=[10.0, 40.0], bits=5, periods=2, settle_s=1.0
 MODEL = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342}
 
 
-def test_runs_in_turn_take_as_long_and_go_as_far_as_announced(tmp_path: Path) -> None:
+def test_consecutive_runs_match_their_predicted_duration_and_range(tmp_path: Path) -> None:
     database = open_database(tmp_path)
 
     async def ordered(parts: Parts) -> None:
@@ -187,7 +187,7 @@ def run_of(tmp_path: Path, order: IdentificationRequest) -> tuple[Seen, dict[str
         database.close()
 
 
-def test_an_actuator_is_told_to_be_excited_when_its_samples_are(tmp_path: Path) -> None:
+def test_the_stage_of_an_actuator_identification_matches_its_samples(tmp_path: Path) -> None:
     seen, columns, planned = run_of(tmp_path, ACTUATOR)
     told_right(seen, seen.run, columns["u_A"].size)
     jumps = np.flatnonzero(np.abs(np.diff(columns["theta_A_ref"])) > 0.5)
@@ -223,7 +223,7 @@ def stages(u: np.ndarray, free: np.ndarray) -> np.ndarray:
     return true
 
 
-def test_a_motor_is_told_to_have_the_voltage_that_its_samples_have(tmp_path: Path) -> None:
+def test_the_stage_of_a_motor_identification_matches_its_samples(tmp_path: Path) -> None:
     seen, columns, planned = run_of(tmp_path, MOTOR)
     told_right(seen, seen.run, columns["u_A"].size)
     free = np.isnan(columns["theta_A_ref"])
@@ -246,7 +246,7 @@ def test_a_motor_is_told_to_have_the_voltage_that_its_samples_have(tmp_path: Pat
         assert asked[-1] == pytest.approx(driven[-1], abs=0.05 * whole_s)
 
 
-def test_springs_are_told_to_be_at_the_tension_that_their_samples_have(tmp_path: Path) -> None:
+def test_the_stage_of_a_spring_identification_matches_its_samples(tmp_path: Path) -> None:
     seen, columns, planned = run_of(tmp_path, SPRING)
     told_right(seen, seen.run, columns["u_A"].size)
     up = int(np.argmax(columns["theta_A_ref"]))
@@ -262,7 +262,7 @@ def test_springs_are_told_to_be_at_the_tension_that_their_samples_have(tmp_path:
     assert line(planned, "theta_A_ref") == pytest.approx(columns["theta_A_ref"][at], abs=0.007)
 
 
-def test_the_next_tension_waits_for_a_pause_to_be_over_and_no_run_is_under_way_meanwhile(tmp_path: Path) -> None:
+def test_a_pause_delays_the_next_tension_and_no_run_is_active_meanwhile(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     waited: list[tuple[Mode, int | None]] = []
 
@@ -316,7 +316,7 @@ def test_the_next_tension_waits_for_a_pause_to_be_over_and_no_run_is_under_way_m
     assert {mode for mode, _ in waited} == {Mode.PRETENSION}
 
 
-def test_an_order_that_is_aborted_in_its_pause_ends_there_with_what_it_has(tmp_path: Path) -> None:
+def test_a_request_aborted_in_its_pause_ends_with_the_completed_runs(tmp_path: Path) -> None:
     database = open_database(tmp_path)
 
     async def ordered(parts: Parts) -> None:
@@ -438,7 +438,7 @@ def test_pause_ends_the_request_if_the_motors_are_switched_off(mode: Mode, code:
     assert (loop.advanced, pause.remaining_runs) == (2, 2)
 
 
-def test_a_loop_that_dies_ends_it() -> None:
+def test_an_exit_of_the_loop_ends_the_pause() -> None:
     pause, _ = paused(1)
     with pytest.raises(LoopExitedError, match="was killed"):
         wait(pause, FakeLoop(Mode.PRETENSION))
@@ -513,7 +513,7 @@ def ended_behind_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, d
 
 
 @pytest.mark.parametrize("dies", [True, False])
-def test_end_between_two_runs_leaves_the_first_complete_and_stops_nothing(
+def test_end_between_two_runs_leaves_the_first_run_completed(
     dies: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (said, *_of_results), mode = ended_behind_the_first(tmp_path, monkeypatch, dies=dies)
@@ -528,7 +528,7 @@ def test_end_between_two_runs_leaves_the_first_complete_and_stops_nothing(
 @pytest.mark.parametrize(
     ("name", "kind", "title"), [("hold_at_rest", "experiment", "Hold at rest"), ("tracking", "tracking", "")]
 )
-def test_an_experiment_that_is_data_is_named_by_its_title(name: str, kind: str, title: str) -> None:
+def test_an_experiment_document_is_named_by_its_title(name: str, kind: str, title: str) -> None:
     plan = find_experiment(name).default_plan
     live_state: Any = SimpleNamespace(task=None)
     order = ScheduledRun(plan, run=14, expected=ExpectedDuration(before_s=2.0, program_s=30.0))
@@ -545,7 +545,7 @@ OTHER = User("another", Role.VIEWER, BEARER)
 VIEWER = User("viewer", Role.VIEWER, BEARER)
 
 
-def test_one_that_finds_no_room_on_the_disk_gives_its_place_back(
+def test_a_dry_run_that_fails_for_lack_of_disk_space_frees_its_slot(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
@@ -570,7 +570,7 @@ class Halfway(WorkerProcess):
         await asyncio.Event().wait()
 
 
-def test_progress_is_that_of_ones_own_until_one_leaves() -> None:
+def test_progress_of_a_dry_run_is_shown_to_its_person_until_disconnect() -> None:
     order = RunRequest(build_ready_plan("tracking"), LoopSettings(), VIEWER.name)
     left = asyncio.Event()
 

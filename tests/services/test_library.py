@@ -90,7 +90,7 @@ async def busy(parts: Parts) -> None:
     await advance(0.5)
 
 
-def test_pushes_walls_and_the_tuning_are_those_of_the_runs_own_events(database: Database) -> None:
+def test_pushes_obstacles_and_tuning_are_taken_from_the_events_of_the_run(database: Database) -> None:
     run, experiment, marks = made(database, busy)
     parts = timed(experiment)
     pushes = [
@@ -132,7 +132,7 @@ def test_pushes_walls_and_the_tuning_are_those_of_the_runs_own_events(database: 
     assert experiment.left_out == []
 
 
-def test_what_is_made_is_played_as_it_was_recorded(database: Database) -> None:
+def test_the_experiment_of_a_run_reproduces_its_recording(database: Database) -> None:
     run, experiment, _ = made(database, busy)
     plan = build_experiment_definition(*parse_experiment(experiment.text)).default_plan
     settings = LoopSettings(**compute_default_tuning(load_parameters("ideal")).tuning.to_document())
@@ -173,7 +173,7 @@ async def moved_while_pushed(parts: Parts) -> None:
     await advance(0.5)
 
 
-def test_what_cannot_be_repeated_is_told(database: Database) -> None:
+def test_events_that_cannot_be_repeated_are_reported(database: Database) -> None:
     _, experiment, marks = made(database, moved_while_pushed)
     moved = next(mark.t for mark in marks if mark.text.startswith(f"q_ref {Angle(0.1)}"))
     told = next(text for text in experiment.left_out if text.startswith("push of 5 N"))

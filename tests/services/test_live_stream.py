@@ -113,7 +113,7 @@ async def settle() -> None:
         await asyncio.sleep(0)
 
 
-def test_history_comes_first_and_no_tick_is_missing_or_sent_twice() -> None:
+def test_history_is_sent_first_and_each_tick_once() -> None:
     async def session() -> None:
         ring = Ring.create(65536)
         fill(ring, 40_000)
@@ -134,7 +134,7 @@ def test_history_comes_first_and_no_tick_is_missing_or_sent_twice() -> None:
     asyncio.run(session())
 
 
-def test_a_client_that_does_not_read_is_told_what_it_missed_and_delays_nobody() -> None:
+def test_a_slow_client_gets_the_number_of_missed_samples_and_delays_no_other() -> None:
     async def session() -> None:
         ring = Ring.create(65536)
         stream, slow, quick = stream_on(ring), Watcher(), Watcher()
@@ -165,7 +165,7 @@ def test_a_client_that_does_not_read_is_told_what_it_missed_and_delays_nobody() 
     asyncio.run(session())
 
 
-def test_a_page_that_falls_silent_is_gone_and_a_script_that_never_said_anything_is_not(
+def test_a_silent_page_is_disconnected_and_a_silent_script_is_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async def session() -> None:
@@ -183,7 +183,7 @@ def test_a_page_that_falls_silent_is_gone_and_a_script_that_never_said_anything_
     asyncio.run(session())
 
 
-def test_of_states_the_newest_wins_and_of_marks_none_is_lost() -> None:
+def test_a_client_gets_the_newest_state_and_every_mark() -> None:
     async def session() -> None:
         client = StreamClient()
         client.queue_state("old")
@@ -195,7 +195,7 @@ def test_of_states_the_newest_wins_and_of_marks_none_is_lost() -> None:
     asyncio.run(session())
 
 
-def test_marks_reach_those_who_come_later() -> None:
+def test_earlier_marks_are_sent_to_later_clients() -> None:
     async def session() -> None:
         ring = Ring.create(1024)
         stream, watcher = stream_on(ring), Watcher()
@@ -209,12 +209,12 @@ def test_marks_reach_those_who_come_later() -> None:
     asyncio.run(session())
 
 
-def test_who_talks_nonsense_and_leaves_is_no_failure_of_the_stream(caplog: pytest.LogCaptureFixture) -> None:
+def test_an_invalid_message_before_a_disconnect_causes_no_warning(caplog: pytest.LogCaptureFixture) -> None:
     asyncio.run(served(stream_on(Ring.create(1024)), Babbler()))
     assert [record.message for record in caplog.records if record.levelno >= logging.WARNING] == []
 
 
-def test_who_is_sent_away_is_told_why_however_late_that_is_taken() -> None:
+def test_a_slow_client_with_an_invalid_message_gets_the_close() -> None:
     async def session() -> None:
         ring = Ring.create(1024)
         stream, slow = stream_on(ring), Slow()
@@ -233,7 +233,7 @@ def test_who_is_sent_away_is_told_why_however_late_that_is_taken() -> None:
     asyncio.run(session())
 
 
-def test_a_new_loop_begins_a_new_time_axis() -> None:
+def test_a_new_loop_starts_a_new_time_axis() -> None:
     async def session() -> None:
         rings = [Ring.create(1024), Ring.create(1024)]
         stream = LiveStream(lambda: rings[-1] if restarted else rings[0], lambda: StateMessage.model_construct())

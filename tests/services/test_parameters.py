@@ -67,7 +67,7 @@ def applied_with(parts: Parts, heard: list[PlantParameters], base: PlantParamete
     return ParameterService(parts.actuator, parts.supervisor, parts.database, parts.tuning_store, base, events)
 
 
-def test_loop_tuning_and_state_go_by_what_was_applied_until_it_is_undone(
+def test_loop_tuning_and_state_use_the_applied_parameters_until_undo(
     database: Database, restarted: list[Setup]
 ) -> None:
     found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
@@ -118,7 +118,7 @@ def test_loop_tuning_and_state_go_by_what_was_applied_until_it_is_undone(
     stepped(database, IDEAL, work)
 
 
-def test_nothing_changes_unless_the_actuator_is_off(database: Database, restarted: list[Setup]) -> None:
+def test_parameters_cannot_be_applied_unless_the_actuator_is_off(database: Database, restarted: list[Setup]) -> None:
     found = stored(database, spring())
 
     async def work(parts: Parts) -> None:
@@ -134,7 +134,7 @@ def test_nothing_changes_unless_the_actuator_is_off(database: Database, restarte
     stepped(database, IDEAL, work)
 
 
-def test_a_value_outside_its_bounds_is_refused_by_name(database: Database, restarted: list[Setup]) -> None:
+def test_a_parameter_outside_its_bounds_is_rejected_by_name(database: Database, restarted: list[Setup]) -> None:
     beyond = stored(database, motors((2.3, 0.21), (2400.0, 0.23)))
 
     async def work(parts: Parts) -> None:
@@ -154,7 +154,7 @@ def test_a_value_outside_its_bounds_is_refused_by_name(database: Database, resta
     stepped(database, IDEAL, work)
 
 
-def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
+def test_parameters_cannot_be_applied_during_a_step_run_trial_or_change_of_tuning(
     database: Database, restarted: list[Setup], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Asked before and again in turn: what is begun while it waits for its turn counts, too."""
@@ -199,7 +199,9 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
     stepped(database, IDEAL, work)
 
 
-def test_of_two_who_apply_or_undo_at_once_the_second_is_told(database: Database, restarted: list[Setup]) -> None:
+def test_the_second_of_two_concurrent_applications_or_undos_is_rejected(
+    database: Database, restarted: list[Setup]
+) -> None:
     found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
 
     async def work(parts: Parts) -> None:
@@ -221,7 +223,7 @@ def test_of_two_who_apply_or_undo_at_once_the_second_is_told(database: Database,
     stepped(database, IDEAL, work)
 
 
-def test_a_loop_that_does_not_start_leaves_all_with_what_was_applied_and_undo_is_the_way_back(
+def test_applied_parameters_survive_a_failed_loop_start_and_can_be_undone(
     database: Database, restarted: list[Setup], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
@@ -256,7 +258,7 @@ def test_a_loop_that_does_not_start_leaves_all_with_what_was_applied_and_undo_is
     stepped(database, IDEAL, work)
 
 
-def test_a_parameter_file_that_has_changed_is_told_now_and_at_the_next_start(
+def test_a_changed_parameter_file_is_reported_now_and_at_the_next_start(
     database: Database, restarted: list[Setup], tmp_path: Path
 ) -> None:
     """The loop reads it at each start: it would go by other numbers than the service."""
@@ -286,7 +288,7 @@ def test_a_parameter_file_that_has_changed_is_told_now_and_at_the_next_start(
 
 
 @pytest.mark.live
-def test_the_loop_process_estimates_stiffness_by_the_spring_that_was_applied(database: Database) -> None:
+def test_the_loop_process_estimates_stiffness_with_the_applied_spring(database: Database) -> None:
     """With both tendons pulled, S = r_j² (F_A'(x_A) + F_B'(x_B)) of the springs that the loop knows."""
     applied = applied_parameters.build_proposal(IDEAL, IDEAL, stored(database, spring()))
     sections = applied_parameters.build_identified_sections(applied)

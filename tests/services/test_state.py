@@ -50,7 +50,7 @@ def test_links_follow_the_registers_of_a_card(kind: PlantKind) -> None:
 
 
 @pytest.mark.parametrize("planned", [True, False])
-def test_a_planned_restart_is_no_fault_of_the_chain(planned: bool) -> None:
+def test_a_planned_restart_is_no_fault_of_the_safety_chain(planned: bool) -> None:
     card = Card.create()
     restart = Restart("applying run 3", 0.0) if planned else None
     stand_in = SimpleNamespace(
@@ -126,7 +126,7 @@ SAMPLE = {"q": 0.1, "S": 3.73}
         ({"q_ref": 0.2, "S_ref": nan}, (0.2, 3.73, False)),
     ],
 )
-def test_what_is_measured_is_not_shown_as_a_reference(
+def test_measured_values_are_not_shown_as_references(
     sample: dict[str, float] | None, shown: tuple[float, float | None, bool]
 ) -> None:
     q_ref, S_ref, in_force = shown
@@ -169,7 +169,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 
 
 @pytest.mark.parametrize("provoked", [Fault.NONE, Fault.SAFETY_MODULE, Fault.SLACK])
-def test_only_the_trip_that_is_provoked_is_expected(database: Database, provoked: Fault) -> None:
+def test_only_the_provoked_trip_is_expected(database: Database, provoked: Fault) -> None:
     expected = provoked is Fault.SAFETY_MODULE
 
     async def work(parts: Parts) -> None:
@@ -211,7 +211,7 @@ def test_no_stop_of_a_recording_is_an_alarm_and_any_other_plant_error_is_one(dat
 # A loop that has failed by a mistake of its own is not reset: a new one is started.
 
 
-def test_reset_starts_a_new_loop_after_a_mistake_of_the_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reset_starts_a_new_loop_after_an_internal_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     database = open_database(tmp_path)
     started: list[str] = []
 
