@@ -62,7 +62,7 @@ def tracked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, o
     return folder, json.loads(ended.stdout)
 
 
-def test_an_experiment_leaves_report_data_and_metrics(tracked: tuple[Path, dict[str, object]]) -> None:
+def test_an_experiment_writes_report_data_and_metrics(tracked: tuple[Path, dict[str, object]]) -> None:
     folder, printed = tracked
     out = folder / "out"
     assert (out / "report.pdf").read_bytes().startswith(b"%PDF-")
@@ -77,7 +77,7 @@ def test_an_experiment_leaves_report_data_and_metrics(tracked: tuple[Path, dict[
     assert metrics["settings"]["loop"]["seed"] == 3
 
 
-def test_an_experiment_starts_from_what_is_in_force_and_says_so(command: Command, tmp_path: Path) -> None:
+def test_an_experiment_starts_with_the_active_tuning_and_prints_it(command: Command, tmp_path: Path) -> None:
     parameters, order = load_parameters("ideal"), ["experiment", "sequence", "--params", "ideal", "--data"]
     with closing(open_database(tmp_path)) as database:
         tuning_settings.store_tuning(database, TuningSettings(lam_q=0.7, b=0.5), parameters, "A. Operator")
@@ -103,9 +103,7 @@ def test_an_experiment_starts_from_what_is_in_force_and_says_so(command: Command
     assert kept.tuning == TuningSettings(lam_q=0.7, b=0.5)  # of an experiment nothing stays
 
 
-def test_an_experiment_on_a_plant_without_the_methods_lambda_says_which_stands_for_it(
-    command: Command, tmp_path: Path
-) -> None:
+def test_an_experiment_prints_the_lambda_that_replaces_an_unsafe_default(command: Command, tmp_path: Path) -> None:
     order = ["experiment", "sequence", "--params", str(weak_motors(tmp_path)), "--data", str(tmp_path)]
     ended = command(*order, "--set", 'segments=[{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}]')
     assert ended.returncode == 0, ended.stderr
@@ -117,9 +115,7 @@ def test_an_experiment_on_a_plant_without_the_methods_lambda_says_which_stands_f
     assert ended.stdout.startswith(f"{tuning}, ")
 
 
-def test_what_was_stored_is_listed_shown_and_exported(
-    command: Command, tracked: tuple[Path, dict[str, object]]
-) -> None:
+def test_a_stored_run_is_listed_shown_and_exported(command: Command, tracked: tuple[Path, dict[str, object]]) -> None:
     folder, printed = tracked
     data = ["--data", str(folder / "data")]
     listed = json.loads(command("runs", "list", "--json", *data).stdout)
@@ -170,7 +166,7 @@ def test_what_was_stored_is_listed_shown_and_exported(
         (["serve", "--port", "70000"], "port"),
     ],
 )
-def test_what_goes_wrong_is_one_line_and_a_status(
+def test_an_error_is_printed_in_one_line_and_sets_the_status(
     command: Command, tmp_path: Path, words: list[str], said: str
 ) -> None:
     ended = command(*words, "--data", str(tmp_path))
@@ -180,30 +176,30 @@ def test_what_goes_wrong_is_one_line_and_a_status(
     assert ended.stdout == ""
 
 
-def test_a_service_that_cannot_start_says_why(command: Command, tmp_path: Path) -> None:
+def test_a_service_that_cannot_start_prints_the_reason(command: Command, tmp_path: Path) -> None:
     ended = command("serve", "--params", "nowhere", "--port", "0", "--data", str(tmp_path))
     assert ended.returncode == 1
     assert "nowhere" in ended.stderr
     assert len(ended.stderr.strip().splitlines()) == 1
 
 
-def test_help_tells_units_and_needs_nothing_heavy() -> None:
+def test_help_states_units_and_loads_no_large_packages() -> None:
     assert "[rad]" in process("experiment", "--help").stdout
     loaded = "import sys, backend.cli; print([m for m in ('numba', 'scipy', 'fastapi', 'viser') if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
-def test_the_version_is_that_of_the_package() -> None:
+def test_the_printed_version_is_that_of_the_package() -> None:
     assert process("--version").stdout == f"sinew {importlib.metadata.version('sinew')}\n"
 
 
-def test_doctor_speaks_to_programs(tmp_path: Path) -> None:
+def test_doctor_prints_json(tmp_path: Path) -> None:
     findings = json.loads(process("doctor", "--json", "--data", str(tmp_path)).stdout)
     assert {"scheduling", "memory", "1 ms period", "DAQ card"} <= {finding["what"] for finding in findings}
     assert all(set(finding) == {"what", "found", "remedy"} for finding in findings)
 
 
-def test_doctor_promises_no_rig_that_a_start_refuses(command: Command, tmp_path: Path) -> None:
+def test_doctor_reports_a_rig_that_cannot_start(command: Command, tmp_path: Path) -> None:
     """No machine of these tests has a card: the doctor says what is missing in the words that a start is refused in."""
     findings = json.loads(process("doctor", "--json", "--data", str(tmp_path)).stdout)
     card = next(finding for finding in findings if "DAQ" in finding["what"])
@@ -214,7 +210,7 @@ def test_doctor_promises_no_rig_that_a_start_refuses(command: Command, tmp_path:
     assert card["remedy"].startswith(messages.card_only_for_rig(remedy=""))
 
 
-def test_recordings_beyond_the_limit_are_listed_and_go_when_named(
+def test_recordings_beyond_the_limit_are_listed_and_deleted_by_number(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     database = open_database(tmp_path)
@@ -251,14 +247,14 @@ def sinew(*words: str, before: tuple[str, ...] = (), **environment: str) -> subp
 
 
 @pytest.mark.parametrize("encoding", ["latin-1", "cp1252", "ascii", "utf-8"])
-def test_a_terminal_without_the_character_gets_its_escape(encoding: str, tmp_path: Path) -> None:
+def test_characters_that_the_terminal_lacks_are_escaped(encoding: str, tmp_path: Path) -> None:
     ended = sinew("experiments", "text", "lambda_sweep", "--data", str(tmp_path), PYTHONIOENCODING=encoding)
     assert (ended.returncode, ended.stderr) == (0, b"")
     assert ("λ" if encoding == "utf-8" else "\\u03bb") in ended.stdout.decode(encoding)
 
 
 @pytest.mark.parametrize("words", [("doctor",), ("serve", "--port", "0"), ("experiment", "tracking")])
-def test_numba_told_to_compile_nothing_is_refused_in_a_line(words: tuple[str, ...], tmp_path: Path) -> None:
+def test_disabled_compilation_of_numba_is_rejected_in_one_line(words: tuple[str, ...], tmp_path: Path) -> None:
     ended = sinew(*words, "--data", str(tmp_path / "data"), NUMBA_DISABLE_JIT="1")
     assert ended.returncode == 1
     (line,) = ended.stderr.decode().splitlines()
@@ -266,7 +262,7 @@ def test_numba_told_to_compile_nothing_is_refused_in_a_line(words: tuple[str, ..
     assert not (tmp_path / "data").exists()
 
 
-def test_a_tilde_that_no_shell_has_replaced_is_the_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_tilde_in_the_data_folder_is_the_home_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("SINEW_DATA", "~/x")
     assert load_settings().data == tmp_path / "x"
@@ -274,7 +270,7 @@ def test_a_tilde_that_no_shell_has_replaced_is_the_home(tmp_path: Path, monkeypa
 
 
 @pytest.mark.parametrize("name", ["what?mode=ro", "50%20", "a#b", "a b&c=d", "[ü]", "sqlite:", "?", "file:x"])
-def test_the_database_lies_in_the_folder_whatever_that_is_called(tmp_path: Path, name: str) -> None:
+def test_the_database_is_in_the_data_folder_for_any_folder_name(tmp_path: Path, name: str) -> None:
     folder = tmp_path / name
     with_run(folder)
     assert [path.name for path in tmp_path.iterdir()] == [name]
@@ -295,7 +291,7 @@ def with_run(folder: Path) -> None:
     database.close()
 
 
-def test_a_read_only_data_folder_is_told_with_a_remedy(tmp_path: Path) -> None:
+def test_a_read_only_data_folder_is_reported_with_a_remedy(tmp_path: Path) -> None:
     folder = tmp_path / "data"
     with_run(folder)
     folder.chmod(0o500)
@@ -313,7 +309,7 @@ def test_a_read_only_data_folder_is_told_with_a_remedy(tmp_path: Path) -> None:
     assert "--data" in line
 
 
-def test_80_columns_show_the_whole_moment_at_which_a_run_began(tmp_path: Path) -> None:
+def test_80_columns_show_the_complete_start_time_of_a_run(tmp_path: Path) -> None:
     with_run(tmp_path)
     database = open_database(tmp_path)
     with database.reading() as session:
@@ -331,7 +327,7 @@ def test_parameters_and_wirings_may_begin_with_a_byte_order_mark(tmp_path: Path)
         assert read(file) == read(shipped)
 
 
-def test_a_file_with_a_name_that_no_run_could_keep_is_refused(tmp_path: Path) -> None:
+def test_a_file_whose_name_is_too_long_for_a_run_is_rejected(tmp_path: Path) -> None:
     file = tmp_path / f"{'x' * 201}.toml"
     file.write_text("")
     with refused(ParameterError, "parameters_name_too_long", maximum=200):
@@ -385,7 +381,7 @@ def of_other_program(status: int, response: bytes) -> str:
         (REFUSED + b'{"error": {"code": "busy", "message": "busy now"}}', "sinew: busy now"),
     ],
 )
-def test_whatever_answers_a_command_ends_in_a_sentence(
+def test_an_invalid_answer_of_a_server_is_reported_in_one_message(
     said: bytes, why: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit):
@@ -393,11 +389,11 @@ def test_whatever_answers_a_command_ends_in_a_sentence(
     assert why in re.sub(r"http://127\.0\.0\.1:\d+", "@", capsys.readouterr().err)
 
 
-def test_an_answer_is_read() -> None:
+def test_a_valid_answer_is_parsed() -> None:
     assert answer(OK + b'{"place": 3}') == QueuePlace(place=3)
 
 
-def test_a_slow_start_says_so_and_a_quick_one_nothing(
+def test_only_a_slow_start_prints_a_notice(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     starts = iter((0.3, 0.0))

@@ -105,7 +105,7 @@ def errors_in_std(printed: dict[str, Any], truth: dict[str, float]) -> list[floa
 
 @pytest.mark.parametrize("kind", RECORDS)
 @pytest.mark.parametrize(("structure", "truth"), [("first", FIRST), ("third", THIRD)])
-def test_every_kind_of_record_gives_its_truth_back(
+def test_every_kind_of_record_yields_the_true_parameters(
     identify: Identify, tmp_path: Path, structure: str, truth: dict[str, float], kind: str
 ) -> None:
     snr_dB, disturbed = RECORDS[kind]
@@ -117,14 +117,14 @@ def test_every_kind_of_record_gives_its_truth_back(
     assert printed["method"].startswith("closed-loop")
 
 
-def test_without_a_controller_the_instrument_comes_from_the_set_point(identify: Identify, tmp_path: Path) -> None:
+def test_the_setpoint_is_the_instrument_without_a_controller(identify: Identify, tmp_path: Path) -> None:
     u, y, r = closed_loop_record(FIRST, 10.0, 12, pole=ONE_HERTZ)
     printed = identify(write_csv(tmp_path / "record.csv", r=r, u=u, y=y), "--setpoint", "r")
     assert printed["method"].startswith("closed-loop")
     assert np.max(np.abs(errors_in_std(printed, FIRST))) < 4.0
 
 
-def test_a_constant_set_point_with_its_controller_serves_as_well(identify: Identify, tmp_path: Path) -> None:
+def test_a_constant_setpoint_with_its_controller_is_accepted(identify: Identify, tmp_path: Path) -> None:
     u, y, _ = closed_loop_record(FIRST, 20.0, 13)
     file = write_csv(tmp_path / "record.csv", t=np.arange(u.size, dtype=float) * PERIOD_S, u=u, y=y, r=np.zeros(u.size))
     printed = identify(file, "--setpoint", "r", *CONTROLLER)
@@ -135,7 +135,9 @@ def test_a_constant_set_point_with_its_controller_serves_as_well(identify: Ident
 @pytest.mark.parametrize(
     ("structure", "names"), [("lags4", ["K", "tau"]), ("order:2", ["b0", "a1", "a2"]), ("order:1", ["b0", "a1"])]
 )
-def test_parameters_are_named_as_promised(identify: Identify, tmp_path: Path, structure: str, names: list[str]) -> None:
+def test_parameters_have_their_documented_names(
+    identify: Identify, tmp_path: Path, structure: str, names: list[str]
+) -> None:
     u = np.repeat(np.random.default_rng(0).choice([-1.0, 1.0], 100), 50)
     y = lsim(([2.0], [0.005, 0.15, 1.0]), u, np.arange(u.size) * PERIOD_S, interp=False)[1]
     y += 0.01 * np.random.default_rng(1).standard_normal(u.size)
@@ -143,14 +145,14 @@ def test_parameters_are_named_as_promised(identify: Identify, tmp_path: Path, st
 
 
 @pytest.mark.parametrize("method", ["srivc", "rivc", "output_error", "arx"])
-def test_each_estimator_can_be_asked_for(identify: Identify, tmp_path: Path, method: str) -> None:
+def test_each_estimator_can_be_selected(identify: Identify, tmp_path: Path, method: str) -> None:
     u, y, _ = closed_loop_record(FIRST, 30.0, 14)
     printed = identify(write_csv(tmp_path / "record.csv", u=u, y=y), *CONTROLLER, "--method", method)
     assert printed["parameters"] == pytest.approx(FIRST, rel=0.02)
     assert method.split("_")[0] in printed["method"].lower()
 
 
-def test_the_same_columns_from_any_kind_of_file_give_the_same_model(identify: Identify, tmp_path: Path) -> None:
+def test_every_file_format_yields_the_same_model(identify: Identify, tmp_path: Path) -> None:
     u, y, _ = closed_loop_record(FIRST, 30.0, 15)
     expected = identify(write_csv(tmp_path / "comma.csv", u=u, y=y), *CONTROLLER)["parameters"]
     decimal_comma = "u [V];y [rad]\r\n" + "".join(
@@ -163,7 +165,7 @@ def test_the_same_columns_from_any_kind_of_file_give_the_same_model(identify: Id
 
 
 @pytest.mark.parametrize(("suffix", "export"), [("csv", to_csv), ("mat", to_mat), ("parquet", to_parquet)])
-def test_own_exports_are_read_again(
+def test_exports_can_be_read(
     identify: Identify, tmp_path: Path, suffix: str, export: Callable[[dict[str, Array]], bytes]
 ) -> None:
     u, y, _ = closed_loop_record(FIRST, 40.0, 16)
@@ -197,7 +199,7 @@ def bad_tables() -> dict[str, tuple[dict[str, Array], str, dict[str, object]]]:
 
 
 @pytest.mark.parametrize("what", bad_tables())
-def test_bad_records_end_with_2_and_one_line(identify: Identify, tmp_path: Path, what: str) -> None:
+def test_invalid_records_exit_with_2_and_one_line(identify: Identify, tmp_path: Path, what: str) -> None:
     columns, code, values = bad_tables()[what]
     complaint = identify(write_csv(tmp_path / "bad.csv", **columns))
     assert complaint.has(code, values), complaint
@@ -217,7 +219,7 @@ def test_bad_records_end_with_2_and_one_line(identify: Identify, tmp_path: Path,
         ("broken.parquet", b"not a parquet file", "not_parquet", {}),
     ],
 )
-def test_bad_files_end_with_2_and_one_line(
+def test_invalid_files_exit_with_2_and_one_line(
     identify: Identify, tmp_path: Path, name: str, content: bytes, code: str, values: dict[str, object]
 ) -> None:
     (tmp_path / name).write_bytes(content)
@@ -225,7 +227,7 @@ def test_bad_files_end_with_2_and_one_line(
     assert complaint.has(code, values), complaint
 
 
-def test_a_file_of_another_kind_ends_with_2_and_one_line(identify: Identify, tmp_path: Path) -> None:
+def test_a_file_of_another_format_exits_with_2_and_one_line(identify: Identify, tmp_path: Path) -> None:
     (tmp_path / "data.xlsx").write_bytes(b"PK")
     complaint = identify(tmp_path / "data.xlsx")
     assert complaint.status == 2
@@ -244,7 +246,7 @@ def test_a_file_of_another_kind_ends_with_2_and_one_line(identify: Identify, tmp
         (["--period", "inf"], "sample_time_out_of_bounds", {"period_s": np.inf}),
     ],
 )
-def test_bad_words_end_with_2_and_one_line(
+def test_invalid_arguments_exit_with_2_and_one_line(
     identify: Identify, tmp_path: Path, words: list[str], code: str, values: dict[str, object]
 ) -> None:
     u, y, _ = closed_loop_record(FIRST, 30.0, 18, samples=2000)
@@ -262,7 +264,7 @@ def test_bad_words_end_with_2_and_one_line(
         (["--decimal", "dot"], "--decimal"),
     ],
 )
-def test_options_that_cannot_be_read_end_with_2_and_one_line(
+def test_options_that_cannot_be_parsed_exit_with_2_and_one_line(
     identify: Identify, tmp_path: Path, words: list[str], said: str
 ) -> None:
     u, y, _ = closed_loop_record(FIRST, 30.0, 18, samples=2000)
@@ -271,13 +273,13 @@ def test_options_that_cannot_be_read_end_with_2_and_one_line(
     assert said in complaint.line
 
 
-def test_a_file_that_is_not_there_is_named(identify: Identify, tmp_path: Path) -> None:
+def test_a_missing_file_is_named(identify: Identify, tmp_path: Path) -> None:
     complaint = identify(tmp_path / "nowhere.csv")
     assert complaint.status == 2
     assert "nowhere.csv" in complaint.line
 
 
-def test_options_resolve_what_the_file_leaves_open(identify: Identify, tmp_path: Path) -> None:
+def test_options_resolve_ambiguous_files(identify: Identify, tmp_path: Path) -> None:
     u, y, _ = closed_loop_record(FIRST, 40.0, 19, samples=4000)
     rows = "".join(f"{1000 * at};{a!r};{b!r}\n" for at, (a, b) in enumerate(zip(u.tolist(), y.tolist(), strict=True)))
     file = tmp_path / "log.csv"
@@ -306,7 +308,7 @@ def test_options_resolve_what_the_file_leaves_open(identify: Identify, tmp_path:
 
 
 @pytest.mark.parametrize(("structure", "denominator"), [("first", [0.02, 1.0]), ("motor", [0.02, 1.0, 0.0])])
-def test_a_table_says_what_was_read_too(
+def test_the_printed_table_has_the_interpretation_of_the_file(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -329,7 +331,7 @@ def test_a_table_says_what_was_read_too(
 
 
 @pytest.mark.parametrize("name", ["data.mat", "data.parquet"])
-def test_options_for_text_are_refused_for_other_files(identify: Identify, tmp_path: Path, name: str) -> None:
+def test_options_of_text_files_are_rejected_for_other_files(identify: Identify, tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(b"")
     complaint = identify(tmp_path / name, "--header", "2")
     assert complaint.status == 2
@@ -379,7 +381,7 @@ def lagged() -> tuple[ArrayQuietly, ArrayQuietly]:
 
 
 @pytest.mark.parametrize("offset", ["+01:00", "-0330", "+02", "Z"])
-def test_times_with_an_offset_from_utc_are_read_without_a_word(tmp_path: Path, offset: str) -> None:
+def test_times_with_an_offset_from_utc_are_read_without_a_warning(tmp_path: Path, offset: str) -> None:
     u, y = lagged()
     rows = [
         f"2026-03-04T10:{k // 6000:02d}:{k // 100 % 60:02d}.{k % 100:02d}0{offset},{u[k]},{y[k]:.6f}"
@@ -403,7 +405,7 @@ def opaque(name: bytes, kind: bytes) -> bytes:
     return element(14, element(6, struct.pack("<II", 17, 0)) + words + element(14, reference))
 
 
-def test_a_file_of_matlab_objects_is_refused_by_their_class(tmp_path: Path) -> None:
+def test_matlab_objects_are_rejected_with_their_class(tmp_path: Path) -> None:
     header = b"MATLAB 5.0 MAT-file".ljust(116) + b"\0" * 8 + struct.pack("<H", 0x0100) + b"IM"
     file = tmp_path / "objects.mat"
     file.write_bytes(header + opaque(b"T", b"table") + opaque(b"s", b"string"))
@@ -416,7 +418,7 @@ def test_a_file_of_matlab_objects_is_refused_by_their_class(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("case", "structure"), [("twice", "first+delay"), ("ramp", "first"), ("rounded", "third"), ("step", "motor")]
 )
-def test_an_output_without_lag_ends_in_a_verdict(tmp_path: Path, case: str, structure: str) -> None:
+def test_an_output_without_lag_yields_a_verdict_or_one_message(tmp_path: Path, case: str, structure: str) -> None:
     """Where a sensitivity is zero, no number that is not one reaches LAPACK or the page."""
     u, y = without_lag()[case]
     rows = [f"{1e-3 * k:.3f},{u[k]:.6g},{y[k]:.6g}" for k in range(u.size)]

@@ -41,7 +41,7 @@ def shown(client: httpx.Client) -> Any:
     return client.get("/api/experiments/queue").raise_for_status().json()
 
 
-def test_what_is_ordered_waits_moves_and_goes(service: Service, client: httpx.Client) -> None:
+def test_queued_experiments_are_listed_moved_and_removed(service: Service, client: httpx.Client) -> None:
     assert queue(service, "show") == shown(client) == {"items": [], "running": False, "run": None, "problem": ""}
     first = queue(service, "add", "sequence", "--set", SEGMENTS)["items"][0]
     second = queue(service, "add", "tracking", "--set", "lam_q=0.6")["items"][1]
@@ -55,7 +55,7 @@ def test_what_is_ordered_waits_moves_and_goes(service: Service, client: httpx.Cl
     assert (newest["kind"], newest["end_state"]) == ("sequence", "completed")
 
 
-def test_paused_behind_what_runs_and_stopped(service: Service, client: httpx.Client) -> None:
+def test_the_queue_is_paused_after_the_current_run_and_stopped(service: Service, client: httpx.Client) -> None:
     for _ in range(2):
         queue(service, "add", "sequence", "--set", LONG)
     begun = queue(service, "run", "--no-watch")
@@ -82,13 +82,15 @@ def test_paused_behind_what_runs_and_stopped(service: Service, client: httpx.Cli
         (("move", "999", "1"), "experiment 999 is not in the queue"),
     ],
 )
-def test_what_the_service_refuses_is_told_in_its_words(service: Service, words: tuple[str, ...], told: str) -> None:
+def test_a_refusal_of_the_service_is_printed_with_its_message(
+    service: Service, words: tuple[str, ...], told: str
+) -> None:
     refused = sinew("queue", *words, folder=service.data)
     assert refused.returncode == 1
     assert told in refused.stderr
 
 
-def test_without_a_service_it_says_so(tmp_path: Path) -> None:
+def test_a_missing_service_is_reported(tmp_path: Path) -> None:
     refused: subprocess.CompletedProcess[str] = sinew("queue", "show", folder=tmp_path)
     assert refused.returncode == 1
     assert f"no service uses the folder {tmp_path}" in refused.stderr

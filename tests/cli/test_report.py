@@ -50,7 +50,7 @@ def sinew(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
-def test_a_report_holds_until_somebody_touches_it(command: Command, tmp_path: Path) -> None:
+def test_a_report_is_verified_until_it_is_changed(command: Command, tmp_path: Path) -> None:
     out, here = tmp_path / "out", tmp_path / "here"
     short = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--out", str(out))
     assert command("experiment", "tracking", *short, folder=here).returncode == 0
@@ -96,7 +96,7 @@ def change_a_sample(folder: Path, run: int, of: str, by: float) -> None:
         database.execute("update chunk set samples = ? where run_id = ? and first_tick = ?", changed)
 
 
-def test_all_that_lies_beside_a_report_is_compared(command: Command, tmp_path: Path) -> None:
+def test_verification_compares_all_files_of_a_report(command: Command, tmp_path: Path) -> None:
     """A metric in metrics.json, a unit in data.csv, a sample in the database: each is found where it was changed."""
     out, here = tmp_path / "out", tmp_path / "here"
     short = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--out", str(out))
@@ -146,9 +146,7 @@ def test_all_that_lies_beside_a_report_is_compared(command: Command, tmp_path: P
     assert ["run 1: the samples from 1 s on" in problem for problem in document["problems"]] == [True]
 
 
-def test_samples_from_before_digests_were_kept_are_compared_as_far_as_they_can_be(
-    command: Command, tmp_path: Path
-) -> None:
+def test_samples_without_digests_are_compared_with_their_summary(command: Command, tmp_path: Path) -> None:
     short = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5")
     assert command("experiment", "tracking", *short, folder=tmp_path).returncode == 0
     with closing(sqlite3.connect(tmp_path / "sinew.db")) as database, database:
@@ -160,7 +158,7 @@ def test_samples_from_before_digests_were_kept_are_compared_as_far_as_they_can_b
     assert command("db", "check", folder=tmp_path).returncode == 1
 
 
-def test_what_a_killed_command_left_behind_has_a_report_that_holds(command: Command, tmp_path: Path) -> None:
+def test_the_report_of_a_killed_command_is_verified(command: Command, tmp_path: Path) -> None:
     here, out, series = tmp_path / "here", tmp_path / "out", tmp_path / "series.html"
     short = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5")
     assert command("experiment", "tracking", *short, folder=here).returncode == 0
@@ -191,7 +189,7 @@ def _until_recorded(folder: Path, run: int) -> None:
     database.close()
 
 
-def test_several_experiments_play_in_turn_with_files_for_each(command: Command, tmp_path: Path) -> None:
+def test_several_experiments_run_in_sequence_with_separate_files(command: Command, tmp_path: Path) -> None:
     own = tmp_path / "own.yaml"
     shown = command("experiments", "text", "step_battery", folder=tmp_path / "here")
     own.write_text(shown.stdout.replace("name: step_battery\n", "name: mine\n", 1), encoding="utf-8")
@@ -220,7 +218,7 @@ def test_several_experiments_play_in_turn_with_files_for_each(command: Command, 
     assert "there is no such experiment; known: tracking" in refused.stderr
 
 
-def test_identifications_at_several_tensions_tell_the_friction_over_the_load(command: Command, tmp_path: Path) -> None:
+def test_identifications_at_several_tensions_estimate_load_friction(command: Command, tmp_path: Path) -> None:
     short = ("--set", "bits=5", "--set", "settle_s=1", "--json")
     played = command("identify", "actuator", "--params", "lab", "--tensions", "10,30", *short, folder=tmp_path / "here")
     assert played.returncode == 0, played.stderr
@@ -265,7 +263,7 @@ def make_older(folder: Path) -> None:
     migrated(open_database(folder), folder, BEFORE).close()
 
 
-def test_it_is_not_verified_until_the_run_is_evaluated_again(command: Command, tmp_path: Path) -> None:
+def test_a_report_of_an_older_run_is_verified_only_after_a_new_evaluation(command: Command, tmp_path: Path) -> None:
     here, out = tmp_path / "here", tmp_path / "out"
     assert command("experiment", "tracking", *SHORT, folder=here).returncode == 0
     assert command("experiment", "tracking", *SHORT, folder=here).returncode == 0
@@ -312,7 +310,7 @@ def test_it_is_not_verified_until_the_run_is_evaluated_again(command: Command, t
 # A report is signed by the installation that has its run, and verified elsewhere by the public half alone.
 
 
-def test_a_report_proves_where_it_comes_from(command: Command, tmp_path: Path) -> None:
+def test_a_signature_proves_the_origin_of_a_report(command: Command, tmp_path: Path) -> None:
     here, out, elsewhere = tmp_path / "here", tmp_path / "out", tmp_path / "elsewhere"
     assert command("experiment", "tracking", *SHORT, "--out", str(out), folder=here).returncode == 0
     report, public = out / "report.html", tmp_path / "rig-2.pub"
@@ -371,7 +369,7 @@ def test_a_report_proves_where_it_comes_from(command: Command, tmp_path: Path) -
     report.write_bytes(once)
 
 
-def test_only_what_holds_by_the_runs_of_this_folder_is_signed(command: Command, tmp_path: Path) -> None:
+def test_only_reports_verified_by_the_runs_of_the_folder_are_signed(command: Command, tmp_path: Path) -> None:
     here, out, elsewhere = tmp_path / "here", tmp_path / "out", tmp_path / "elsewhere"
     for _ in range(2):
         assert command("experiment", "tracking", *SHORT, "--out", str(out), folder=here).returncode == 0
@@ -450,7 +448,7 @@ def metrics_of(folder: Path) -> dict[str, object]:
     return {name: document[name] for name in ("metrics", "criteria", "steps", "settings", "verdict")}
 
 
-def test_an_experiment_is_played_again_to_the_same_metrics(
+def test_the_command_in_a_report_reproduces_the_metrics(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "out"
@@ -466,7 +464,7 @@ def test_an_experiment_is_played_again_to_the_same_metrics(
     ]
 
 
-def test_an_own_experiment_on_own_parameters_is_played_again_from_the_files_in_its_report(
+def test_a_user_experiment_is_reproduced_from_the_files_in_its_report(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out, own, plant = tmp_path / "out", tmp_path / "Nudge.yaml", tmp_path / "bench.toml"
@@ -486,7 +484,9 @@ def test_an_own_experiment_on_own_parameters_is_played_again_from_the_files_in_i
     assert again == metrics_of(out)
 
 
-def test_a_sequence_is_played_again(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_in_a_report_reproduces_a_sequence(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     out = tmp_path / "out"
     segments = '[{"duration_s": 1, "q_ref": 0.1, "S_ref": 9}, {"duration_s": 1, "q_ref": 0, "S_ref": 9}]'
     words = ("experiment", "sequence", "--set", f"segments={segments}", "--out", str(out))
@@ -496,7 +496,7 @@ def test_a_sequence_is_played_again(command: Command, tmp_path: Path, monkeypatc
     assert again["verdict"] == metrics_of(out)["verdict"]
 
 
-def test_an_identification_is_played_and_estimated_again(
+def test_the_command_in_a_report_reproduces_an_identification(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "out"
@@ -549,7 +549,7 @@ def sealed(text: str, change: Callable[[dict[str, Any]], None]) -> str:
     return f"{head}{MARK}{json.dumps(said | {SEAL: document_digest(said)}, ensure_ascii=False)}\n{tail}"
 
 
-def test_an_export_that_was_sealed_again_is_not_taken_in(played: tuple[Path, Path], tmp_path: Path) -> None:
+def test_a_forged_export_with_a_valid_digest_is_rejected(played: tuple[Path, Path], tmp_path: Path) -> None:
     _, out = played
     file = tmp_path / "run.csv"
     exported = (out / "data.csv").read_text("utf-8")
@@ -564,7 +564,9 @@ def test_an_export_that_was_sealed_again_is_not_taken_in(played: tuple[Path, Pat
     assert sinew_resealed("runs", "import", str(file), folder=tmp_path / "there").returncode == 0
 
 
-def test_a_run_that_is_stored_so_is_refused_by_all_that_opens_it(played: tuple[Path, Path], tmp_path: Path) -> None:
+def test_a_stored_run_with_a_forged_plan_is_rejected_by_every_command(
+    played: tuple[Path, Path], tmp_path: Path
+) -> None:
     folder, _ = played
     with closing(sqlite3.connect(folder / "sinew.db")) as here, closing(sqlite3.connect(tmp_path / "sinew.db")) as copy:
         here.backup(copy)
@@ -586,7 +588,7 @@ def test_a_run_that_is_stored_so_is_refused_by_all_that_opens_it(played: tuple[P
     database.close()
 
 
-def test_a_report_that_says_so_is_not_verified(played: tuple[Path, Path], tmp_path: Path) -> None:
+def test_a_report_with_a_forged_plan_is_not_verified(played: tuple[Path, Path], tmp_path: Path) -> None:
     _, out = played
     page, csv = (out / "report.html").read_text("utf-8"), (out / "data.csv").read_bytes()
     escaped = '\\"duration_s\\":\\"q_duration_s\\"'
@@ -620,7 +622,7 @@ OF_PLAN = list_stored_values(build_ready_plan("tracking"))
     ],
     ids=lambda settings: str(settings)[-60:],
 )
-def test_what_no_request_could_have_ordered_is_not_taken_in(settings: dict[str, Any]) -> None:
+def test_settings_that_no_request_allows_are_rejected_at_import(settings: dict[str, Any]) -> None:
     check_run_settings(run_with())
     with pytest.raises(ImportRefusedError):
         check_run_settings(run_with(**settings))

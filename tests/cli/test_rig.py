@@ -44,7 +44,7 @@ from tests.refusals import refused
 SHIPPED = Path(__file__).parents[2] / "plant/wirings/pcie-6323.toml"
 
 
-def test_the_shipped_wiring_is_in_order(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_shipped_wiring_is_valid(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(sys, "argv", ["sinew", "rig", "check"])
     with pytest.raises(SystemExit) as ended:
         main()
@@ -52,7 +52,7 @@ def test_the_shipped_wiring_is_in_order(monkeypatch: pytest.MonkeyPatch, capsys:
     assert messages.wiring_valid(wiring="pcie-6323") in capsys.readouterr().out
 
 
-def test_each_mistake_is_told_with_its_line(
+def test_each_mistake_in_a_wiring_file_is_reported_with_its_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     wrong = tmp_path / "mine.toml"
@@ -76,7 +76,7 @@ def test_each_mistake_is_told_with_its_line(
     assert capsys.readouterr().err == told
 
 
-def test_programs_read_the_mistakes_too(
+def test_mistakes_in_a_wiring_file_are_printed_as_json(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     wrong = tmp_path / "mine.toml"
@@ -90,7 +90,7 @@ def test_programs_read_the_mistakes_too(
 
 
 @pytest.mark.parametrize("words", [["--open"], ["--open", "--json"]])
-def test_a_card_that_cannot_be_opened_is_told_in_either_form(
+def test_a_card_that_cannot_be_opened_is_reported_as_text_and_json(
     words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["sinew", "rig", "check", *words])
@@ -184,7 +184,7 @@ def asked(running: subprocess.Popen[str], words: str) -> None:
 
 
 @pytest.mark.live
-def test_a_tare_at_the_terminal_is_what_the_service_shows(
+def test_the_service_shows_a_tare_of_the_terminal(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     done(tmp_path, StepId.WIRING_TEST)
@@ -208,7 +208,7 @@ def test_a_tare_at_the_terminal_is_what_the_service_shows(
 
 
 @pytest.mark.live
-def test_ctrl_c_in_a_step_keeps_nothing_of_it(tmp_path: Path) -> None:
+def test_ctrl_c_in_a_step_stores_no_result(tmp_path: Path) -> None:
     done(tmp_path, StepId.WIRING_TEST)
     with at_a_terminal("bring-up", "--step", "zero", "--step", "direction", *CARD, data=tmp_path) as (running, typing):
         by_hand = step_messages.hold_joint_at_mark(), step_messages.turn_motors_to_tension(F=START_N)
@@ -243,7 +243,7 @@ def test_the_joint_is_homed_from_the_terminal(tmp_path: Path) -> None:
 
 
 @pytest.mark.live
-def test_a_step_given_up_while_a_motor_is_driven_ends_at_zero_volts_and_proves_nothing(tmp_path: Path) -> None:
+def test_a_step_cancelled_with_a_driven_motor_ends_at_zero_volts_without_result(tmp_path: Path) -> None:
     """What Ctrl-C does inside the process: the task of the step is cancelled."""
     done(tmp_path, StepId.WIRING_TEST)
     parameters = load_parameters("lab")
@@ -289,7 +289,7 @@ def volts(supervisor: Supervisor) -> float:
     return 0.0 if newest is None else float(max(abs(newest[INDEX["u_A"]]), abs(newest[INDEX["u_B"]])))
 
 
-def test_answers_of_a_pipe_end_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_end_of_a_pipe_ends_its_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     reading, writing = os.pipe()
     os.write(writing, b"\n 12.5 \nq\n")
     os.close(writing)
@@ -328,7 +328,7 @@ def blocked(step: str, first: str) -> str:
         (["calibrate", *CARD, "--weight", "5", "--weight", "60"], "45 N"),
     ],
 )
-def test_what_cannot_be_done_is_refused_before_a_card_is_opened(
+def test_invalid_commissioning_commands_are_rejected_before_the_card_is_opened(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str], said: str
 ) -> None:
     status, printed, complaint = sinew(monkeypatch, capsys, *words, data=tmp_path)
@@ -337,7 +337,7 @@ def test_what_cannot_be_done_is_refused_before_a_card_is_opened(
     assert printed == ""
 
 
-def test_the_steps_are_listed_with_who_and_when(
+def test_the_steps_are_listed_with_person_and_state(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     done(tmp_path, StepId.WIRING_TEST, StepId.ZERO)

@@ -30,7 +30,7 @@ from tests.exports.stored import NEW, noise, recorded
 # A run moves from one installation to another by the command line, and its report holds there.
 
 
-def test_a_run_its_lineage_and_its_report_move_to_an_empty_installation(command: Command, tmp_path: Path) -> None:
+def test_a_bundle_transfers_run_lineage_and_report_to_an_empty_installation(command: Command, tmp_path: Path) -> None:
     out, here, there = tmp_path / "out", tmp_path / "here", tmp_path / "there"
     short = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--out", str(out))
     assert command("experiment", "tracking", *short, folder=here).returncode == 0
@@ -48,7 +48,7 @@ def test_a_run_its_lineage_and_its_report_move_to_an_empty_installation(command:
     assert [node["sha256"] for node in other["nodes"]] == [node["sha256"] for node in one["nodes"]]
 
 
-def test_a_run_is_taken_in_tagged_and_handed_on_for_a_station(command: Command, tmp_path: Path) -> None:
+def test_a_run_is_imported_tagged_and_exported_for_a_station(command: Command, tmp_path: Path) -> None:
     with closing(open_database(tmp_path / "here")) as here, here.session() as session:
         for _ in range(2):
             recorded(session, replace(NEW, kind=RunKind.SESSION))
@@ -64,7 +64,7 @@ def test_a_run_is_taken_in_tagged_and_handed_on_for_a_station(command: Command, 
     assert command("runs", "compare", "1", "2", *of, folder=tmp_path / "here").returncode == 0
 
 
-def test_what_is_refused_says_why_and_ends_with_2(command: Command, tmp_path: Path) -> None:
+def test_invalid_imports_and_bundles_exit_with_2(command: Command, tmp_path: Path) -> None:
     file = tmp_path / "run.zip"
     file.write_bytes(b"no zip")
     for words in (("import", str(file)), ("import", str(tmp_path / "none.csv")), ("bundle", "7", str(file))):
@@ -77,7 +77,7 @@ def test_what_is_refused_says_why_and_ends_with_2(command: Command, tmp_path: Pa
 # ``sinew runs export --formula``: a derived signal stands behind the recorded columns, an unknown one is refused.
 
 
-def test_formulas_are_further_columns_of_an_export(command: Command, tmp_path: Path) -> None:
+def test_formulas_are_additional_columns_of_an_export(command: Command, tmp_path: Path) -> None:
     folder, file = tmp_path / "data", tmp_path / "run.csv"
     with closing(open_database(folder)) as database, database.session() as session:
         run = recorded(session)
@@ -174,7 +174,7 @@ def commands(made: list[int], bank: int) -> list[list[str]]:
     ]
 
 
-def test_no_command_prints_what_a_terminal_obeys(stored: tuple[Path, list[int], int], command: Command) -> None:
+def test_commands_print_no_control_sequences(stored: tuple[Path, list[int], int], command: Command) -> None:
     folder, made, bank = stored
     for words in commands(made, bank):
         ended = command(*words, folder=folder)
@@ -224,7 +224,7 @@ def test_no_cell_of_a_file_is_a_formula(stored: tuple[Path, list[int], int], tmp
     assert f"'{escape_line(SYMBOL)}" in set(rows["name"])
 
 
-def test_a_report_has_nothing_that_turns_the_text_around(
+def test_a_report_has_no_bidirectional_control_characters(
     stored: tuple[Path, list[int], int], tmp_path: Path, command: Command
 ) -> None:
     folder, made, _ = stored

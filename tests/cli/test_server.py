@@ -66,12 +66,12 @@ def test_a_public_url_is_scheme_host_port_and_prefix(text: str, read: PublicUrl,
         "https://rig.lab\r\nX: y",
     ],
 )
-def test_what_is_no_public_url_is_refused(text: str) -> None:
+def test_an_invalid_public_url_is_rejected(text: str) -> None:
     with pytest.raises(ValidationError, match=r"https://rig\.lab/sinew/"):
         Settings(public_url=text)
 
 
-def test_proxies_are_those_of_this_machine_unless_others_are_named() -> None:
+def test_trusted_proxies_default_to_the_local_computer() -> None:
     alone, named = (
         Settings(public_url="https://rig.lab"),
         Settings(public_url="http://a", trusted_proxies=("10.0.0.0/8",)),
@@ -97,12 +97,14 @@ def test_proxies_are_those_of_this_machine_unless_others_are_named() -> None:
         ({"public_url": "http://a", "require_token": False}, "require_token"),
     ],
 )
-def test_proxies_that_cannot_be_trusted_and_open_doors_are_refused(settings: dict[str, object], named: str) -> None:
+def test_invalid_proxies_and_public_services_without_tokens_are_rejected(
+    settings: dict[str, object], named: str
+) -> None:
     with pytest.raises(ValidationError, match=named):
         Settings.model_validate(settings)
 
 
-def test_proxies_are_given_with_commas_in_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_proxies_in_the_environment_are_separated_by_commas(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SINEW_PUBLIC_URL", "https://rig.lab/sinew")
     monkeypatch.setenv("SINEW_TRUSTED_PROXIES", "10.0.0.5, 10.1.0.0/16")
     assert (Settings().public_url, Settings().trusted_proxies) == (
@@ -115,7 +117,7 @@ def test_proxies_are_given_with_commas_in_the_environment(monkeypatch: pytest.Mo
     ("host", "served", "refused"),
     [("::", ["127.0.0.1", "::1"], []), ("0.0.0.0", ["127.0.0.1"], ["::1"]), ("::1", ["::1"], ["127.0.0.1"])],
 )
-def test_what_a_host_serves_is_what_it_says(host: str, served: list[str], refused: list[str]) -> None:
+def test_a_host_serves_the_addresses_that_it_prints(host: str, served: list[str], refused: list[str]) -> None:
     with listening_socket(host, 0) as listening:
         port = listening.getsockname()[1]
         listening.listen()
@@ -129,9 +131,7 @@ def test_what_a_host_serves_is_what_it_says(host: str, served: list[str], refuse
     assert ("every IPv6 and IPv4 address" in said) == (host == "::")
 
 
-def test_the_links_are_those_of_the_public_url_and_of_this_machine(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_links_use_the_public_url_and_the_local_address(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tokens = load_tokens(tmp_path)
     with lock_for_service(tmp_path) as folder:
         folder.write_address("http://127.0.0.1:8000", "https://rig.lab/sinew/")
@@ -187,7 +187,7 @@ def said_by(words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
         ("DATABASE_PASSWORD_FILE", "/nowhere/password", "/nowhere/password"),
     ],
 )
-def test_every_setting_of_the_environment_is_refused_in_a_sentence(
+def test_an_invalid_environment_variable_is_rejected_in_one_line(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -242,7 +242,7 @@ def a_log_without_its_database(data: Path) -> None:
         (a_log_without_its_database, lambda _: "sinew db restore"),
     ],
 )
-def test_a_broken_data_folder_is_told_with_the_way_back(
+def test_an_invalid_data_folder_is_reported_with_a_remedy(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -257,7 +257,7 @@ def test_a_broken_data_folder_is_told_with_the_way_back(
     assert {path: path.stat().st_size for path in before} == before
 
 
-def test_a_data_folder_that_is_a_file(
+def test_a_data_folder_that_is_a_file_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "data").touch()
@@ -265,7 +265,7 @@ def test_a_data_folder_that_is_a_file(
     assert data_folder_is_a_file(folder=tmp_path / "data") in line
 
 
-def test_a_data_folder_that_may_not_be_read(tmp_path: Path) -> None:
+def test_an_unreadable_data_folder_is_reported(tmp_path: Path) -> None:
     closed = tmp_path / "data"
     closed.mkdir(0o000)
     serve = [sys.executable, "-m", "backend", "serve", "--port", "0", "--data", str(closed)]
@@ -280,7 +280,9 @@ def test_a_data_folder_that_may_not_be_read(tmp_path: Path) -> None:
     assert str(closed) in line
 
 
-def test_a_port_in_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_port_in_use_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
         line = said_by(["serve", "--port", port, "--data", str(tmp_path)], monkeypatch, capsys)
@@ -293,7 +295,7 @@ def test_a_port_in_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: 
 _WITHOUT_NIDAQMX = "import sys; sys.modules['nidaqmx'] = None; from backend.cli import main; main()"
 
 
-def test_all_but_a_card_works_without_the_extra() -> None:
+def test_modules_load_without_the_card_package() -> None:
     """Service, loop process, command line and reports come up where NI's package is not installed."""
     service = "backend.main, backend.app, backend.realtime.process"
     parts = f"{service}, backend.cli, backend.cli.rig, plant.factory, plant.conformance"
@@ -312,7 +314,7 @@ def test_all_but_a_card_works_without_the_extra() -> None:
         ("plant.rig", "grpc"),  # only a card at another machine needs it
     ],
 )
-def test_modules_of_the_plant_load_nothing_that_they_do_not_need(module: str, heavy: str) -> None:
+def test_modules_of_the_plant_load_no_unneeded_packages(module: str, heavy: str) -> None:
     code = f"import sys; import {module}; print({heavy!r} in sys.modules)"
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ended.stdout == "False\n"
@@ -326,7 +328,7 @@ def test_modules_of_the_plant_load_nothing_that_they_do_not_need(module: str, he
     ],
     ids=["without driver", "without extra"],
 )
-def test_a_plant_that_is_not_there_is_told_in_one_line(tmp_path: Path, start: list[str], reason: str) -> None:
+def test_a_missing_plant_is_reported_in_one_line(tmp_path: Path, start: list[str], reason: str) -> None:
     ended = subprocess.run(
         [sys.executable, *start, "serve", "--plant", "rig", "--port", "0", "--data", str(tmp_path)],
         capture_output=True,
@@ -339,7 +341,7 @@ def test_a_plant_that_is_not_there_is_told_in_one_line(tmp_path: Path, start: li
 
 
 @pytest.mark.parametrize("hosts", ["rig.lab, bench", '["rig.lab", "bench"]'])
-def test_further_names_are_given_with_commas_or_as_json(monkeypatch: pytest.MonkeyPatch, hosts: str) -> None:
+def test_allowed_hosts_are_given_with_commas_or_as_json(monkeypatch: pytest.MonkeyPatch, hosts: str) -> None:
     from backend.settings import Settings
 
     monkeypatch.setenv("SINEW_ALLOWED_HOSTS", hosts)
@@ -350,7 +352,7 @@ def test_further_names_are_given_with_commas_or_as_json(monkeypatch: pytest.Monk
     ("setting", "words", "shown"),
     [("", [], False), ("", ["--show-link"], True), ("true", [], True), ("true", ["--hide-link"], False)],
 )
-def test_a_log_holds_the_link_only_where_that_was_asked_for(
+def test_the_log_has_the_link_only_on_request(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
