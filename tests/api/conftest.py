@@ -1,4 +1,4 @@
-"""One real service for the tests of this folder: own process, own loop, simulator, own data folder."""
+"""A running service for the tests of this folder: process, loop, simulator and data folder."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -15,10 +15,10 @@ from tests.e2e.service import Service, running_service
 T = TypeVar("T")
 
 PATIENCE_S = 600.0
-"""All that is waited for comes within seconds; on a machine that is busy it may take its time."""
+"""Longest wait [s]; sufficient on a busy machine."""
 
 PAUSE_S = 0.03
-"""Between two looks [s]: to ask without a pause would take as much of a core as the service has to answer with."""
+"""Interval between two requests [s]; a shorter one takes CPU time from the service."""
 
 
 @pytest.fixture(scope="session")
@@ -33,7 +33,7 @@ def client_with(service: Service, token_file: str) -> httpx.Client:
 
 
 def live(client: httpx.Client) -> ClientConnection:
-    """Open the live stream as the person whose token or cookies ``client`` sends."""
+    """Open the live stream with the token or cookies of ``client``."""
     sent = client.build_request("GET", "/api/live").headers
     url = f"ws://{client.base_url.netloc.decode()}/api/live"
     return connect(
@@ -60,7 +60,7 @@ def viewer(service: Service) -> Iterator[httpx.Client]:
 
 @pytest.fixture
 def off(operator: httpx.Client) -> httpx.Client:
-    """The operator, with the loop brought to off whatever the test before left."""
+    """The operator, with the loop in mode off."""
     operator.post("/api/stop").raise_for_status()
     operator.post("/api/reset").raise_for_status()
     return operator
@@ -68,7 +68,7 @@ def off(operator: httpx.Client) -> httpx.Client:
 
 @pytest.fixture
 def running(off: httpx.Client) -> httpx.Client:
-    """The operator, with the loop in run."""
+    """The operator, with the loop in mode run."""
     off.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
     wait_for(off, "pretension_done", True)
     off.post("/api/mode", json={"mode": "run"}).raise_for_status()
@@ -76,17 +76,17 @@ def running(off: httpx.Client) -> httpx.Client:
 
 
 def wait_for(client: httpx.Client, field: str, value: object) -> dict[str, Any]:
-    """Ask for the state until ``field`` has the value."""
+    """Poll the state until ``field`` has the value."""
     return until_state(client, lambda state: state[field] == value, f"{field} never became {value!r}")
 
 
 def once_told(client: httpx.Client, field: str) -> dict[str, Any]:
-    """Ask for the state until there is anything in ``field``."""
+    """Poll the state until ``field`` is not empty."""
     return until_state(client, lambda state: bool(state[field]), f"{field} never came")
 
 
 def until_state(client: httpx.Client, reached: Callable[[dict[str, Any]], bool], otherwise: str) -> dict[str, Any]:
-    """Ask for the state until it is as wanted, and return it."""
+    """Poll the state until the condition holds, and return it."""
     end = time.monotonic() + PATIENCE_S
     while not reached(state := dict(client.get("/api/state").raise_for_status().json())):
         assert time.monotonic() < end, f"{otherwise}: {state}"
@@ -95,7 +95,7 @@ def until_state(client: httpx.Client, reached: Callable[[dict[str, Any]], bool],
 
 
 def ended(client: httpx.Client, run: object) -> dict[str, object]:
-    """Wait until the last samples of a run are stored and it is closed; return its view."""
+    """Wait until all samples of a run are stored and it is closed; return its view."""
 
     def view() -> dict[str, object] | None:
         found = dict(client.get(f"/api/runs/{run}").raise_for_status().json())
@@ -105,7 +105,7 @@ def ended(client: httpx.Client, run: object) -> dict[str, object]:
 
 
 def until(asked: Callable[[], T | None]) -> T:
-    """Ask again and again until there is something true in the answer, and return it."""
+    """Poll until the answer is true, and return it."""
     end = time.monotonic() + PATIENCE_S
     while not (answer := asked()):
         assert time.monotonic() < end, "it never happened"
@@ -114,7 +114,7 @@ def until(asked: Callable[[], T | None]) -> T:
 
 
 def problem(response: httpx.Response) -> dict[str, Any]:
-    """Body of a refusal, after checking that it is one; its message as the page shows it to the reader."""
+    """Check that the answer is a refusal, and return its body with the message as displayed."""
     assert response.status_code >= 400, response.text
     error = dict(response.json()["error"])
     shown = str(error["message"]).replace(f"{UNIT_MARK}°", "°").replace(UNIT_MARK, " ")

@@ -1,4 +1,4 @@
-"""A signed-in page of the running service, as a browser's is: cookie, key, sequence."""
+"""A signed-in page of the running service, with cookie, key and sequence number as in a browser."""
 
 import asyncio
 import itertools
@@ -18,11 +18,11 @@ from tests.api.patient import connect
 from tests.e2e.service import Service
 
 PING_S = 0.2
-"""Between two pings of an open page [s]."""
+"""Interval between two pings of an open page [s]."""
 
 
 class Page:
-    """One page; ``take`` gives it control and its key."""
+    """One page; ``take`` takes the control lease and stores its key."""
 
     def __init__(self, service: Service, name: str, role: str = "token") -> None:
         self.browser = httpx.Client(base_url=service.url, timeout=PATIENCE_S)
@@ -58,7 +58,7 @@ class Page:
 
     @contextmanager
     def staying(self) -> Iterator[None]:
-        """Ping from a thread while the block runs: requests of a test may take longer than a page may be silent."""
+        """Send pings from a thread during the block, because a request may take longer than the ping timeout."""
         over = threading.Event()
 
         def ping_until_over(socket: Connection) -> None:

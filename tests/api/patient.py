@@ -1,4 +1,4 @@
-"""A client of the live streams that waits as long as these tests do: on a busy machine an answer takes its time."""
+"""A client of the live streams with timeouts that suffice on a busy machine."""
 
 from functools import partial
 

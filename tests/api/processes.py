@@ -1,4 +1,4 @@
-"""What a process holds and whom it has started, as the kernel tells it."""
+"""Descriptors, children and sockets of a process, read from the kernel."""
 
 import os
 from contextlib import suppress
@@ -8,16 +8,16 @@ _LISTENS_TCP, _LISTENS_UNIX = "0A", "00010000"
 
 
 def children(pid: int) -> list[int]:
-    """Processes that ``pid`` has started."""
+    """Return the child processes of ``pid``."""
     started = []
     for task in Path(f"/proc/{pid}/task").iterdir():
-        with suppress(FileNotFoundError, ProcessLookupError):  # a thread that has ended meanwhile
+        with suppress(FileNotFoundError, ProcessLookupError):  # the thread has ended meanwhile
             started += [int(child) for child in (task / "children").read_text().split()]
     return started
 
 
 def descendants(pid: int) -> dict[int, str]:
-    """All processes below ``pid`` with their command lines."""
+    """Return all descendants of ``pid`` with their command lines."""
     found: dict[int, str] = {}
     for child in children(pid):
         found |= {child: command(child), **descendants(child)}
@@ -25,12 +25,12 @@ def descendants(pid: int) -> dict[int, str]:
 
 
 def command(pid: int) -> str:
-    """Command line of a process."""
+    """Return the command line of a process."""
     return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode().strip()
 
 
 def held(pid: int) -> list[str]:
-    """What the descriptors of a process lead to; a socket with its kind and where it is bound."""
+    """Return the targets of a process's descriptors; for a socket, its kind and address."""
     links = []
     kinds = _sockets(pid)
     for descriptor in Path(f"/proc/{pid}/fd").iterdir():
@@ -41,12 +41,12 @@ def held(pid: int) -> list[str]:
 
 
 def listening(pid: int) -> list[str]:
-    """Sockets of a process that take connections."""
+    """Return the listening sockets of a process."""
     return [link for link in held(pid) if link.startswith("listening ")]
 
 
 def _sockets(pid: int) -> dict[str, str]:
-    """Sockets in the process's network by inode."""
+    """Return the sockets in the network namespace of the process by inode."""
     kinds = {}
     for name in ("tcp", "tcp6"):
         for words in _table(pid, name):

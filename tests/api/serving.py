@@ -1,4 +1,4 @@
-"""The service's own server in front of a small application, on a real port, in a thread of the test's process."""
+"""The server of the service with a small application, on a real port, in a thread of the test process."""
 
 import asyncio
 import socket

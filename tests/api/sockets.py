@@ -1,4 +1,4 @@
-"""Connections as an impolite client holds them."""
+"""Raw connections of a misbehaving client."""
 
 import socket
 import time
@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 
 
 def connected(address: tuple[str, int], said: bytes = b"") -> socket.socket:
-    """Return a connection that has said something, or nothing."""
+    """Return a connection that has sent ``said``, if anything."""
     connection = socket.create_connection(address, 30)
     if said:
         connection.sendall(said)
@@ -15,7 +15,7 @@ def connected(address: tuple[str, int], said: bytes = b"") -> socket.socket:
 
 
 def everything_from(connection: socket.socket) -> bytes:
-    """Return what comes until the other end closes."""
+    """Return all received bytes until the other end closes."""
     received = bytearray()
     try:
         while piece := connection.recv(65536):
@@ -27,7 +27,7 @@ def everything_from(connection: socket.socket) -> bytes:
 
 @contextmanager
 def many(address: tuple[str, int], count: int, said: bytes = b"") -> Iterator[list[socket.socket]]:
-    """Hold many connections."""
+    """Open many connections."""
     with ExitStack() as stack:
         yield [stack.enter_context(connected(address, said)) for _ in range(count)]
 
@@ -44,7 +44,7 @@ def is_closed(connection: socket.socket) -> bool:
 
 
 def seconds_until_refused(connection: socket.socket, piece: bytes, pause_s: float) -> float:
-    """Send ``piece`` again and again until the other end takes no more; a minute at most."""
+    """Send ``piece`` repeatedly until the other end refuses it, for one minute at most."""
     begun = time.monotonic()
     while time.monotonic() - begun < 60.0:
         try:

@@ -1,4 +1,4 @@
-"""The parts of the service over a loop that is stepped in this process: whole orders without a process or a port."""
+"""The parts of the service with a loop that is stepped in this process, without another process or a port."""
 
 import asyncio
 from collections.abc import Callable, Coroutine, Iterator
@@ -46,7 +46,7 @@ OPERATOR = User("A. Operator", Role.OPERATOR, "session")
 class Stepped(Supervisor):
     """A supervisor whose loop is stepped in this process.
 
-    ``dead`` lets it answer as one whose process has died, ``refuses`` as a loop that takes no tuning for this reason.
+    With ``dead`` it answers as after the death of its process, with ``refuses`` it rejects a tuning with this reason.
     """
 
     def __init__(self, setup: Setup, loop: SimulatedLoop) -> None:
@@ -78,7 +78,7 @@ class Stepped(Supervisor):
 
 
 class Here(WorkerProcess):
-    """Work that is done here, not in a process of its own."""
+    """A worker that executes its work in this process."""
 
     async def run(self, work: Callable[..., T], *arguments: Any, **_none: Any) -> T:
         return await asyncio.to_thread(work, *arguments)
@@ -86,7 +86,7 @@ class Here(WorkerProcess):
 
 @dataclass(frozen=True)
 class Parts:
-    """What orders go through."""
+    """The parts of the service that execute requests."""
 
     supervisor: Stepped
     live_state: LiveState
@@ -102,18 +102,18 @@ class Parts:
     database: Database
 
     def state(self) -> State:
-        """Return the state as the page is shown it."""
+        """Return the state as the page shows it."""
         return self.service_state.view()
 
     async def ended(self) -> None:
-        """Wait until no task is under way and the queue has nothing to start."""
+        """Wait until no run is active and the queue has nothing to start."""
         while self.live_state.task is not None or self.ordered_runs.queue.view().running:
             await asyncio.sleep(0.01)
 
 
 @contextmanager
 def stepped_service(database: Database, parameters: PlantParameters, plant: Plant | None = None) -> Iterator[Parts]:
-    """Give the parts of a service in this process, as it is when it has started on this database."""
+    """Build the parts of a service in this process, as after a start on this database."""
     tuning_store = TuningStore(database)
     tuning, _ = tuning_store.restore(parameters)
     recorders: list[Recorder] = []
@@ -189,7 +189,7 @@ def stepped(
     work: Callable[[Parts], Coroutine[Any, Any, T]],
     plant: Plant | None = None,
 ) -> T:
-    """Do ``work`` with the parts of a service that starts and ends around it."""
+    """Start the service, execute ``work`` with its parts, and end it."""
 
     async def whole() -> T:
         with stepped_service(database, parameters, plant) as parts:

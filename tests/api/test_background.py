@@ -1,4 +1,4 @@
-"""The whole service in this process, so that each of its tasks and threads can be killed where it runs."""
+"""The complete service in this process, so that each of its tasks and threads can be killed."""
 
 import asyncio
 import ctypes
@@ -32,14 +32,14 @@ TASKS = {
 }
 THREADS = {"The recorder", "A 3D view", "The heartbeat to the control loop", "The renewal of the database claim"}
 FOREIGN_THREADS = ("MainThread", "the service", "asyncio", "ThreadPoolExecutor", "QueueFeederThread", "Thread-")
-"""Those of this test, of awaited calls, and of libraries."""
+"""Tasks and threads of this test, of awaited calls and of libraries."""
 
 
 class Made:
-    """What of some kinds a service makes.
+    """Objects of some classes that the service creates.
 
-    Not asked of the garbage collector: who looks at its objects from another thread holds a tuple that is still being
-    made, and whoever makes it is told of a bad argument.
+    They are not taken from the garbage collector: a reader of its objects in another thread may hold a tuple that is
+    still being built, and its builder then fails with a bad argument.
     """
 
     def __init__(self, patch: pytest.MonkeyPatch, *kinds: type) -> None:
@@ -59,7 +59,7 @@ class Made:
 
 
 def kill(thread: threading.Thread) -> None:
-    """Let a thread end at its next step in Python, of what it cannot expect."""
+    """Raise an unexpected exception in a thread at its next step in Python."""
     ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), ctypes.py_object(SystemExit))
 
 
@@ -111,7 +111,7 @@ def inside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
 
 @pytest.fixture
 def moving(inside: Running) -> Running:
-    """The joint under pretension, so that a stop can be seen."""
+    """The service in pretension, so that a stop is visible."""
     inside.client.post("/api/stop").raise_for_status()
     inside.client.post("/api/reset").raise_for_status()
     inside.client.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
@@ -120,7 +120,7 @@ def moving(inside: Running) -> Running:
 
 
 def test_every_task_and_thread_is_supervised(inside: Running) -> None:
-    """A task or thread that is new has to be put under supervision, or into the lists of this file."""
+    """Add a new task or thread to the supervision or to the lists of this file."""
     tasks = inside.tasks()
     assert set(tasks) >= TASKS
     kept = {kept._task for kept in inside.made.of(SupervisedTask)}
@@ -175,14 +175,14 @@ def test_death_of_the_page_monitor_causes_a_soft_stop(moving: Running) -> None:
 def test_the_loop_stops_if_the_heartbeat_task_keeps_dying(moving: Running) -> None:
     def stop_beating() -> bool:
         for heart in moving.made.of(HeartbeatSender):
-            heart._words[0] = 1  # what a thread of compiled code can be ended by
+            heart._words[0] = 1  # ends a thread of compiled code
         return bool(moving.client.get("/api/state").json()["mode"] == "tripped")
 
     until(stop_beating)
     state = moving.client.get("/api/state").json()
     assert state["fault"]["code"] == "service_lost"
     assert "ended without a request" in moving.read_problem("The heartbeat to the control loop")
-    # or the next one stops too
+    # otherwise the restarted loop stops too
     until(lambda: "was restarted" in moving.read_problem("The heartbeat to the control loop"))
     until(lambda: moving.client.post("/api/reset").is_success)
     assert wait_for(moving.client, "mode", "off")

@@ -1,4 +1,4 @@
-"""Bringing a rig up over the interface, on a virtual card."""
+"""Commissioning of a rig through the interface, on a virtual card."""
 
 import sqlite3
 from collections.abc import Callable, Iterator
@@ -29,7 +29,7 @@ STARTING: list[tuple[str, dict[str, Any]]] = [
     ("/api/identifications", {"tension_N": 20.0, "bits": 6}),
     (f"{URL}/drives", {"on": True}),
 ]
-"""What must not begin while hands are at the rig."""
+"""Requests that are rejected during the drive lockout."""
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def begin(client: httpx.Client, name: str) -> None:
 
 
 def confirmed(client: httpx.Client, name: str) -> tuple[dict[str, Any], set[str]]:
-    """Confirm whatever a step asks for until it is over; return how it stands, and what it has asked for."""
+    """Confirm each request of a step until its end; return the step and the requests."""
     read_problems: set[str] = set()
 
     def over() -> dict[str, Any] | None:
@@ -71,7 +71,7 @@ def confirmed(client: httpx.Client, name: str) -> tuple[dict[str, Any], set[str]
 
 
 def switch_on(client: httpx.Client) -> None:
-    """Say that no hands are at the rig any more."""
+    """End the drive lockout."""
     assert client.post(f"{URL}/drives", json={"on": True}).raise_for_status().json()["drives_on"] is True
 
 
@@ -103,7 +103,7 @@ def test_the_wiring_test_is_run_confirmed_and_stored(rig: httpx.Client) -> None:
     assert (step["state"], step["result"]["passed"]) == ("current", True), step
     assert len(read_problems) >= 6
     assert step_of(rig, "zero")["blocked"] == ""
-    # Nobody has said yet that the hands are off the rig.
+    # The drive lockout has not been ended yet.
     assert "drives are switched off" in str(problem(rig.post("/api/mode", json={"mode": "pretension"}))["message"])
     switch_on(rig)
 
@@ -117,14 +117,14 @@ def test_a_cancelled_step_leaves_no_result(rig: httpx.Client) -> None:
 
 
 def test_the_state_lists_the_steps_required_before_pretension(rig: httpx.Client) -> None:
-    """A direction step that has failed leaves the directions unproven until it has passed."""
+    """A failed direction step leaves the directions unproven until it has passed."""
 
     def read_readiness() -> tuple[str, list[str]]:
         state = rig.get("/api/state").raise_for_status().json()
         return state["unready"], state["legal_modes"]
 
     unready, legal = read_readiness()
-    assert ("drives are switched off" in unready, legal) == (True, [])  # the step given up was one by hand
+    assert ("drives are switched off" in unready, legal) == (True, [])  # the cancelled step was executed by hand
     switch_on(rig)
     assert read_readiness() == ("", ["pretension"])
     begin(rig, "zero")
@@ -156,7 +156,7 @@ def test_weights_that_differ_too_little_are_rejected(rig: httpx.Client) -> None:
 
 
 def played(client: httpx.Client, name: str, before: Callable[[str], None] = lambda _asked: None) -> dict[str, Any]:
-    """Play a step, confirm what it asks, and return how it stands; ``before`` does something first."""
+    """Run a step, confirm its requests, and return it; call ``before`` at each request."""
     client.post(f"{URL}/{name}", json={"values": {}}).raise_for_status()
 
     def over() -> dict[str, Any] | None:
@@ -170,7 +170,7 @@ def played(client: httpx.Client, name: str, before: Callable[[str], None] = lamb
 
 
 def read_problems(client: httpx.Client) -> list[str]:
-    """What the state says is wrong with the bring-up."""
+    """Return the problems of the commissioning in the state."""
     problems = client.get("/api/state").raise_for_status().json()["problems"]
     return [problem for problem in problems if "of the bring-up" in problem]
 
@@ -226,7 +226,7 @@ def test_a_tare_retains_the_stored_slope_even_if_it_is_not_active(rig: httpx.Cli
     with closing(open_database(folder)) as database:
         status.store_result(database, StepId.WIRING_TEST, wiring, StepFinding(True, "well"), "Ada")
         status.store_result(database, StepId.CALIBRATE, wiring, StepFinding(True, "well", (), cells), "Ada")
-        assert played(rig, "zero")["state"] == "current"  # the loop has not been started since it was calibrated
+        assert played(rig, "zero")["state"] == "current"  # the loop has not been started since the calibration
         assert played(rig, "tare")["result"]["passed"]
         tared = status.load_newest_results(database)[StepId.TARE].calibrations
     assert [(found["tendon"], found["slope"]) for found in tared] == [("A", 20.0), ("B", 20.0)]

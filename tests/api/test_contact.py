@@ -1,4 +1,4 @@
-"""Touch and the rejection of pushes, through the service."""
+"""Contact detection and disturbance rejection through the service."""
 
 import asyncio
 import re
@@ -85,7 +85,7 @@ def test_calibrated_bias_is_subtracted_at_its_stiffness(database: Database) -> N
             await contact.apply(TouchOrder(learn=True), WHO)
         await parts.supervisor.advance(1.1)
         again = (await contact.apply(TouchOrder(learn=True), WHO)).learned
-        assert [round(one.S) for one in again] == [10, 14]  # in the place of the one before
+        assert [round(one.S) for one in again] == [10, 14]  # replaces the previous one
         assert pytest.approx(both[1].F, abs=0.1) == again[1].F
         assert parts.state().touch.learned == again
         assert (await contact.apply(TouchOrder(forget=True), WHO)).learned == []
@@ -233,7 +233,7 @@ def test_rejection_needs_calibration_and_returns_the_joint(database: Database) -
         assert (view.lam_q, view.k_ext) == (2.0, 1.0)
         q = newest(parts, "q")
         await push(parts, 5.0, 1.5)
-        assert abs(newest(parts, "q") - q) > 0.02  # it swings back out as it is let go
+        assert abs(newest(parts, "q") - q) > 0.02  # the joint returns when it is released
         with pytest.raises(RequestRejectedError, match="k_ext to 0"):
             await contact.apply(TouchOrder(forget=True), WHO)
         assert len(contact.view().learned) == 1
@@ -272,7 +272,7 @@ def test_lost_bias_disables_rejection_also_in_restored_tunings(database: Databas
         assert parts.live_state.tuning.settings.k_ext == 0.0
         assert parts.state().tuning.k_ext == 0.0
         assert parts.supervisor.setup.tuning.k_ext == 0.0
-        assert "k_ext" in (await tuning_service.undo(WHO)).model_dump()  # to before it was on
+        assert "k_ext" in (await tuning_service.undo(WHO)).model_dump()  # to the tuning before it was enabled
 
     stepped(database, load_parameters("lab"), operate)
 

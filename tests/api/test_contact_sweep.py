@@ -1,4 +1,4 @@
-"""Learning the bias of the outside force over S."""
+"""Calibration of the bias of the external force over S."""
 
 import asyncio
 import json
@@ -56,7 +56,7 @@ def sweep_of(parts: Parts) -> SweepView:
 
 
 async def until(parts: Parts, reached: Callable[[], bool] = lambda: False) -> SweepView:
-    """Let it go on until it has ended, or ``reached()``; return how it stands."""
+    """Advance until the sweep has ended or ``reached()`` is true; return its view."""
     while sweep_of(parts).under_way and not reached():
         await asyncio.sleep(0)
     return sweep_of(parts)
@@ -300,13 +300,13 @@ def test_calibration_from_the_command_line(service: Service, running: httpx.Clie
 
 
 def zeros_off() -> PlantParameters:
-    """Unlike springs, and load cells so noisy that the motors' zeros are found elsewhere."""
+    """Springs that differ, and load cells so noisy that the motors' zeros are found elsewhere."""
     unlike = unlike_sides()
     return replace(unlike, sensors=replace(unlike.sensors, force_noise=10.0 * unlike.sensors.force_noise))
 
 
 def bias_of_springs(parameters: PlantParameters, S: np.ndarray) -> np.ndarray:
-    """What the identified springs say where the true ones balance each other, by identified stiffness [N], no zeros."""
+    """Return the bias [N] of the identified springs at the true equilibrium by identified stiffness, without zeros."""
     true_A, true_B = parameters.make_dynamics().spring_A, parameters.make_dynamics().spring_B
     told_A, told_B = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
     held = np.linspace(5.0, 47.0, 800)
@@ -320,7 +320,7 @@ def bias_of_springs(parameters: PlantParameters, S: np.ndarray) -> np.ndarray:
 
 
 class Truth:
-    """The bias at true angles, without the encoders' steps [N]; the zeros of the motors are those of the loop."""
+    """The bias [N] at true angles, without the encoders' steps; the zeros of the motors are those of the loop."""
 
     def __init__(self, parameters: PlantParameters, plant: Simulator) -> None:
         self._springs = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
@@ -332,7 +332,7 @@ class Truth:
             await parts.supervisor.advance(0.02)
             row, x = parts.supervisor.ring.newest(), self._plant.x
             assert row is not None
-            # measured less true: the zero, and an encoder's step that the mean over a move has not
+            # measured less accurately: the zero, and an encoder step that the mean over a move lacks
             said.append((row[INDEX["theta_A"]] - x.theta_A, row[INDEX["theta_B"]] - x.theta_B))
         off_A, off_B = np.mean(said, axis=0)
         spring_A, spring_B = self._springs
@@ -348,9 +348,9 @@ def test_bias_is_linear_between_the_points(name: str) -> None:
     S = np.linspace(8.0, 15.0, 300)
     points = np.linspace(8.0, 15.0, SWEEP_POINTS)
     true = bias_of_springs(parameters, S)
-    assert np.ptp(true) > 0.3  # there is something to learn
+    assert np.ptp(true) > 0.3  # the bias is not zero
     by_lines = np.interp(S, points, bias_of_springs(parameters, points))
-    assert np.max(np.abs(by_lines - true)) < 0.01  # asked: 0.05
+    assert np.max(np.abs(by_lines - true)) < 0.01  # requested: 0.05
 
 
 @pytest.mark.parametrize("name", ["lab", "unlike"])
@@ -387,6 +387,6 @@ def test_sweep_calibrates_between_the_points_and_restores_S(database: Database, 
 
     stepped(database, parameters, learn, plant)
     error = np.array(off)
-    # half a count of the joint's encoder is 0.16 N at the stiffest, and each point was learned within one
+    # half a count of the joint's encoder is 0.16 N at the stiffest, and each point was measured within one
     assert np.max(np.abs(error)) < 0.2
     assert np.sqrt(np.mean(error**2)) < 0.12

@@ -1,4 +1,4 @@
-"""The interface against its own description: what fits the schema is answered as the schema says, never by a 5xx."""
+"""The interface against its schema: valid requests get the answers of the schema, never a 5xx."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -19,7 +19,7 @@ from tests.e2e.service import Service, running_service
 
 LONG = ("startExperiment", "start_experiment", "start_identification")
 SHUTS_OUT = ("rotate_tokens",)
-"""What would shut out this client and all others that share the service."""
+"""Requests that would disconnect this client and all others of the service."""
 
 DESCRIBED = build_openapi_schema()
 schema = schemathesis.openapi.from_dict(DESCRIBED).exclude(operation_id=[*LONG, *SHUTS_OUT])
@@ -27,7 +27,7 @@ schema = schemathesis.openapi.from_dict(DESCRIBED).exclude(operation_id=[*LONG, 
 
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    """A service that nobody else looks at: what is sent here may put a bank in force, and does."""
+    """A service without other users, because the requests may activate a bank."""
     with running_service(tmp_path_factory.mktemp("contract"), params="ideal") as running:
         yield running
 
@@ -59,5 +59,5 @@ def test_the_schema_describes_the_messages(name: str) -> None:
 
 
 def test_schema_names_are_unique() -> None:
-    """Two of one name are called by their modules, which change."""
+    """Two schemas of one name would be named by their modules, which change."""
     assert [name for name in DESCRIBED["components"]["schemas"] if "__" in name] == []

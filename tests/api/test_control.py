@@ -1,4 +1,4 @@
-"""One holder of control: taken, taken over, lost; what stale pages and strangers send does nothing."""
+"""The control lease: taking, take-over and loss; commands of stale pages and other people have no effect."""
 
 import asyncio
 import json
@@ -40,7 +40,7 @@ JSON = {"Content-Type": "application/json"}
 
 
 class Desk:
-    """Control on a clock of the test."""
+    """A control lease with a clock of the test."""
 
     def __init__(self) -> None:
         self.now, self.lost, self.told = 100.0, [], []  # type: float, list[str], list[str]
@@ -81,7 +81,7 @@ def test_commands_of_the_lease_holder_are_accepted_once_and_in_order() -> None:
     desk = Desk()
     page = desk.take(ANA).page_key
     desk.command(ANA, CommandToken(page, 1))
-    desk.command(ANA, CommandToken(page, 3))  # the second was lost on its way
+    desk.command(ANA, CommandToken(page, 3))  # the second was lost
     assert desk.refusal(ANA, CommandToken(page, 3)) == "stale_command"
     assert desk.refusal(ANA, CommandToken(page, 2)) == "stale_command"
     assert desk.refusal(VERA, CommandToken(page, 4)) == "control_lost"
@@ -124,7 +124,7 @@ def test_an_inconsistent_lease_is_released(spoil: Callable[[ControlLease], None]
     for person in (ANA, VERA):
         with pytest.raises(InvariantError):
             desk.command(person, CommandToken(page, 1))
-    with pytest.raises(InvariantError):  # by which its watch dies: the supervision stops softly whatever moves
+    with pytest.raises(InvariantError):  # the monitor of the lease dies: the supervisor stops the joint softly
         desk.wait(POLL_S)
     assert (desk.control.holder, released) == (None, [1])
     desk.wait(1.0)
@@ -177,7 +177,7 @@ def test_every_loss_of_control_releases_the_push() -> None:
     desk.wait(LOST_S - POLL_S)
     assert released == []
     desk.wait(3 * POLL_S)
-    assert len(released) == 1  # as soon as the page is not heard, and once
+    assert len(released) == 1  # as soon as the page is silent, and once
     desk.control.resume(ANA, page)
     assert len(released) == 2
     holder = desk.take(VERA, take_over=True)
@@ -289,10 +289,10 @@ def test_loss_of_the_controlling_page_causes_a_soft_stop(service: Service, off: 
             page = state["chain"][0]
             assert state["references"]["q_ref"] == 0.2
             seen_lost |= not page["good"]
-            # control has ended a moment before the loop stops: then nobody holds it whose silence could be shown
+            # control ends shortly before the loop stops: then no silent holder can be shown
             assert page["silent_s"] is None or page["silent_s"] < LOST_S + HOLD_S + 1.0
         wait_for(off, "mode", "tripped")
-        state = once_told(off, "stop_proof")  # an event, which comes a moment after the sample
+        state = once_told(off, "stop_proof")  # an event, which arrives shortly after the sample
         assert seen_lost
         assert state["fault"]["code"] == "operator_lost"
         assert state["holder"] is None
@@ -308,7 +308,7 @@ def test_a_viewer_cannot_take_the_control_lease(service: Service) -> None:
 
 
 def test_commands_on_two_connections_are_executed_in_their_order(service: Service) -> None:
-    """As browsers send them: the second leaves before the first is answered, by another connection."""
+    """The second command leaves before the first is answered, on another connection, as browsers do."""
     with pages(service, "Ana") as (ana,):
         assert ana.take(take_over=True).is_success
         cookie = "; ".join(f"{name}={value}" for name, value in ana.browser.cookies.items())
@@ -318,7 +318,7 @@ def test_commands_on_two_connections_are_executed_in_their_order(service: Servic
             for door in doors:
                 door.request("POST", "/api/push", '{"F_push": 999}', {"Cookie": cookie, **ana.stamp()} | JSON)
             answers = [json.loads(door.getresponse().read())["error"]["code"] for door in doors]
-            refused += answers != ["out_of_range"] * 2  # past the order, then refused for its value: nothing moves
+            refused += answers != ["out_of_range"] * 2  # in order, but with an invalid value: nothing moves
         assert refused == 0
 
 

@@ -1,6 +1,6 @@
-"""STOP is answered while people make the service compute as much as requests can, as viewers and as operators.
+"""STOP is answered while viewers and operators send the most costly requests.
 
-Figures of how fast are the attack's (tests/soak/attack/costly.py): here only that STOP comes before the work is over.
+The attack tests measure the times (tests/soak/attack/costly.py). These tests check only that STOP precedes the results.
 """
 
 import json
@@ -25,7 +25,7 @@ from tests.soak.attack.costly import (
 
 CHECK, SHEET = "/api/experiments/check", "/api/chart-sheet.pdf"
 LATE_S = 20.0
-"""Nothing that is promised: an interpreter that is held answers after minutes."""
+"""No promised bound: a blocked interpreter answers after minutes."""
 
 PRESSES = 3
 
@@ -77,7 +77,7 @@ def test_stop_is_answered_during_costly_requests(costly: tuple[Service, int]) ->
         try:
             for _ in range(PRESSES):
                 before = len(statuses)
-                while len(statuses) == before:  # they are at work
+                while len(statuses) == before:  # the computations have begun
                     time.sleep(0.01)
                 begun = time.monotonic()
                 assert client.post("/api/stop").status_code == 200
@@ -93,8 +93,8 @@ def test_stop_is_answered_during_costly_requests(costly: tuple[Service, int]) ->
 def test_a_disconnected_sender_of_a_sheet_delays_no_other_request(costly: tuple[Service, int]) -> None:
     service, _ = costly
     with client_with(service, "viewer-token") as client:
-        for _ in range(3):  # as many as one person has places, and one more
-            with suppress(httpx.ReadTimeout):  # the third is told at once that there is no place
+        for _ in range(3):  # one more than the limit per person
+            with suppress(httpx.ReadTimeout):  # the third is rejected immediately
                 client.post(SHEET, json={"svg": largest_sheet()}, timeout=httpx.Timeout(60.0, read=0.05))
         small = '<svg xmlns="http://www.w3.org/2000/svg" width="90mm" height="90mm" viewBox="0 0 9 9"/>'
         end = time.monotonic() + 60.0

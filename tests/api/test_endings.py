@@ -1,4 +1,4 @@
-"""What a service leaves behind that is told to end, and one whose data folder is taken away while it works."""
+"""State that a service leaves when a signal ends it, and a service whose data folder disappears."""
 
 import os
 import shutil
@@ -29,13 +29,13 @@ def begin_experiment(operator: httpx.Client) -> None:
 
 
 def in_motion(operator: httpx.Client) -> int:
-    """Number of the run that the samples belong to."""
+    """Return the number of the run to which the samples belong."""
     return int(str(once_told(operator, "recording_run")["recording_run"]))
 
 
 @pytest.fixture
 def hangup_heeded() -> Iterator[None]:
-    """SIGHUP as it is by default, also where these tests were started with nohup: the service inherits it."""
+    """SIGHUP with its default action; with nohup these tests and the service would inherit another."""
     before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     yield
     signal.signal(signal.SIGHUP, before)
@@ -56,7 +56,7 @@ def test_a_run_that_a_signal_ends_stores_the_signal(
             run = in_motion(operator)
         os.kill(service.pid, number)
         left = wait_for_end(service)
-    if number is not signal.SIGINT:  # not killed by it: what an interpreter releases at its end is released
+    if number is not signal.SIGINT:  # not killed by it: the interpreter releases its resources at the end
         assert (left.si_code, left.si_status) == (os.CLD_EXITED, 128 + number)
     with closing(open_database(tmp_path)) as database, database.reading() as session:
         stored = runs.get(session, run)
@@ -66,7 +66,7 @@ def test_a_run_that_a_signal_ends_stores_the_signal(
 
 
 def wait_for_end(service: Service) -> os.waitid_result:
-    """Wait until the service, a child of this process, is gone; leave its status to whoever started it."""
+    """Wait until the service, a child of this process, has ended; leave its status to the parent."""
     left = os.waitid(os.P_PID, service.pid, os.WEXITED | os.WNOWAIT)
     assert left is not None
     return left
@@ -102,9 +102,9 @@ def test_a_missing_data_folder_is_reported_and_its_return_loses_no_data(tmp_path
         whole = ended(operator, run)
         assert (whole["end_state"], whole["end_reason"]) == ("stopped", "stop_pressed")
         assert whole["missing_samples"] == 0
-        shutil.rmtree(data.rename(tmp_path / "deleted"))  # at once, whatever is being written meanwhile
+        shutil.rmtree(data.rename(tmp_path / "deleted"))  # immediately, whatever is being written meanwhile
         wait_for_problems(operator, f"the data folder {data} was deleted")
-        # What the service still holds open can be saved, and saving it does not hide what has happened.
+        # Files that the service still holds open can be saved, and saving does not hide the problem.
         saved = operator.post("/api/system/backups").raise_for_status().json()
         assert (data / "backups" / saved["name"]).stat().st_size == saved["size_bytes"]
         wait_for_problems(operator, "it was replaced")

@@ -1,4 +1,4 @@
-"""Experiments through the interface: texts that are checked, metrics that are the command line's."""
+"""Experiments through the interface: checks of texts, and metrics equal to those of the command line."""
 
 import json
 import subprocess
@@ -16,7 +16,7 @@ from backend.tuning.gains import TuningParameters, designed_point
 from plant.parameters import load_parameters
 from tests.api.conftest import problem
 
-# An experiment as text is looked over in no time, without being played; what cannot be run is refused at its place.
+# The text of an experiment is checked without execution; an invalid value is rejected with its path.
 
 DOCUMENT = {
     "format": 1,
@@ -54,17 +54,17 @@ def test_the_check_gives_the_path_of_an_invalid_value(viewer: httpx.Client) -> N
     assert refused["path"] == ["phases", 0, "parts", 1, "parts", 0, "q_ref"]
 
 
-# Each ready-made experiment gives the same metrics from page and command line, to the last digit, by the same seed.
+# Page and command line give identical metrics for each ready-made experiment with the same seed.
 
 SHORT: dict[str, dict[str, object]] = {
     "tracking": {"q_duration_s": 1.0, "S_duration_s": 1.0},
     "step_battery": {"hold_s": 1.5, "sizes": 1},
 }
-"""Settings of those that would take long; the others are played as they are."""
+"""Settings that shorten long experiments; the others keep their defaults."""
 
 
 def bank_file() -> dict[str, object]:
-    """Two entries, as the designed model has them at either stiffness."""
+    """Two entries with the designed model at both stiffnesses."""
     parameters = load_parameters("ideal")
     point = designed_point(parameters, TuningParameters().lam_motor)
     models = {name: getattr(point, name) for name in ("K_q", "T_q", "K_S", "T_S")}
@@ -95,12 +95,12 @@ def test_page_and_command_line_agree(operator: httpx.Client, tmp_path: Path, nam
     if name == "sequence":
         settings = {"segments": '[{"duration_s": 1, "q_ref": 0.1, "S_ref": 10}]'}
     ordered = settings
-    if name == "bank_comparison":  # it needs a bank of several entries, in both places
+    if name == "bank_comparison":  # it needs a bank of several entries, in both runs
         (tmp_path / "bank.json").write_text(json.dumps(bank_file()))
         bank = operator.post("/api/banks/file", json=bank_file()).raise_for_status().json()["id"]
         sinew("bank", "import", str(tmp_path / "bank.json"), folder=tmp_path)
         settings, ordered = {"bank": 1}, {"bank": bank}
-    said = asdict(LoopSettings())  # whatever other tests have left in force at the service
+    said = asdict(LoopSettings())  # other tests may have activated other tunings
     dry = (
         operator.post("/api/experiments/dry-run", json={"name": name, "settings": {**said, **ordered}})
         .raise_for_status()

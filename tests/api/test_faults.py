@@ -1,4 +1,4 @@
-"""Faults and stops through the interface: what trips, what ends, what is shown."""
+"""Faults and stops through the interface: trips, their effects and their display."""
 
 import asyncio
 import json
@@ -34,7 +34,7 @@ ONLY_HERE = [
     Fault.WATCHDOG,
     Fault.WATCHDOG_DEAD,
 ]
-"""Those that need the live loop, its clock, its channel or the card; tests/realtime/test_faults.py covers the rest."""
+"""Faults that need the live loop, its clock, its channel or the card; tests/realtime/test_faults.py covers the rest."""
 
 
 def test_every_fault_has_its_injection_or_a_button() -> None:
@@ -67,7 +67,7 @@ def test_the_list_of_faults_has_texts_and_injections(viewer: httpx.Client) -> No
     assert all((entry["injection"] is None) == (entry["by_hand"] != "") for entry in listed)
     words = {entry["code"]: entry["by_hand"] for entry in listed}
     assert "STOP" in words[Fault.STOP_PRESSED]
-    assert "STOP" not in words[Fault.SERVICE_ENDED]  # ends by a signal, whatever button there is
+    assert "STOP" not in words[Fault.SERVICE_ENDED]  # ends by a signal, whatever button exists
 
 
 @pytest.mark.parametrize("fault", ONLY_HERE)
@@ -75,7 +75,7 @@ def test_an_injected_fault_is_latched_and_reported(off: httpx.Client, fault: Fau
     off.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
     off.post("/api/faults/injection", json=INJECTIONS[fault].model_dump(mode="json")).raise_for_status()
     wait_for(off, "mode", "tripped")
-    state = once_told(off, "stop_proof")  # an event, which comes a moment after the sample
+    state = once_told(off, "stop_proof")  # an event, which arrives shortly after the sample
     told = state["fault"]
     assert isinstance(told, dict)
     assert told["code"] == fault
@@ -85,7 +85,7 @@ def test_an_injected_fault_is_latched_and_reported(off: httpx.Client, fault: Fau
 
     def all_links_are_good() -> bool:
         broken = [link["name"] for link in off.get("/api/state").json()["chain"] if not link["good"]]
-        assert broken in ([], ["service"])  # that which was broken is shown as such until it is heard again
+        assert broken in ([], ["service"])  # the service is shown as failed until its next heartbeat
         return not broken
 
     until(all_links_are_good)
@@ -105,7 +105,7 @@ def test_a_plant_error_while_tripped_remains_a_problem(off: httpx.Client, kind: 
 
 
 def test_a_dead_watchdog_is_shown_and_a_reset_starts_a_new_one(off: httpx.Client) -> None:
-    """Also where something else is latched already, so that no trip tells of it."""
+    """Another fault is latched already, so that no trip reports the watchdog."""
     off.post("/api/stop").raise_for_status()
     starts = off.get("/api/state").json()["link"]["starts"]
     off.post("/api/faults/injection", json={"kind": "watchdog_death"}).raise_for_status()
@@ -163,7 +163,7 @@ def test_a_trip_leaves_a_flight_record(off: httpx.Client) -> None:
     assert off.get("/api/flights/999999/data.csv").status_code == 404
 
 
-# What ends at a stop, a change of mode or a change of control, as the table in docs/reference/faults.md says.
+# Objects that a stop, a change of mode or of control ends, as the table in docs/reference/faults.md states.
 
 HEADING = "| armed or temporary | STOP or a trip | another mode | control changes |"
 EVENTS = ("STOP or a trip", "another mode", "control changes")
@@ -171,14 +171,14 @@ LONG = json.dumps([{"duration_s": 60, "q_ref": 0.1, "S_ref": 10}])
 
 
 def documented() -> dict[str, dict[str, str]]:
-    """What the page says by armed thing and event, without what follows a comma."""
+    """Return the documented outcome by object and event, without the text after a comma."""
     table = PAGE[PAGE.index(HEADING) :].split("\n\n")[0].splitlines()[2:]
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table]
     return {name: dict(zip(EVENTS, (re.split(",", cell)[0] for cell in cells), strict=True)) for name, *cells in rows}
 
 
 class Bench:
-    """Ana at a page in control, in run at rest, and Vera at another page; a viewer's client looks on."""
+    """Ana at a page with control, in run at rest, Vera at another page, and a client of a viewer."""
 
     def __init__(self, service: Service, viewer: httpx.Client) -> None:
         self.ana, self.vera, self.viewer = Page(service, "Ana"), Page(service, "Vera"), viewer
@@ -236,7 +236,7 @@ class Bench:
                 pytest.fail(f"the test does not know how to arm: {name}")
 
     def is_there(self, name: str) -> bool:
-        """Whether what was armed is still there."""
+        """Return whether the armed object still exists."""
         state = self.state()
         checks: dict[str, Callable[[], bool]] = {
             "tuning trial": lambda: state["trial"] is not None and state["tuning"]["lam_q"] == 1.0,
@@ -318,7 +318,7 @@ def card(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
 
 
 def latched(client: httpx.Client, kind: str) -> tuple[str, str]:
-    """Wind up, break something, wait for the trip; return the fault and what was seen of it."""
+    """Pretension, inject a fault, wait for the trip; return the fault and its remedy."""
     client.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
     offered = client.get("/api/faults").raise_for_status().json()["card"]
     (injection,) = [fault["injection"] for fault in offered if fault["injection"]["kind"] == kind]
@@ -349,7 +349,7 @@ def test_a_reset_reopens_a_disconnected_card(card: httpx.Client) -> None:
     starts = card.get("/api/state").json()["link"]["starts"]
     code, _ = latched(card, "device_gone")
     assert code == Fault.PLANT_ERROR
-    # Its own watchdog is what takes the drives away, as nothing can be written any more.
+    # Its watchdog disables the drives, because the loop cannot write any more.
     until_state(card, lambda state: not watchdog_in(state)["good"], "the watchdog did not expire")
     assert card.post("/api/reset").raise_for_status().json()["mode"] == "off"
     state = card.get("/api/state").json()

@@ -1,4 +1,4 @@
-"""Operating the simulator through the interface, in the units that a person chose."""
+"""Operation of the simulator through the interface, in the units that a person chose."""
 
 import math
 import re
@@ -10,7 +10,7 @@ import pytest
 
 from tests.api.conftest import ended, problem, until, wait_for
 
-# Operating the simulator through the interface: what is asked, what is refused, what is in force then.
+# Operation of the simulator through the interface: commands, refusals and active settings.
 
 
 def test_an_illegal_mode_is_rejected_with_the_legal_modes(off: httpx.Client) -> None:
@@ -28,7 +28,7 @@ def test_run_is_rejected_until_pretension_is_done(off: httpx.Client) -> None:
         answer = off.post("/api/mode", json={"mode": "run"})
         return None if answer.is_success else answer
 
-    refused = until(asked_too_early)  # tendons that were taut a moment ago take half a second: a busy machine as well
+    refused = until(asked_too_early)  # tendons that were recently taut take half a second, also on a busy machine
     assert refused.status_code == 409
     assert "pretension" in str(problem(refused)["message"])
     state = wait_for(off, "pretension_done", True)
@@ -164,14 +164,14 @@ def test_unknown_rows_are_not_found(operator: httpx.Client) -> None:
         assert "999999" in str(problem(refused)["message"])
 
 
-# What is refused is told whole, in the operator's words and the unit that the person chose, with the place of it.
+# A refusal has a complete message in the operator's terms and chosen unit, and the path of the value.
 
 DEGREES_OF_A_RADIAN = 57.29577951308232
 
 NUMBER = re.compile(r"\d+\.?\d*(?:e[-+]?\d+)?")
 CODE_NAME = re.compile(r"\b[a-z]+(?:_[a-z0-9]+)+\b|\[\d+\]", re.IGNORECASE)
 SYMBOL = re.compile(r"q_max|θ_A,ref|λ_q|M_s")
-"""Symbols of the paper, which operators read."""
+"""Symbols of the paper, which operators know."""
 
 REFUSED: list[tuple[str, str, dict[str, Any], list[str | int], str]] = [
     (
@@ -246,7 +246,7 @@ REFUSED: list[tuple[str, str, dict[str, Any], list[str | int], str]] = [
 
 @pytest.fixture
 def liking(off: httpx.Client) -> Iterator[Any]:
-    """A way to choose the unit of angles; the choice of before is back afterwards."""
+    """Sets the unit of angles; the previous unit is restored afterwards."""
     before = off.get("/api/preferences").json()
 
     def like(angles: str) -> None:
@@ -260,7 +260,7 @@ def liking(off: httpx.Client) -> Iterator[Any]:
 def test_a_refusal_has_text_units_and_field(
     off: httpx.Client, liking: Any, method: str, path: str, body: dict[str, Any], place: list[str | int], said: str
 ) -> None:
-    """No code name, no further unit, no number that nobody reads; in radians where the person asks for them."""
+    """No code name, no other unit, no unnecessary number; radians if the person chose them."""
     refusal = told(off, method, path, body)
     message = str(refusal["message"])
     assert message.startswith(said), message
@@ -282,7 +282,7 @@ def test_a_refusal_has_text_units_and_field(
     if refusal["unit"] == "rad":
         converted = [DEGREES_OF_A_RADIAN * number for number in radians]
         assert degrees[:1] == pytest.approx(converted[:1], rel=2e-5)
-        assert degrees == pytest.approx(converted, rel=1e-2)  # bounds in three digits, towards the inside
+        assert degrees == pytest.approx(converted, rel=1e-2)  # bounds with three digits, rounded inwards
     else:
         assert degrees == radians
 
@@ -303,7 +303,7 @@ def test_the_unit_of_angles_is_stored_per_person_and_defaults_to_degrees(
 
 
 def test_a_report_uses_the_angle_unit_of_the_downloading_person(running: httpx.Client, liking: Any) -> None:
-    """What the person prefers, unless the address says otherwise; the data beside it stay in SI."""
+    """The unit that the person prefers, unless the URL gives another; the embedded data are in SI."""
     run = running.get("/api/state").json()["recording_run"]
     running.post("/api/stop").raise_for_status()
     ended(running, run)

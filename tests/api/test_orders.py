@@ -1,4 +1,4 @@
-"""Identifications, banks and springs ordered through the interface."""
+"""Identifications, banks and springs through the interface."""
 
 from io import BytesIO
 from typing import Any
@@ -10,13 +10,13 @@ from pyarrow import parquet
 
 from tests.api.conftest import problem, until
 
-# Identification, bank, experiment, report: the whole order, through the interface, in real time but short.
+# Identification, bank, experiment and report through the interface, in real time but short.
 
 SHORT = {"q_duration_s": 0.5, "S_duration_s": 0.5, "lam_q": 0.5}
 
 
 def finished(client: httpx.Client, path: str) -> dict[str, Any]:
-    """Ask until the run is over and its result is there."""
+    """Poll until the run has ended and has its result."""
 
     def over() -> bool:
         view = client.get(path).raise_for_status().json()
@@ -58,7 +58,7 @@ def test_the_service_accepts_exactly_the_range_that_the_form_offers(off: httpx.C
     offered = {one["name"]: one for one in next(kind for kind in kinds if kind["name"] == "tracking")["settings"]}
 
     def answered(name: str, value: float) -> int:
-        # slow outer loops: how fast they may be depends on λ_motor too
+        # slow outer loops, because their range depends on λ_motor too
         settings = {"lam_q": 1.0, "lam_S": 1.0, name: value}
         answer = off.post("/api/experiments/queue", json={"name": "tracking", "settings": settings})
         if answer.is_success:
@@ -136,7 +136,7 @@ def test_invalid_requests_are_rejected_before_motion(off: httpx.Client) -> None:
     assert off.get("/api/state").json()["mode"] == "off"
 
 
-# Motors and springs ordered through the interface; banks compared, taken out and brought in.
+# Identifications of motors and springs through the interface; banks compared, exported and imported.
 
 SWEEP = {"kind": "spring", "F_high": 30.0, "sweep_s": 3.0, "cycles": 1, "settle_s": 0.5}
 FILE = {
@@ -167,7 +167,7 @@ def test_motor_and_spring_identifications_are_predicted_in_advance(operator: htt
     several = operator.post("/api/identifications/prediction", json={"tensions_N": [10, 20, 30, 40]}).json()
     one = operator.post("/api/identifications/prediction", json={"tension_N": 20}).json()
     assert several["F_min_N"] < one["F_min_N"]
-    # 40 N is where the joint goes furthest: q = r_m θ_A / (2 r_j), and both springs are stretched by 53.8 mm.
+    # At 40 N the joint moves farthest: q = r_m θ_A / (2 r_j), and both springs are stretched by 53.8 mm.
     assert several["q_high"] == pytest.approx(0.05 * (2.0 * 53.8 / 7.5 + 1.0 + 1.0), abs=0.03)
     assert one["q_high"] < several["q_high"] - 0.2
     assert several["duration_s"] > 4.0 * 28.32

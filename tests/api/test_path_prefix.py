@@ -1,4 +1,4 @@
-"""A service below a path: its own answers lead there, and its page is told whether the way to it is right."""
+"""A service below a URL path: its redirects stay there, and its page can check the path to it."""
 
 import asyncio
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ ASKED = {"Host": "rig.lab", "Origin": "https://rig.lab"}
 @pytest.fixture(scope="module")
 def below(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     data = tmp_path_factory.mktemp("below")
-    # the link of the public URL comes first: the address at this machine is what is asked here
+    # the link of the public URL comes first; this test uses the local address
     with running_service(data, params="ideal", more=["--public-url", PUBLIC]) as running:
         yield running
 

@@ -1,4 +1,4 @@
-"""A recording in place of a plant, over HTTP: angle of the obstacle, what moves it, and what is refused beside it."""
+"""A replay over HTTP: angle of the obstacle, player commands and their refusals."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -54,7 +54,7 @@ def replaying(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 
 @pytest.fixture
 def ended(replaying: Service) -> Iterator[httpx.Client]:
-    """The operator, with the player at its end, which it reaches by itself."""
+    """The operator, with the player at the end of the recording."""
     with client_with(replaying, "token") as client:
         client.put("/api/player", json={"playing": True, "speed": 4.0}).raise_for_status()
         standing(client, ended=True)
@@ -62,7 +62,7 @@ def ended(replaying: Service) -> Iterator[httpx.Client]:
 
 
 def standing(client: httpx.Client, **wanted: Any) -> dict[str, Any]:
-    """Wait until the player stands so; return the state."""
+    """Wait until the player has these values; return the state."""
 
     def stands(state: dict[str, Any]) -> bool:
         player = state["player"]

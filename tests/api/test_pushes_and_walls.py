@@ -1,4 +1,4 @@
-"""Simulated pushes and walls, through the service and in replays."""
+"""Simulated pushes and obstacles, through the service and in replays."""
 
 import json
 import re
@@ -47,7 +47,7 @@ from tests.e2e.service import Service
 from tests.recording.stand_in import new_run
 from tests.refusals import refused
 
-# A push on the joint by command: on a simulated plant only, and let go of when control is lost.
+# A push on the joint by command: on a simulated plant only, and released when control is lost.
 
 ANA = User("Ana", Role.OPERATOR, "a")
 
@@ -143,7 +143,7 @@ def test_a_push_is_bounded_and_rejected_on_other_plants(database: Database) -> N
     stepped(database, load_parameters("ideal"), not_possible)
 
 
-# A wall in the simulated joint's way: ordered in flight, shown, taken away, refused where nothing is simulated.
+# An obstacle for the simulated joint: set during operation, shown, removed, rejected without a simulation.
 
 UP = WallOrder(wall=WallView(q_wall=0.05))
 
@@ -255,14 +255,14 @@ def test_obstacles_are_set_over_http_and_from_the_command_line(service: Service,
     assert wait_for(running, "wall", None)["wall"] is None
 
 
-# Replays draw the wall that stood: beside the force that the recording has of it.
+# Replays draw the obstacle at the time of its recorded force.
 
 LAB = load_parameters("lab")
 WHO = "Ana"
 
 
 class Drawn:
-    """Stands in for the stage: what was drawn last."""
+    """Replaces the 3D view: stores the last drawn obstacle."""
 
     def __init__(self) -> None:
         self.wall: Obstacle | None = None
@@ -276,7 +276,7 @@ class Drawn:
 
 
 def drawn_at(replay: ReplayView, run: int, moments: list[float]) -> list[tuple[Obstacle | None, bool]]:
-    """Return for each moment [s] the wall in the replay's 3D view, and whether it is drawn pressed."""
+    """Return for each moment [s] the obstacle in the replay's 3D view, and whether it is drawn pressed."""
     mirror, stage, drawn = SceneMirror(LAB, replay.get_row, replay.get_wall), Drawn(), []
     for t in moments:
         replay.show(run, t)
@@ -287,11 +287,11 @@ def drawn_at(replay: ReplayView, run: int, moments: list[float]) -> list[tuple[O
 
 
 def agrees(database: Database, run: int, walls: list[Obstacle | None]) -> None:
-    """The wall in the view is one after the other of ``walls``, and bears all the force that was recorded."""
+    """Check that the view draws one of ``walls`` after the other with the recorded force."""
     with database.reading() as session:
         samples = read_samples(session, run, ("F_wall", "q"))
     F_wall, q = samples.columns["F_wall"], samples.columns["q"]
-    # beside the ticks in which a program changes its wall: what these read of it is still the one before
+    # except ticks in which a program changes its obstacle: the view still has the previous one
     every = list(range(7, len(samples.t), 20))
     drawn = drawn_at(ReplayView(database), run, [float(samples.t[k]) for k in every])
     assert [wall for n, (wall, _) in enumerate(drawn) if n == 0 or drawn[n - 1][0] != wall] == walls
@@ -302,7 +302,7 @@ def agrees(database: Database, run: int, walls: list[Obstacle | None]) -> None:
             pressed += 1
             assert wall is not None
             assert np.sign(F_wall[k]) == -wall.side
-            # as deep as its stiffness lets that force: a count of the encoder and the damping on top
+            # the depth at which its stiffness gives that force: plus a count of the encoder and the damping
             assert wall.side * (q[k] - wall.q_wall) == pytest.approx(abs(F_wall[k]) / (wall.k_wall * 0.075), abs=2e-3)
     assert pressed > 20
 
@@ -333,7 +333,7 @@ def test_replay_draws_obstacles_that_were_set_during_operation(database: Databas
     stepped(database, LAB, session)
     up, down = Obstacle(1.0, 0.3, 20000.0, 1.0), Obstacle(-1.0, -0.2, 5000.0, 1.0)
     agrees(database, runs[0], [None, up, None, down, None])
-    # what stood when the run began stands in it from its first sample on
+    # an obstacle that exists at the start of the run is drawn from its first sample on
     assert drawn_at(ReplayView(database), runs[1], [0.0, 1.0]) == [(up, False), (up, False)]
 
 
@@ -343,7 +343,7 @@ def test_replay_draws_obstacles_of_a_program_and_none_without_records(database: 
 
     async def session(parts: Parts) -> None:
         await in_run(parts)
-        # The joint meets the walls at speed, so that few samples read a force near that of a contact in the view.
+        # The joint meets the obstacles at speed, so that few samples have a force near the threshold of the view.
         await parts.actuator.tuning_service.apply(TuningRequest(motion="time-optimal"), WHO)
         bare = parts.state().recording_run
         assert bare is not None

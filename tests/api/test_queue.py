@@ -1,4 +1,4 @@
-"""Experiments that wait for their turn, and experiments that are only played on a simulator."""
+"""Queued experiments, and dry runs of experiments on a simulator."""
 
 import httpx
 import pytest

@@ -19,14 +19,14 @@ from tests.api.conftest import PATIENCE_S, live, problem, until
 from tests.api.serving import served
 from tests.e2e.service import Service
 
-# What of a body is taken, and from whom: raw requests to the running service.
+# Bodies that the service reads, and from whom: raw requests to the running service.
 
 MB = 1 << 20
 CLOSED = ["/api/references", "/api/experiments/dry-run", "/api/banks/file", "/api/push"]
 
 
 def exchange(service: Service, head: str, body: bytes = b"") -> tuple[int, int]:
-    """Send a request; returns the status of the answer and how many bytes of ``body`` could be sent before it."""
+    """Send a request; return the status of the answer and the bytes of ``body`` sent before it."""
     parts = urlsplit(service.url)
     sent = 0
     with socket.create_connection((str(parts.hostname), int(parts.port or 0)), 20) as connection:
@@ -35,7 +35,7 @@ def exchange(service: Service, head: str, body: bytes = b"") -> tuple[int, int]:
             while sent < len(body):
                 sent += connection.send(body[sent : sent + 65536])
         except OSError:
-            pass  # the service takes no more
+            pass  # the service reads no more
         try:
             answer = connection.recv(4096)
         except ConnectionResetError:
@@ -49,7 +49,7 @@ def memory_MB(pid: int) -> float:
 
 
 def until_all_is_loaded(service: Service, operator: httpx.Client) -> None:
-    """Wait for the libraries that a start loads behind the first curve: they take memory too."""
+    """Wait for the libraries that are loaded after the start: they take memory too."""
     until(lambda: "/scipy/stats/" in Path(f"/proc/{service.pid}/maps").read_text(encoding="utf-8"))
     operator.get("/api/tuning/preview", params={"lam_q": 0.5, "lam_S": 0.42}).raise_for_status()  # needs the last
 
@@ -64,7 +64,7 @@ def test_a_body_with_two_lengths_is_rejected_and_not_read(
     until_all_is_loaded(service, operator)
     before = memory_MB(service.pid)
     status, _ = exchange(service, head, chunk * 1600)
-    assert status in (400, 0)  # 0: the connection was closed while the body still came
+    assert status in (400, 0)  # 0: the connection was closed during the body
     assert memory_MB(service.pid) - before < 50.0
     status, _ = exchange(service, head, b"5\r\n12345\r\n0\r\n\r\n")
     assert status == 400
@@ -97,7 +97,7 @@ def test_an_invalid_content_length_is_rejected(service: Service, length: str) ->
 
 
 def begun(service: Service, token: str, length: int) -> socket.socket:
-    """Send the head of a sheet of charts, and nothing of its body."""
+    """Send the head of a request for a chart sheet without its body."""
     parts = urlsplit(service.url)
     connection = socket.create_connection((str(parts.hostname), int(parts.port or 0)), 20)
     head = f"POST /api/chart-sheet.pdf HTTP/1.1\r\nHost: {parts.netloc}\r\nContent-Type: application/json\r\n"
@@ -137,7 +137,7 @@ def test_a_body_at_the_limit_of_parts_is_validated(operator: httpx.Client) -> No
     assert (refused.status_code, refused.json()["error"]["code"]) == (422, "missing")
 
 
-# HEAD where GET is, refusals that name the methods of an address, and ends of connections with malformed requests.
+# HEAD for GET, refusals with the supported methods, and the end of a connection after a malformed request.
 
 PATIENCE_S_METHODS = 20.0
 
@@ -179,7 +179,7 @@ def test_an_unsupported_method_is_rejected_with_the_supported_methods(
 def test_a_request_after_a_malformed_request_is_not_executed(
     service: Service, operator: httpx.Client, lengths: bytes
 ) -> None:
-    """A STOP hidden behind it reaches nobody, and its connection ends."""
+    """A STOP behind it has no effect, and its connection ends."""
     operator.post("/api/stop").raise_for_status()
     operator.post("/api/reset").raise_for_status()
     address = urlsplit(service.url)
@@ -196,10 +196,10 @@ def test_a_request_after_a_malformed_request_is_not_executed(
     assert operator.get("/api/state").json()["mode"] == "off"
 
 
-# Values that nobody sends by accident: each is refused in a sentence, none is a failure of the service.
+# Invalid values: each is rejected with a message, none causes an internal error.
 
 WRITTEN_FOR = {"HALF": "\\ud800", "DIGITS": "9" * 400, "BEYOND": str(2**63), "DEEP": "[" * 100_000, "LONG": "9" * 5000}
-"""What the words in the cases below stand for."""
+"""Values of the placeholders in the cases below."""
 
 NEW = '"scheme": "auto", "window_s": 20, "statistics": false, "solid": null, "toured": true, "angles": "deg"'
 NEW += ', "solid_unaided": null, "camera": "Side"'
@@ -263,7 +263,7 @@ ADDRESSES = [
 
 
 def written(text: str) -> str:
-    """Put in what the words stand for."""
+    """Replace the placeholders by their values."""
     for word, meant in WRITTEN_FOR.items():
         text = text.replace(word, meant)
     return text
@@ -336,7 +336,7 @@ def failing() -> Iterator[str]:
 
 
 def test_an_internal_error_has_the_security_headers(failing: str) -> None:
-    answer = httpx.get(f"{failing}/fails", timeout=PATIENCE_S)  # a first answer loads what it is made with
+    answer = httpx.get(f"{failing}/fails", timeout=PATIENCE_S)  # the first answer loads libraries
     assert answer.status_code == 500
     assert problem(answer)["code"] == "internal_error"
     assert answer.headers["content-security-policy"].startswith("default-src 'self'")

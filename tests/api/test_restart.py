@@ -1,4 +1,4 @@
-"""What a service leaves to the next one, however it ends."""
+"""State that a service leaves to the next one, for each way to end."""
 
 import asyncio
 import os
@@ -28,11 +28,11 @@ from tests.api.test_queue import LONG, SHORT, add
 from tests.api.test_scene import looking, receive
 from tests.e2e.service import Service, running_service
 
-# Two services never work on one database: the second is refused, the first goes on, a killed one is replaced.
+# Two services never use one database: the second is rejected, the first continues, a killed one is replaced.
 
 
 def sinew(*words: str, data: Path, database: Path) -> subprocess.CompletedProcess[str]:
-    """Run a command in a folder of its own, on a database in another; it is to end by itself."""
+    """Run a command that ends by itself, with its own folder and the database of another."""
     command = [sys.executable, "-m", "backend", *words, "--data", str(data)]
     environment = os.environ | {"SINEW_DATABASE_URL": f"sqlite:///{database}"}
     return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=100, check=False)
@@ -72,7 +72,7 @@ def test_a_second_service_is_rejected_and_the_first_continues(tmp_path: Path) ->
             assert open_runs(other) == []
 
 
-# An experiment whose service is killed: its run gets its result from the next one, once a report of it is wanted.
+# An experiment whose service is killed: the next service evaluates its run when a report is requested.
 
 PLAYED_S = 2.0
 
@@ -92,7 +92,7 @@ def test_the_report_of_an_interrupted_run_states_the_executed_time(tmp_path: Pat
     with running_service(tmp_path, params="ideal") as service, client_with(service, "viewer-token") as viewer:
         left = viewer.get(f"/api/runs/{run}").raise_for_status().json()
         assert (left["end_state"], left["evaluation"]) == ("service_died", "missing")
-        assert left["missing_samples"] is None  # how many were still to be stored nobody knows
+        assert left["missing_samples"] is None  # the number of samples that were not stored is unknown
         report = viewer.get(f"/api/runs/{run}/report.html").raise_for_status().text
         assert "s of 102 s were executed" in report
         assert "unknown: the service died during the recording" in report
@@ -101,16 +101,16 @@ def test_the_report_of_an_interrupted_run_states_the_executed_time(tmp_path: Pat
         assert not any(criterion["passed"] for criterion in metrics["criteria"])
 
 
-# What the processes of a service hold of it, and that none of them outlives it: else no other service could start.
+# No process of a service outlives it or holds its descriptors: otherwise no other service could start.
 
 END_TIMEOUT_S = 10.0
 MEMORY = {"backend.realtime.process": {"sinew-card", "sinew-ring"}, "plant.safety_card": {"sinew-card"}}
-"""Shared memory that a process is meant to have; the loop has one socket besides, its channel."""
+"""Shared memory of a process; the loop also has one socket, its channel."""
 
 
 @pytest.fixture
 def busy(tmp_path: Path) -> Iterator[Service]:
-    """A service with all its processes: loop, watchdog, pool; a viewer has asked for what viser's server forks for."""
+    """A service with all its processes: loop, watchdog, workers; a viewer has sent a message for which viser forks."""
     with (
         running_service(tmp_path, params="ideal") as service,
         client_with(service, "token") as operator,
@@ -123,7 +123,7 @@ def busy(tmp_path: Path) -> Iterator[Service]:
         operator.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
         ended(operator, run)
         operator.get(f"/api/runs/{run}/data.csv").raise_for_status()  # its process ends with it
-        operator.get(f"/api/runs/{run}/report.html").raise_for_status()  # by the process that stays for such work
+        operator.get(f"/api/runs/{run}/report.html").raise_for_status()  # by the permanent process for such work
         asyncio.run(_ask_to_publish(service, viewer))
         yield service
 
@@ -132,7 +132,7 @@ async def _ask_to_publish(service: Service, viewer: httpx.Client) -> None:
     async with looking(service, viewer) as socket:
         await receive(socket)
         await socket.send(msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
-        await asyncio.sleep(0.5)  # what is not to happen cannot be waited for
+        await asyncio.sleep(0.5)  # an event that must not happen cannot be awaited
 
 
 def test_child_processes_share_no_descriptors_and_end_with_the_service(busy: Service) -> None:
@@ -164,7 +164,7 @@ def queue_of(client: httpx.Client) -> dict[str, Any]:
 
 
 def end_by(service: Service, number: signal.Signals) -> None:
-    """Send a signal, and wait until the process is a zombie or gone: its loop process ends by itself."""
+    """Send a signal, and wait until the process has ended or is a zombie."""
     os.kill(service.pid, number)
     status = Path(f"/proc/{service.pid}/stat")
     end = time.monotonic() + 60.0
@@ -202,7 +202,7 @@ def test_queue_is_paused_after_a_kill_and_after_a_shutdown(tmp_path: Path) -> No
             assert [one["kind"] for one in entries if "SIGTERM" in one["text"]] == ["note"]
             assert not [one for one in entries if one["kind"] in ("trip", "fault")]  # it was off when it was ended
             before = client.get("/api/runs").json()["total"]
-            client.post("/api/experiments/queue/run").raise_for_status()  # the short one, in second place before
+            client.post("/api/experiments/queue/run").raise_for_status()  # the short one, second before
             until(lambda: len(queue_of(client)["items"]) == 2)
             assert client.get("/api/runs").json()["total"] == before + 1
             client.post("/api/stop").raise_for_status()
@@ -233,7 +233,7 @@ def test_experiment_that_cannot_be_stored_is_not_queued(tmp_path: Path) -> None:
             assert await refused(queue.remove(item.id))
             assert await refused(queue.move(item.id, 0))
             assert queue.view().items == [item]
-            assert (await queue.run()).run == 5  # it has started: that its row stays is in the log
+            assert (await queue.run()).run == 5  # it has started: the log reports that its row remains
             assert queue.view().items == []
             queue.handle_run_end(5, EndState.COMPLETED)
             os.rename(tmp_path / "away.db", tmp_path / "sinew.db")

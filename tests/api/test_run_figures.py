@@ -1,4 +1,4 @@
-"""Figures of ranges of a run, and chart sheets, through the interface."""
+"""Statistics and spectra of ranges of a run, and chart sheets, through the interface."""
 
 import io
 import json
@@ -22,7 +22,7 @@ from tests.api.conftest import PATIENCE_S, client_with, problem
 from tests.e2e.service import Service, running_service
 from tests.recording.stored_run import store_run
 
-# A sheet of charts sent to be printed: whoever is signed in gets a PDF; what is no sheet, or too large, gets words.
+# A sheet of charts for printing: signed-in people get a PDF; an invalid or too large sheet gets a message.
 
 FOOT = "run 3 · SIM · λ_q 0.5 s"
 
@@ -35,7 +35,7 @@ def sheet(inside: str = "") -> dict[str, str]:
 def test_a_sheet_is_returned_as_a_pdf_attachment(viewer: httpx.Client) -> None:
     points = "".join(f"L{column % 900} {column % 430}" for column in range(MAX_BODY_BYTES // 7))
     body = sheet(f'<path d="M0 0{points}" fill="none" stroke="#0072B2"/>')
-    assert len(body["svg"]) > MAX_BODY_BYTES  # many curves are more than other bodies may be
+    assert len(body["svg"]) > MAX_BODY_BYTES  # larger than the limit of other bodies
     answer = viewer.post(SHEETS, json=body)
     assert answer.status_code == 200, answer.text
     assert answer.headers["content-type"] == "application/pdf"
@@ -65,7 +65,7 @@ def test_anonymous_clients_get_no_sheet(service: Service) -> None:
     assert httpx.post(f"{service.url}{SHEETS}", json=sheet()).status_code == 401
 
 
-# Figures of ranges of a run over HTTP: lines that tell how far they are, refusals before them, an end when left.
+# Statistics of ranges of a run over HTTP: progress lines, refusals before them, an end on disconnect.
 
 COUNT = 120_000
 KINDS = ("statistics", "spectra", "range.csv")
@@ -147,7 +147,7 @@ def test_an_invalid_range_is_rejected_before_the_first_byte(
 
 
 def test_an_abandoned_range_frees_its_slot(stored: tuple[httpx.Client, int]) -> None:
-    """More of them than are read at a time, each left after its first line: the next one is answered all the same."""
+    """More ranges than are read at a time, each abandoned after its first line: the next request is still answered."""
     client, run = stored
     for _ in range(20):
         with client.stream("GET", f"/api/runs/{run}/statistics", params={"signals": ",".join(STORED_NAMES)}) as begun:

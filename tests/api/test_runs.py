@@ -35,7 +35,7 @@ from tests.api.conftest import ended, once_told, problem, until, wait_for
 from tests.e2e.service import Service
 from tests.models.earlier_identifications import ACTUATOR
 
-# Downloads of samples: streams that are refused before they begin, and end with whoever takes them.
+# Downloads of samples: streams that are rejected before they begin, and end when the client disconnects.
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def test_an_abandoned_download_leaves_no_process(service: Service, operator: htt
 
 
 def _writers(service: Service) -> list[str]:
-    """Processes of the service that write a download."""
+    """Return the processes of the service that write a download."""
     found = []
     for task in Path(f"/proc/{service.pid}/task").iterdir():
         for child in (task / "children").read_text(encoding="ascii").split():
@@ -104,7 +104,7 @@ def _writers(service: Service) -> list[str]:
     return found
 
 
-# Searching, tagging and comparing runs through the interface, on the running service.
+# Search, tags and comparison of runs through the interface, on the running service.
 
 SEGMENTS = '[{{"duration_s": 1, "q_ref": {q_ref}, "S_ref": 10}}]'
 
@@ -319,7 +319,7 @@ def unmeasured(client: httpx.Client, played: list[int]) -> set[str]:
     return {name for run in played for name, metric in metrics(client, run).items() if metric["value"] is None}
 
 
-# Derived signals through the interface: written, read with recordings, compared, exported, removed.
+# Derived signals through the interface: stored, read with recordings, compared, exported, removed.
 
 
 def put(client: httpx.Client, name: str, expression: str, unit: str = "N", meaning: str = "") -> httpx.Response:
@@ -349,7 +349,7 @@ def run_formulas(operator: httpx.Client) -> int:
 
 @pytest.fixture(scope="module")
 def another(operator: httpx.Client, run_formulas: int) -> int:
-    """A run after it."""
+    """A second run."""
     return recorded(operator)
 
 
@@ -456,7 +456,7 @@ def test_a_viewer_can_read_but_not_change_derived_signals(viewer: httpx.Client) 
     assert viewer.delete("/api/formulas/made").status_code == 403
 
 
-# Lineage, marks and checklist through the interface, and the checklist's rules on a database of its own.
+# Lineage, marks and checklist through the interface, and the rules of the checklist on a separate database.
 
 PARAMETERS = {"r_m": 0.0075}
 
@@ -476,7 +476,7 @@ def test_a_session_has_its_origin_and_events(off: httpx.Client) -> None:
         marks = running.get(f"/api/runs/{run}/marks").raise_for_status().json()["marks"]
         return [mark for mark in marks if mark["text"].startswith("q_ref ")]
 
-    [mark] = until(about_references)  # the journal writes by itself, the samples follow
+    [mark] = until(about_references)  # the event log is written separately, the samples follow
     assert format_text(mark["text"], AngleUnit.DEGREES) == "q_ref 15°, S_ref 10.25 N·m/rad"
     assert 0.0 <= mark["t"] < 60.0
     assert mark["who"] == "operator"
@@ -547,7 +547,7 @@ def test_the_checklist_covers_pretension_to_report(database: Database) -> None:
     identified(database, RunKind.MOTOR_IDENTIFICATION)
     identified(database, RunKind.SPRING_IDENTIFICATION)
     bank = built(database, identified(database, RunKind.ACTUATOR_IDENTIFICATION))
-    assert states(database, None)["bank"] == "missing"  # built but not in use, which is to be done and not out of date
+    assert states(database, None)["bank"] == "missing"  # built but not active: to be done, and not out of date
     completed(database, RunKind.TRACKING, bank=bank)
     told = states(database, bank)
     assert (told.pop("report"), told.pop("tuning")) == ("missing", "missing")
@@ -579,7 +579,7 @@ def test_a_bank_older_than_the_parameters_is_out_of_date(database: Database) -> 
 def test_a_new_identification_makes_later_steps_out_of_date(database: Database) -> None:
     bank = built(database, identified(database, RunKind.ACTUATOR_IDENTIFICATION))
     completed(database, RunKind.TRACKING, bank=bank)
-    identified(database, RunKind.ACTUATOR_IDENTIFICATION, S=14.0)  # another point
+    identified(database, RunKind.ACTUATOR_IDENTIFICATION, S=14.0)  # another operating point
     assert states(database, bank)["bank"] == "done"
     identified(database, RunKind.ACTUATOR_IDENTIFICATION)
     assert states(database, bank)["bank"] == "outdated"

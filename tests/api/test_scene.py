@@ -1,4 +1,4 @@
-"""The 3D view of the running service: who gets to it, what comes of what they say."""
+"""The 3D view of the running service: access, and the effect of messages of its clients."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -28,7 +28,7 @@ async def looking(
 ) -> AsyncIterator[ClientConnection]:
     headers = {"Authorization": client.headers["Authorization"], "Origin": service.url}
     address = service.url.replace("http", "ws") + path
-    # What waits to be read has no bound: behind messages that a test does not read a pong would wait for ever.
+    # The receive buffer has no bound: behind messages that a test does not read a pong would never arrive.
     async with connect(address, additional_headers=headers, subprotocols=[protocol], max_queue=None) as socket:
         yield socket
 
@@ -40,7 +40,7 @@ async def receive(socket: ClientConnection) -> bytes:
 
 
 async def closed_with(socket: ClientConnection) -> int | None:
-    """Read until the other side closes; its code."""
+    """Read until the other side closes; return its code."""
     try:
         while True:
             await receive(socket)
@@ -86,7 +86,7 @@ def test_the_service_listens_on_one_address_only(service: Service, operator: htt
 
 @SCENES
 def test_messages_of_a_viewer_change_nothing_in_the_scene(service: Service, viewer: httpx.Client, path: str) -> None:
-    """Least of all to publish the scene: viser's own server would fork for it, and ask a server far away."""
+    """Above all not the publication of the scene: viser's own server would fork and call a remote server."""
     kinds = sorted(kind.__name__ for kind in _messages.Message.get_subclasses())
     upload = {"source_component_uuid": "a", "transfer_uuid": "b", "filename": "c", "mime_type": "d"}
     said = [
@@ -100,7 +100,7 @@ def test_messages_of_a_viewer_change_nothing_in_the_scene(service: Service, view
             await receive(socket)
             before = descendants(service.pid)
             await socket.send(msgspec.msgpack.encode(said[0]))
-            await asyncio.sleep(0.5)  # what is not to happen cannot be waited for
+            await asyncio.sleep(0.5)  # an event that must not happen cannot be awaited
             assert descendants(service.pid) == before
             for message in said[1:]:
                 await socket.send(msgspec.msgpack.encode(message))
@@ -177,7 +177,7 @@ def test_the_scene_limits_its_connections(service: Service, viewer: httpx.Client
                 await receive(await stack.enter_async_context(looking(service, viewer, "/replay")))
             async with looking(service, viewer, "/replay") as late:
                 assert await closed_with(late) == 1013
-        while True:  # those who left are forgotten a moment later
+        while True:  # the service removes disconnected clients shortly afterwards
             async with looking(service, viewer, "/replay") as socket:
                 with suppress(ConnectionClosed):
                     await receive(socket)

@@ -27,7 +27,7 @@ from tests.api.patient import connect
 from tests.e2e.service import Service, running_service
 from tests.refusals import refused
 
-# Sign-in, roles and what is open, on the running service.
+# Sign-in, roles and public routes, on the running service.
 
 CLOSED = ["/api/state", "/api/tuning", "/api/runs", "/api/banks", "/api/identifications", "/api/session", "/scene/"]
 
@@ -107,7 +107,7 @@ def test_a_viewer_may_stop(viewer: httpx.Client, off: httpx.Client) -> None:
     assert off.get("/api/state").json()["mode"] == "tripped"
 
 
-# Who gets in after a restart, a clock that was set, a sign-out, new tokens; and who may read the data folder.
+# Access after a restart, a change of the clock, a sign-out or new tokens; and permissions of the data folder.
 
 CLOCK = "import os, time\nreal, moved = time.time, float(os.environ['MOVED_S'])\ntime.time = lambda: real() + moved\n"
 
@@ -125,20 +125,20 @@ def cookie_of(browser: httpx.Client) -> str:
 
 
 def carried(cookie: str, to: Service) -> dict[str, str]:
-    """The header by which a browser shows its cookie at another port: a restarted service of a test gets a new one."""
+    """Return the cookie header of a browser at another port, because a restarted service gets a new port."""
     return {"Cookie": f"{COOKIE}{to.url.rpartition(':')[2]}={cookie}"}
 
 
 def modes(data: Path) -> dict[str, int]:
     found = {}
     for path in (data, *data.rglob("*")):
-        with suppress(FileNotFoundError):  # one that is written anew has another name until it is whole
+        with suppress(FileNotFoundError):  # a file being written has another name until it is complete
             found[path.name] = stat.S_IMODE(path.stat().st_mode)
     return found
 
 
 async def watch(service: Service, headers: dict[str, str], ended: httpx.Client) -> int | None:
-    """Open the live stream, sign out elsewhere, return the code with which the stream is closed."""
+    """Open the live stream, sign out elsewhere, return the close code of the stream."""
     url = service.url.replace("http", "ws") + "/api/live"
     async with connect(url, additional_headers=headers, close_timeout=0.1) as socket:
         await socket.recv()
@@ -152,7 +152,7 @@ async def watch(service: Service, headers: dict[str, str], ended: httpx.Client) 
 
 @pytest.fixture
 def moved_clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let processes that are started from now on live 40 days ahead."""
+    """Set the clock of processes that start from now on 40 days ahead."""
     folder = tmp_path / "clock"
     folder.mkdir()
     (folder / "sitecustomize.py").write_text(CLOCK)
@@ -251,7 +251,7 @@ def test_connected_people_of_one_name_are_distinguished(service: Service, operat
     assert asyncio.run(together()) == ["Eva", "Eva (2)"]
 
 
-# A person gives a name once; nobody gets the name of somebody who is there, however it is written.
+# A person gives a name once; a name in use gets a suffix, in whatever spelling.
 
 
 def newcomer(session: str, role: Role = Role.OPERATOR) -> User:
@@ -269,7 +269,7 @@ def test_a_new_name_is_requested_once_and_keeps_session_and_control(service: Ser
         assert browser.get("/api/state").json()["holder"]["name"] == "Ana Lund"
         browser.get(service.link)  # the link again, in the same browser
         assert browser.get("/api/session").json() == named
-        # Who signs out without that holds control until it is lost, and scripts of other tests may command nothing.
+        # A sign-out without it would keep control until the timeout, and scripts of other tests could send no command.
         browser.delete("/api/control", headers={CONTROL_HEADER: f"{lease['page']}.1"}).raise_for_status()
         kept = dict(browser.cookies)
         browser.delete("/api/session").raise_for_status()
@@ -326,13 +326,13 @@ def test_presence_begins_with_the_first_page_of_a_person() -> None:
 def test_a_returning_person_whose_name_is_in_use_gets_a_suffix() -> None:
     people = ActiveUsers()
     ana = people.rename(newcomer("1"), "Ana")
-    other = people.rename(newcomer("2"), "Ana")  # while the first was away
+    other = people.rename(newcomer("2"), "Ana")  # while the first was absent
     assert ana.name == other.name
     with people.connect(other, is_page=True):
         back = people.resolve_returning(ana)
         assert (back.name, back.session) == ("Ana (2)", "1")
         with people.connect(back, is_page=True):
-            assert people.resolve_returning(ana) == back  # as long as they are there, in whatever they do
+            assert people.resolve_returning(ana) == back  # as long as the person is connected, on any page
             assert people.resolve_returning(other) == other
     script = User("operator", Role.OPERATOR, BEARER)
     assert people.resolve_returning(script) == script
@@ -344,7 +344,7 @@ def test_a_script_keeps_the_name_of_its_role() -> None:
     assert (error.value.category, error.value.message.code) == (ErrorCode.NOT_NOW, "script_cannot_be_renamed")
 
 
-# Layouts of the charts: kept for each person as they were sent, refused in words where no chart could show them.
+# Layouts of the charts: stored per person as they were sent, rejected with a message if no chart can show them.
 
 ERRORS = {"title": "Errors", "signals": ["q - q_ref"], "over": None, "share": 1.5}
 PLANE = {"title": "S over q", "signals": ["S", "S_ref"], "over": "q", "share": 2.0}

@@ -1,4 +1,4 @@
-"""The websocket of the running service, decoded as a client does."""
+"""The live stream of the running service, decoded as by a client."""
 
 import asyncio
 import json

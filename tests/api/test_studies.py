@@ -1,4 +1,4 @@
-"""Studies through the interface, on the running service: begun, followed, stopped, resumed, refused."""
+"""Studies through the interface, on the running service: started, polled, stopped, resumed, rejected."""
 
 from collections.abc import Callable
 from typing import Any
@@ -69,7 +69,7 @@ def test_a_text_of_a_study_is_checked_without_a_start(viewer: httpx.Client) -> N
     refused = checked(HEAD + GRID.replace("0.8]", "9.0]"))
     assert (refused["points"], refused["path"]) == (None, ["axes", 0, "over"])
     assert "line 6" in refused["problem"]
-    assert refused["document"]["axes"][0]["values"] == [0.5, 9.0]  # a form can show it, and mend it
+    assert refused["document"]["axes"][0]["values"] == [0.5, 9.0]  # a form can show and correct it
     assert checked("format: [")["document"] is None
     assert checked("- 1")["document"] is None
     assert viewer.get("/api/studies").json() == before

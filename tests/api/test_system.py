@@ -33,7 +33,7 @@ from tests.api.test_endings import wait_for_end
 from tests.e2e.service import Service, running_service
 from tests.storage.test_lineage import NEW_RUN
 
-# The System page's view, a backup made while the service works, and bringing it back.
+# The view of the System page, a backup during operation, and its restore.
 
 
 def test_the_state_of_computer_timing_and_database_is_reported(viewer: httpx.Client) -> None:
@@ -60,7 +60,7 @@ def test_a_backup_is_made_and_checked_while_the_service_runs(
 
 
 def test_recordings_are_listed_and_deleted_only_by_number(operator: httpx.Client, viewer: httpx.Client) -> None:
-    """The service under test keeps within its limit, so nothing may go: naming a run is refused."""
+    """The recordings are within the limit, so none may be deleted: the number of a run is rejected."""
     listed = viewer.get("/api/system/recordings").raise_for_status().json()
     assert listed["limit_bytes"] == 20_000_000_000
     assert (listed["may_go"], listed["says"]) == ([], "")
@@ -124,7 +124,7 @@ def test_an_invalid_backup_is_rejected_without_changes(tmp_path: Path, bad: str)
     assert not list(tmp_path.glob("*before-restore*"))
 
 
-# The log through the interface: who came and went, copies, orders; what people say of it, and who may.
+# The log through the interface: sign-ins, backups, commands, remarks, and who may write them.
 
 
 def log(client: httpx.Client, **asked: Any) -> list[dict[str, Any]]:
@@ -176,7 +176,7 @@ def test_the_log_names_the_person_of_a_mode_change(off: httpx.Client, viewer: ht
     last = log(viewer)[0]["event"] or 0
 
     def modes() -> list[tuple[str, str]]:
-        """The changes from this test's first order on; the log may get the reset before it late."""
+        """Return the changes from this test's first command on; the log may get the reset before it late."""
         found = [one for one in log(viewer, kind="mode") if one["event"] > last]
         read_entries = [(one["text"], one["who"]) for one in reversed(found)]
         return read_entries[read_entries.index(ordered) :] if ordered in read_entries else []
@@ -205,7 +205,7 @@ def test_a_stop_is_one_entry_with_person_and_flight_record_and_a_reset_is_no_ala
         return bool(0 <= proof["arrived_tick"] - flight["tick"] <= 1000 * flight["after_s"])
 
     flight = until(lambda: next(filter(holds, viewer.get("/api/flights").json()["flights"]), None))
-    # what the fixture did before, and what was done here
+    # the commands of the fixture, and those of this test
     assert [(one["kind"], one["who"]) for one in read_entries()[:4]] == 2 * [("note", "operator"), ("trip", "operator")]
     (trip,) = [one for one in log(viewer, kind="trip") if one["event"] == flight["id"]]
     assert trip["flight"]
@@ -235,11 +235,11 @@ def test_an_invalid_query_of_the_log_is_rejected(viewer: httpx.Client, asked: di
     assert viewer.get("/api/log", params=asked).status_code == 422
 
 
-# The log at level info names start, stop, processes, connections and modes; by default it has none of them.
+# The log at level info has start, stop, processes, connections and modes; by default it has none of them.
 
 
 def lines_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, level: str | None) -> list[str]:
-    """Return the lines of level info of a service that went to pretension and was ended."""
+    """Return the lines of level info of a service that entered pretension and was ended."""
     if level is not None:
         monkeypatch.setenv("SINEW_LOG_LEVEL", level)
     with running_service(tmp_path, params="ideal") as service:
@@ -279,7 +279,7 @@ def test_the_log_limits_no_events() -> None:
 
 @pytest.fixture
 def loggers() -> Iterator[None]:
-    """Loggers as they were, after a test that changes them."""
+    """Restores the loggers after a test that changes them."""
     changed = [logging.getLogger(name) for name in ("", "backend", "plant")]
     before = [(logger.level, logger.handlers[:]) for logger in changed]
     yield
@@ -404,7 +404,7 @@ def test_an_invalid_body_has_no_logged_values() -> None:
 
 @pytest.fixture(scope="module")
 def unrefused(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    """A service that has refused nothing yet: after many refusals the log only counts further ones, for minutes."""
+    """A service without earlier refusals: after many refusals the log only counts them for minutes."""
     with running_service(tmp_path_factory.mktemp("unrefused"), params="ideal") as running:
         yield running
 
@@ -440,7 +440,7 @@ def _check_refusals_in_log(off: httpx.Client, viewer: httpx.Client) -> None:
         assert text.startswith(begin)
         assert " refused: " in text
     assert texts[0].endswith(reasons[0])
-    assert f"q_ref {Angle(9.0)}" in texts[2]  # in SI, as all texts of the log: each reads it in their own unit
+    assert f"q_ref {Angle(9.0)}" in texts[2]  # in SI, as all texts of the log: it is shown in the unit of the reader
     alarms = viewer.get("/api/log", params={"kind": ["trip", "fault", "recording"]}).json()["entries"]
     assert not [entry for entry in alarms if "refused" in entry["text"]]
 

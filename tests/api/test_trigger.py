@@ -67,7 +67,7 @@ def test_a_capture_has_the_requested_samples_around_the_trigger(disarmed: httpx.
     disarmed.delete("/api/trigger").raise_for_status()
     trigger = viewer.get("/api/state").json()["trigger"]
     assert (trigger["phase"], trigger["ended"]) == ("ended", "operator disarmed it")
-    disarmed.delete("/api/trigger").raise_for_status()  # again: nothing is armed
+    disarmed.delete("/api/trigger").raise_for_status()  # a second time: nothing is armed
 
 
 def test_an_armed_trigger_uses_the_formula_at_the_time_of_arming(disarmed: httpx.Client, viewer: httpx.Client) -> None:

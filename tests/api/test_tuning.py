@@ -1,4 +1,4 @@
-"""Trials that end by themselves, what is saved for a bank, and the printed formula beside the right one."""
+"""Trials that revert by themselves, the saved tuning of a bank, and the printed formula next to the correct one."""
 
 import math
 import time
@@ -27,7 +27,7 @@ def test_a_trial_is_reverted_without_a_connected_page(off: httpx.Client) -> None
     assert state["tuning"]["lam_q"] == 0.7
     assert state["trial"]["lam_q"] == 0.5
     assert 0.0 < state["trial"]["remaining_s"] <= 1.0
-    time.sleep(0.8)  # nobody is connected meanwhile
+    time.sleep(0.8)  # no page is connected meanwhile
     after = wait_for(off, "trial", None)
     assert after["tuning"]["lam_q"] == 0.5
 
@@ -71,19 +71,19 @@ def test_the_saved_tuning_is_the_active_tuning_at_the_time_of_saving(off: httpx.
 
 
 def test_the_preview_has_the_printed_and_the_corrected_formula(off: httpx.Client) -> None:
-    query = {"lam_q": 0.5, "lam_S": 0.42, "u_plan": 0.0, "S": 10.0}  # in off the present S moves
+    query = {"lam_q": 0.5, "lam_S": 0.42, "u_plan": 0.0, "S": 10.0}  # in mode off the present S changes
     preview = off.get("/api/tuning/preview", params={**query, "printed": True}).raise_for_status().json()
     position = preview["position"]
     assert position["stable"]
     assert len(position["printed"]["y"]) == len(position["printed"]["t"]) > 0
-    assert not position["printed"]["stable"]  # erratum E6: K, T from the full model leave no room for k_p = 2/(K λ)
+    assert not position["printed"]["stable"]  # erratum E6: K and T of the full model allow no k_p = 2/(K λ)
     without = off.get("/api/tuning/preview", params=query).raise_for_status().json()
     assert without["position"] == {**position, "printed": None}
 
 
 def test_an_unsent_voltage_limit_is_previewed_by_its_step(off: httpx.Client) -> None:
     def step(**more: float | str) -> dict[str, float]:
-        query = {"lam_q": 0.5, "lam_S": 0.42, "S": 10.0, **more}  # in off the present S moves
+        query = {"lam_q": 0.5, "lam_S": 0.42, "S": 10.0, **more}  # in mode off the present S changes
         found = off.get("/api/tuning/preview", params=query).raise_for_status().json()
         return {name: found["step_q"][name] for name in ("u_peak_V", "F_min_N", "rise_s")}
 
@@ -115,7 +115,7 @@ def test_a_preview_uses_the_requested_stiffness_and_rejects_one_out_of_range(off
 
 
 def test_the_preview_of_the_motor_loop_is_sampled_with_electrical_lag(off: httpx.Client) -> None:
-    """Sampled and with its electrical lag (erratum E5); at 0.05 s the gain may fall to 4 % only, and that is said."""
+    """Sampled and with its electrical lag (erratum E5); at 0.05 s the gain may fall to 4 % only, as stated."""
     query = {"lam_q": 0.5, "lam_S": 0.42}
     motor = off.get("/api/tuning/preview", params=query).raise_for_status().json()["motor"]
     assert motor == {
@@ -154,7 +154,7 @@ def test_preferences_belong_to_a_person_and_are_checked(operator: httpx.Client, 
 
 @pytest.mark.parametrize("lam_motor", [0.05, 0.0854, 0.15])
 def test_the_motor_loop_is_computed_at_every_offered_lambda(off: httpx.Client, lam_motor: float) -> None:
-    """What the form of an experiment shows beside λ_motor is what the sampled loop gives."""
+    """The values next to λ_motor in the form of an experiment are those of the sampled loop."""
     told = off.get("/api/tuning/motor", params={"lam_motor": lam_motor}).raise_for_status().json()
     parameters = load_parameters("ideal")
     expected = motor_robustness(motor_model(parameters, "A"), make_motor_loops(parameters, lam_motor).A)

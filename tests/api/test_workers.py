@@ -1,4 +1,4 @@
-"""The service's own processes killed as a person or the kernel would, and dry runs that must not hold anybody up."""
+"""Worker processes that are killed, and dry runs that must not delay other requests."""
 
 import json
 import os
@@ -32,10 +32,10 @@ def lasting(duration_s: float) -> dict[str, object]:
 
 
 def workers(service: Service, niceness: int) -> list[int]:
-    """Numbers of the service's processes for work that run at this niceness."""
+    """Return the worker processes of the service with this niceness."""
     found = []
     for child in Path(f"/proc/{service.pid}/task/{service.pid}/children").read_text(encoding="ascii").split():
-        with suppress(OSError):  # it has ended meanwhile
+        with suppress(OSError):  # the process has ended meanwhile
             is_worker = b"multiprocessing.spawn" in Path(f"/proc/{child}/cmdline").read_bytes()
             if is_worker and os.getpriority(os.PRIO_PROCESS, int(child)) == niceness:
                 found.append(int(child))
@@ -52,7 +52,7 @@ def kill_all(service: Service, niceness: int) -> int:
 
 @contextmanager
 def all_killed(service: Service, niceness: int) -> Iterator[None]:
-    """Kill every process of this niceness as soon as it is there."""
+    """Kill every process of this niceness as soon as it exists."""
     over = threading.Event()
 
     def kill() -> None:
@@ -169,20 +169,20 @@ def about_dry_runs(client: httpx.Client) -> list[str]:
 
 @pytest.fixture
 def reported(off: httpx.Client, run: int) -> int:
-    """A short run whose report was asked for: the process of reports is there and at rest."""
+    """A short run with a requested report: the process of reports exists and is idle."""
     assert off.get(f"/api/runs/{run}/report.html").is_success
     return run
 
 
 def processor_ticks(pid: int) -> int:
-    """Time that a process has spent on the processors (proc(5): utime and stime)."""
+    """Return the CPU time of a process (proc(5): utime and stime)."""
     after_name = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
     return int(after_name[11]) + int(after_name[12])
 
 
 @contextmanager
 def held(pid: int) -> Iterator[None]:
-    """Hold a process: it is there, and what it computes takes for ever."""
+    """Stop a process, so that its computation never ends."""
     os.kill(pid, signal.SIGSTOP)
     try:
         yield
@@ -193,7 +193,7 @@ def held(pid: int) -> Iterator[None]:
 
 @pytest.fixture
 def hanging(service: Service, viewer: httpx.Client, reported: int) -> Iterator[socket.socket]:
-    """A connection that waits for a viewer's long dry run, while nobody waits for a report."""
+    """A connection that waits for a long dry run of a viewer while no report is requested."""
     parts = urlsplit(service.url)
     token = (service.data / "viewer-token").read_text().strip()
     body = json.dumps(lasting(600)).encode()
@@ -204,7 +204,7 @@ def hanging(service: Service, viewer: httpx.Client, reported: int) -> Iterator[s
         with connected(address, head.encode() + body) as connection:
             while viewer.post("/api/experiments/dry-run", json=SHORT).status_code != 429:
                 if select.select([connection], [], [], 0.0)[0]:
-                    break  # refused: a short one was there first
+                    break  # rejected: a short one was first
             else:
                 yield connection
                 return
@@ -217,7 +217,7 @@ def test_a_dry_run_of_a_viewer_delays_no_report_and_ends_on_disconnect(
     since = {pid: processor_ticks(pid) for pid in workers(service, POLITE)}
     (dry_run,) = until(lambda: [pid for pid, ticks in since.items() if processor_ticks(pid) > ticks + 5])
     told = set(about_dry_runs(off))
-    with held(dry_run):  # so that it cannot be over before the reports are
+    with held(dry_run):  # so that it cannot end before the reports
         assert off.get(f"/api/runs/{reported}/report.html").is_success
         assert off.get(f"/api/runs/{reported}/data.csv").is_success
         refused = viewer.post("/api/experiments/dry-run", json=SHORT)
@@ -233,4 +233,4 @@ def test_a_dry_run_of_a_viewer_delays_no_report_and_ends_on_disconnect(
     assert again.status_code == 200, again.text
     assert again.json()["status"] == "completed"
     assert dry_run not in workers(service, POLITE)
-    assert set(about_dry_runs(off)) <= told  # a process that is ended on purpose is no trouble; earlier trouble passes
+    assert set(about_dry_runs(off)) <= told  # the intended end of a process is no problem; earlier problems expire

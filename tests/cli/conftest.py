@@ -9,7 +9,7 @@ from backend.cli import main
 
 
 class Command(Protocol):
-    """Runs a command in this process: one of its own costs seconds of imports."""
+    """Runs a command in this process, because a separate process takes seconds of imports."""
 
     def __call__(self, *words: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]: ...
 

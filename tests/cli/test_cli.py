@@ -1,4 +1,4 @@
-"""The command line: what it prints and refuses, wherever it runs and whatever answers."""
+"""The command line: its output, its refusals and unusual environments."""
 
 import getpass
 import importlib.metadata
@@ -37,10 +37,10 @@ from tests.recording.test_retention import recorded
 from tests.refusals import refused
 from tests.storage.test_lineage import NEW_RUN
 
-# The command line: what it prints, what it refuses, how it ends.
+# The command line: its output, its refusals and its exit status.
 #
-# A process of its own costs seconds of imports: there is one where the process matters, for what an experiment leaves,
-# what is loaded for help, and what the doctor asks of the system. All else is called here, through the same ``main``.
+# A separate process takes seconds of imports. It is used where the process matters: for the files of an experiment,
+# the modules that help loads, and the system checks of the doctor. The rest calls the same ``main`` in this process.
 
 SHORT = ["--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--set", "lam_q=0.6", "--set", "seed=3"]
 
@@ -52,7 +52,7 @@ def process(*words: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture(scope="module")
 def tracked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, object]]:
-    """A data folder with one tracking run, and what the command printed of it."""
+    """A data folder with one tracking run, and the output of its command."""
     folder = tmp_path_factory.mktemp("cli")
     data, out = folder / "data", folder / "out"
     ended = process(
@@ -100,7 +100,7 @@ def test_an_experiment_starts_with_the_active_tuning_and_prints_it(command: Comm
         kept = tuning_settings.load_last_tuning(database, parameters)
     assert TuningSettings.from_values(used) == TuningSettings(lam_q=0.7, b=1.0)
     assert kept is not None
-    assert kept.tuning == TuningSettings(lam_q=0.7, b=0.5)  # of an experiment nothing stays
+    assert kept.tuning == TuningSettings(lam_q=0.7, b=0.5)  # the settings of an experiment are not retained
 
 
 def test_an_experiment_prints_the_lambda_that_replaces_an_unsafe_default(command: Command, tmp_path: Path) -> None:
@@ -134,7 +134,7 @@ def test_a_stored_run_is_listed_shown_and_exported(command: Command, tracked: tu
         assert ("not measured" if read is None else f"{read:.4g}") in seen
     assert "λ_q" in seen
     assert str(printed["verdict"]) in " ".join(seen.split())
-    assert not set(metrics) & set(seen.split())  # labels, not the names that programs read
+    assert not set(metrics) & set(seen.split())  # labels, not the names for programs
     csv = folder / "again.csv"
     assert command("runs", "export", str(printed["run"]), str(csv), *data).returncode == 0
     assert csv.read_text() == (folder / "out" / "data.csv").read_text()
@@ -200,7 +200,7 @@ def test_doctor_prints_json(tmp_path: Path) -> None:
 
 
 def test_doctor_reports_a_rig_that_cannot_start(command: Command, tmp_path: Path) -> None:
-    """No machine of these tests has a card: the doctor says what is missing in the words that a start is refused in."""
+    """The computer of these tests has no card: the doctor states the problem with the text of the refused start."""
     findings = json.loads(process("doctor", "--json", "--data", str(tmp_path)).stdout)
     card = next(finding for finding in findings if "DAQ" in finding["what"])
     ended = command("serve", "--plant", "rig", "--port", "0", "--data", str(tmp_path / "rig"))
@@ -297,7 +297,7 @@ def test_a_read_only_data_folder_is_reported_with_a_remedy(tmp_path: Path) -> No
     folder.chmod(0o500)
     (folder / FILE_NAME).chmod(0o400)
     before: tuple[str, ...] = ()
-    if os.geteuid() == 0:  # who may write everywhere gives that up
+    if os.geteuid() == 0:  # a user who may write everywhere gives up that right
         assert shutil.which("setpriv"), "this test needs setpriv (util-linux) when root runs it"
         before = ("setpriv", "--bounding-set", "-dac_override", "--inh-caps", "-all")
     ended = sinew("runs", "list", "--data", str(folder), before=before)
@@ -338,13 +338,13 @@ def test_a_file_whose_name_is_too_long_for_a_run_is_rejected(tmp_path: Path) -> 
     assert_reason(wrong.text, "wiring_name_too_long", length=201, maximum=200)
 
 
-# What answers where a service is expected may be anything: a command says so in one line.
+# Any program may answer in place of a service: the command reports it in one line.
 
 OK, REFUSED = b"HTTP/1.1 200 OK\r\nConnection: close\r\n\r\n", b"HTTP/1.1 409 Conflict\r\nConnection: close\r\n\r\n"
 
 
 def answer(said: bytes) -> object:
-    """Ask a server that gives this answer to whoever comes."""
+    """Send a request to a server that gives this answer to every client."""
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         def serve() -> None:

@@ -1,4 +1,4 @@
-"""``sinew identify data``: files in, one answer out, no words of libraries."""
+"""``sinew identify data``: files as input, one answer as output, no messages of libraries."""
 
 import json
 import struct
@@ -29,11 +29,11 @@ from tests.identification.closed_loop_records import (
 )
 from tests.identification.record_generator import without_lag
 
-# ``sinew identify data``: files of every kind in, one JSON object out; bad ones end with 2 and one line.
+# ``sinew identify data``: files of every format as input, one JSON object as output; invalid ones exit with 2.
 
 HDF5 = b"\x89HDF\r\n\x1a\n".ljust(512, b"\0")
 MATLAB_7_3 = (b"MATLAB 7.3 MAT-file, Platform: GLNXA64, HDF5 schema 1.00 .".ljust(124) + b"\0\2IM").ljust(512, b"\0")
-"""How MATLAB begins a file of version 7.3, an HDF5 file; Octave and others leave that beginning out."""
+"""Start of a file of MATLAB version 7.3, an HDF5 file; Octave and others omit it."""
 
 Identify = Callable[..., Any]
 CONTROLLER = ["--controller", f"{K_P},{K_I}"]
@@ -59,14 +59,14 @@ RECORDS: dict[str, tuple[float, Disturbed]] = {
 
 
 class Complaint(NamedTuple):
-    """Status of a command that ended early, its line, and the refusal of which the line is the text."""
+    """Status of a command that failed, its line, and the refusal with that text."""
 
     status: int | str
     line: str
     refusal: Message
 
     def has(self, code: str, values: dict[str, object]) -> bool:
-        """Return whether the refusal has this code and these of its values, and its text was printed."""
+        """Return whether the refusal has this code and these values, and its text was printed."""
         found = {name: self.refusal.values.get(name) for name in values}
         is_printed = " ".join(self.refusal.split()) in self.line
         return (self.status, self.refusal.code, found, is_printed) == (2, code, values, True)
@@ -74,7 +74,7 @@ class Complaint(NamedTuple):
 
 @pytest.fixture
 def identify(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Identify:
-    """Run the command in this process; the parsed JSON, or the complaint where it ends early."""
+    """Run the command in this process; return the parsed JSON, or the complaint if it fails."""
 
     def run(file: Path, *words: str, structure: str = "first") -> Any:
         known = ["--input", "u", "--output", "y", "--period", "0.001", "--structure", structure, "--json"]
@@ -338,16 +338,16 @@ def test_options_of_text_files_are_rejected_for_other_files(identify: Identify, 
     assert "--header" in complaint.line
 
 
-# No words of NumPy, SciPy or LAPACK on the terminal: the command line as a process, both of its streams read.
+# No messages of NumPy, SciPy or LAPACK on the terminal: the command line as a process, with both streams read.
 #
-# LAPACK writes past Python's streams, so only those of the process show it.
+# LAPACK writes directly to the streams of the process, so only these show it.
 
 ArrayQuietly = np.ndarray[Any, np.dtype[np.float64]]
 FOREIGN = ("Warning", "warn(", "numpy", "scipy", "DLASCL", "On entry", "Traceback", "site-packages", "nan", "NaN")
 
 
 def identify_quietly(file: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    """``sinew identify data`` with columns u and y."""
+    """Run ``sinew identify data`` with columns u and y."""
     command = [
         str(Path(sys.executable).with_name("sinew")),
         "identify",
@@ -371,7 +371,7 @@ def table(file: Path, heading: str, rows: list[str]) -> Path:
 
 
 def lagged() -> tuple[ArrayQuietly, ArrayQuietly]:
-    """Input and output of K = 2, T = 0.05 s at 10 ms, with noise."""
+    """Return input and output of K = 2, T = 0.05 s at 10 ms, with noise."""
     random = np.random.default_rng(0)
     u = np.repeat(random.choice([-1.0, 1.0], 40), 20)
     y, decay = np.zeros(u.size), np.exp(-0.2)
@@ -394,7 +394,7 @@ def test_times_with_an_offset_from_utc_are_read_without_a_warning(tmp_path: Path
 
 
 def opaque(name: bytes, kind: bytes) -> bytes:
-    """Element of a MATLAB file, version 5, of an object as a table is one: no name, class 17, a reference."""
+    """Return an element of a MATLAB file, version 5, of an object such as a table: no name, class 17, a reference."""
 
     def element(code: int, content: bytes) -> bytes:
         return struct.pack("<II", code, len(content)) + content + b"\0" * (-len(content) % 8)
@@ -419,7 +419,7 @@ def test_matlab_objects_are_rejected_with_their_class(tmp_path: Path) -> None:
     ("case", "structure"), [("twice", "first+delay"), ("ramp", "first"), ("rounded", "third"), ("step", "motor")]
 )
 def test_an_output_without_lag_yields_a_verdict_or_one_message(tmp_path: Path, case: str, structure: str) -> None:
-    """Where a sensitivity is zero, no number that is not one reaches LAPACK or the page."""
+    """If a sensitivity is zero, no NaN reaches LAPACK or the page."""
     u, y = without_lag()[case]
     rows = [f"{1e-3 * k:.3f},{u[k]:.6g},{y[k]:.6g}" for k in range(u.size)]
     ended = identify_quietly(table(tmp_path / "twice.csv", "t,u,y", rows), "--structure", structure)

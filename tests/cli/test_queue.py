@@ -1,4 +1,4 @@
-"""The queue of a running service from the command line: what is ordered there is what the interface shows."""
+"""The queue of a running service from the command line, compared with the interface."""
 
 import json
 import subprocess
@@ -68,7 +68,7 @@ def test_the_queue_is_paused_after_the_current_run_and_stopped(service: Service,
     assert "the queue is not running" in words
     queue(service, "stop")
     until(lambda: shown(client)["run"] is None)
-    assert len(shown(client)["items"]) == 1  # what is stopped does not start again, what waits goes on waiting
+    assert len(shown(client)["items"]) == 1  # a stopped experiment does not restart, a queued one remains queued
     ended = client.get(f"/api/runs/{begun['run']}").raise_for_status().json()
     assert ended["end_state"] in ("stopped", "tripped")
 

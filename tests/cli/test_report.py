@@ -1,4 +1,4 @@
-"""Reports on the command line: verified, signed, played again, and forged plans."""
+"""Reports on the command line: verification, signatures, reproduction, and forged plans."""
 
 import base64
 import json
@@ -41,7 +41,7 @@ from tests.models.earlier import BEFORE
 from tests.reports.tracking_run import PLAN, samples, source_of
 from tests.soak.attack.costly import HOLDING
 
-# Whether a report holds, as the command line says it and as programs read its end.
+# Verification of a report on the command line, and its result for programs.
 
 
 def sinew(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -55,7 +55,7 @@ def test_a_report_is_verified_until_it_is_changed(command: Command, tmp_path: Pa
     short = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--out", str(out))
     assert command("experiment", "tracking", *short, folder=here).returncode == 0
     report = out / "report.html"
-    held = sinew("report", "verify", str(report), folder=tmp_path / "elsewhere")  # which draws it anew
+    held = sinew("report", "verify", str(report), folder=tmp_path / "elsewhere")  # which draws it again
     assert (held.returncode, "is verified: every number" in held.stdout) == (0, True), held.stderr
     samples = (out / "data.csv").read_text(encoding="utf-8")
     (out / "data.csv").write_text(samples.replace("\n0.5,", "\n0.5001,", 1), encoding="utf-8")
@@ -74,7 +74,7 @@ def test_a_report_is_verified_until_it_is_changed(command: Command, tmp_path: Pa
     }
     nowhere = command("report", "verify", str(report), folder=tmp_path / "elsewhere")
     assert nowhere.returncode == 2
-    assert not (tmp_path / "elsewhere").exists()  # who only reads makes no folder
+    assert not (tmp_path / "elsewhere").exists()  # a command that only reads creates no folder
     assert "the samples of the report are missing" in nowhere.stderr
     page = report.read_text(encoding="utf-8")
     report.write_text(page.replace("simulator, parameters", "rig, parameters", 1), encoding="utf-8")
@@ -84,7 +84,7 @@ def test_a_report_is_verified_until_it_is_changed(command: Command, tmp_path: Pa
 
 
 def change_a_sample(folder: Path, run: int, of: str, by: float) -> None:
-    """Change one stored sample in the middle of a chunk, packed as it was; its summary stays."""
+    """Change one stored sample in the middle of a chunk; its summary is unchanged."""
     with closing(sqlite3.connect(folder / "sinew.db")) as database, database:
         (fields,) = database.execute("select fields from recording where run_id = ?", (run,)).fetchone()
         column = json.loads(fields).index(of)
@@ -97,7 +97,7 @@ def change_a_sample(folder: Path, run: int, of: str, by: float) -> None:
 
 
 def test_verification_compares_all_files_of_a_report(command: Command, tmp_path: Path) -> None:
-    """A metric in metrics.json, a unit in data.csv, a sample in the database: each is found where it was changed."""
+    """A metric in metrics.json, a unit in data.csv, a sample in the database: each change is found."""
     out, here = tmp_path / "out", tmp_path / "here"
     short = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--out", str(out))
     assert command("experiment", "tracking", *short, folder=here).returncode == 0
@@ -154,7 +154,7 @@ def test_samples_without_digests_are_compared_with_their_summary(command: Comman
     unknown = command("db", "check", "--json", folder=tmp_path)
     told = json.loads(unknown.stdout)
     assert (unknown.returncode, told["whole"], len(told["not_compared"])) == (0, True, 1)
-    change_a_sample(tmp_path, 1, "q", 3.0)  # beyond the largest value that is kept beside it
+    change_a_sample(tmp_path, 1, "q", 3.0)  # beyond the largest value in its summary
     assert command("db", "check", folder=tmp_path).returncode == 1
 
 
@@ -234,13 +234,13 @@ def test_identifications_at_several_tensions_estimate_load_friction(command: Com
     assert json.loads(alone.stdout)["load_friction"]["estimate"] is None
 
 
-# The report of a run that an earlier version recorded and evaluated: read with a note, held once evaluated again.
+# The report of a run of an older version: readable with a note, verified after a new evaluation.
 
 SHORT = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5")
 
 
 def make_older(folder: Path) -> None:
-    """Leave of each recording and result what an earlier version stored: fewer signals, no version, no digests."""
+    """Remove from each recording and result what an older version lacked: signals, version, digests."""
     with closing(sqlite3.connect(folder / "sinew.db")) as database, database:
         for run, text in database.execute("select run_id, fields from recording").fetchall():
             fields = json.loads(text)
@@ -307,7 +307,7 @@ def test_a_report_of_an_older_run_is_verified_only_after_a_new_evaluation(comman
     assert verified(report)[0] == 0
 
 
-# A report is signed by the installation that has its run, and verified elsewhere by the public half alone.
+# A report is signed by the installation that has its run, and verified elsewhere with the public key alone.
 
 
 def test_a_signature_proves_the_origin_of_a_report(command: Command, tmp_path: Path) -> None:
@@ -357,7 +357,7 @@ def test_a_signature_proves_the_origin_of_a_report(command: Command, tmp_path: P
     junk = command("report", "verify", str(report), "--key", "junk", folder=elsewhere)
     assert (junk.returncode, junk.stdout) == (2, "")
 
-    alone = tmp_path / "alone" / "report.html"  # without samples the signature is told, the numbers are not
+    alone = tmp_path / "alone" / "report.html"  # without samples the signature is verified, the numbers are not
     alone.parent.mkdir()
     alone.write_bytes(once)
     assert verified("--key", str(public), file=alone) == (2, None, {**by, "key": "given"})
@@ -416,18 +416,18 @@ def test_the_private_key_is_in_no_backup_bundle_or_export(command: Command, tmp_
     assert [path for path in files if any(form in path.read_bytes() for form in forms)] == []
 
 
-# The command in a report plays its run again: parsed out of page and PDF, run as it is, metrics compared.
+# The command in a report reproduces its run: extracted from page and PDF, executed unchanged, metrics compared.
 
 _BLOCK = re.compile(r'<p class="code">(.*?)</p>\n<pre[^>]*><code>(.*?)</code></pre>', re.DOTALL)
 
 
 def blocks_of(page: str) -> dict[str, str]:
-    """Return the blocks to copy of a page, by the first word of their captions."""
+    """Return the code blocks of a page, by the first word of their captions."""
     return {unescape(caption).split()[0].rstrip(","): unescape(text) for caption, text in _BLOCK.findall(page)}
 
 
 def played_again(command: Command, report: Path, monkeypatch: pytest.MonkeyPatch, folder: Path) -> dict[str, object]:
-    """Run the command of a report in an empty folder, with the files that stand below it; return the metrics."""
+    """Run the command of a report in an empty folder, with the files listed below it; return the metrics."""
     blocks = blocks_of(report.read_text(encoding="utf-8"))
     folder.mkdir()
     monkeypatch.chdir(folder)
@@ -514,19 +514,19 @@ def test_the_command_in_a_report_reproduces_an_identification(
         assert told["parameters"] == pytest.approx(stored[key]["parameters"], rel=1e-4)
 
 
-# A plan that was made to hold the interpreter, sealed again with right digests: refused by all that reads it.
+# A plan that would block the interpreter, with valid digests: rejected by every reader.
 
 MARK = "# sinew-export: "
 
 
 def sinew_resealed(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run a command in a process of its own, which is ended where it hangs."""
+    """Run a command in a process of its own, with a timeout."""
     command = [sys.executable, "-m", "backend", *words, "--data", str(folder)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
 def held_up(plan: dict[str, Any]) -> None:
-    """Put the expression into the experiment of a plan."""
+    """Insert the expression into the experiment of a plan."""
     assert '"duration_s":"q_duration_s"' in plan["experiment"]
     plan["experiment"] = plan["experiment"].replace('"duration_s":"q_duration_s"', f'"duration_s":"{HOLDING}"')
 

@@ -1,4 +1,4 @@
-"""``sinew rig``: wiring files, bring-up, tare and calibration."""
+"""``sinew rig``: wiring files, commissioning, tare and calibration."""
 
 import asyncio
 import json
@@ -39,7 +39,7 @@ from tests.api.conftest import client_with
 from tests.e2e.service import running_service
 from tests.refusals import refused
 
-# ``sinew rig check``: a wiring file is refused with line and remedy, a right one said to be so.
+# ``sinew rig check``: an invalid wiring file is rejected with line and remedy, a valid one is accepted.
 
 SHIPPED = Path(__file__).parents[2] / "plant/wirings/pcie-6323.toml"
 
@@ -102,7 +102,7 @@ def test_a_card_that_cannot_be_opened_is_reported_as_text_and_json(
     assert printed.out == ""
 
 
-# ``sinew rig bring-up``, ``tare`` and ``calibrate`` on the virtual card, at a terminal of their own or not.
+# ``sinew rig bring-up``, ``tare`` and ``calibrate`` on the virtual card, with and without a terminal.
 
 CARD = ["--plant", "rig", "--virtual-card"]
 ROOT = Path(__file__).parents[2]
@@ -112,7 +112,7 @@ WIRING = load_wiring("pcie-6323")
 
 
 def done(data: Path, *steps: StepId, wiring: Wiring = WIRING) -> None:
-    """Let steps have passed with a wiring, load cells being what it says."""
+    """Store passed steps with a wiring and the load cells of the wiring."""
     cells = (wiring.load_cell_A.slope, wiring.load_cell_A.offset), (wiring.load_cell_B.slope, wiring.load_cell_B.offset)
     as_said = tuple(CellCalibration(tendon, *cell, "well") for tendon, cell in zip("AB", cells, strict=True))
     with closing(open_database(data)) as database:
@@ -129,7 +129,7 @@ def kept(data: Path) -> dict[str, StoredStepResult]:
 def sinew(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str, data: Path
 ) -> tuple[int, str, str]:
-    """Exit status, output and complaint, in one line each."""
+    """Return exit status, output and complaint, each in one line."""
     monkeypatch.setattr(sys, "argv", ["sinew", "rig", *words, "--data", str(data)])
     with pytest.raises(SystemExit) as ended:
         main()
@@ -138,13 +138,13 @@ def sinew(
 
 
 def _hear_ctrl_c() -> None:
-    """Take SIGINT as from a terminal: what a shell starts in the background, these tests maybe, ignores it."""
+    """Restore the default of SIGINT, which a shell ignores for background processes such as these tests."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @contextmanager
 def at_a_terminal(*words: str, data: Path) -> Iterator[tuple[subprocess.Popen[str], int]]:
-    """A command whose standard input is a terminal: the process, and the end to type at."""
+    """A command whose standard input is a terminal: the process, and the end to write to."""
     typing, theirs = pty.openpty()
     command = [sys.executable, "-m", "backend", "rig", *words, "--data", str(data)]
     running = subprocess.Popen(
@@ -168,7 +168,7 @@ def at_a_terminal(*words: str, data: Path) -> Iterator[tuple[subprocess.Popen[st
 
 
 def told(running: subprocess.Popen[str], words: str) -> None:
-    """Wait until the command says so on standard error."""
+    """Wait until the command prints the text on standard error."""
     assert running.stderr is not None
     said = []
     for line in running.stderr:
@@ -191,7 +191,7 @@ def test_the_service_shows_a_tare_of_the_terminal(
     with at_a_terminal("tare", *CARD, "--json", data=tmp_path) as (running, typing):
         for question in (START, step_messages.unload_load_cells(), step_messages.remove_load()):
             asked(running, question)
-            # After the first, while the loop starts and nothing is asked: no answer.
+            # After the first, while the loop starts without a question: no answer.
             os.write(typing, b"\nq\n" if question == START else b"\n")
         printed, said = running.communicate()
     assert running.returncode == 0, said
@@ -244,14 +244,14 @@ def test_the_joint_is_homed_from_the_terminal(tmp_path: Path) -> None:
 
 @pytest.mark.live
 def test_a_step_cancelled_with_a_driven_motor_ends_at_zero_volts_without_result(tmp_path: Path) -> None:
-    """What Ctrl-C does inside the process: the task of the step is cancelled."""
+    """Ctrl-C cancels the task of the step in the process."""
     done(tmp_path, StepId.WIRING_TEST)
     parameters = load_parameters("lab")
     choice = PlantChoice(PlantKind.VIRTUAL_CARD)
     setup = Setup(choice, "lab", 0, build_tuning_command(parameters, LoopSettings(), None))
 
     async def confirmed(_words: str) -> None:
-        """Do what is asked for at once."""
+        """Confirm each request immediately."""
 
     async def given_up() -> tuple[Supervisor, float, float]:
         with closing(open_database(tmp_path)) as database:

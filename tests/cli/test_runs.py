@@ -27,7 +27,7 @@ from backend.units import AngleUnit
 from tests.cli.conftest import Command
 from tests.exports.stored import NEW, noise, recorded
 
-# A run moves from one installation to another by the command line, and its report holds there.
+# A run is transferred between installations by the command line, and its report is verified there.
 
 
 def test_a_bundle_transfers_run_lineage_and_report_to_an_empty_installation(command: Command, tmp_path: Path) -> None:
@@ -37,7 +37,7 @@ def test_a_bundle_transfers_run_lineage_and_report_to_an_empty_installation(comm
     (out / "data.csv").unlink()
     file, report = tmp_path / "run.zip", out / "report.html"
     assert command("runs", "bundle", "1", str(file), folder=here).returncode == 0
-    assert command("report", "verify", str(report), folder=there).returncode == 2  # the samples are not there yet
+    assert command("report", "verify", str(report), folder=there).returncode == 2  # the samples are not imported yet
     taken = command("runs", "import", str(file), "--json", folder=there)
     assert json.loads(taken.stdout) == {"run": 1, "was": 1, "new": True}, taken.stderr
     held = command("report", "verify", str(report), folder=there)
@@ -74,7 +74,7 @@ def test_invalid_imports_and_bundles_exit_with_2(command: Command, tmp_path: Pat
     assert file.read_bytes() == b"no zip"
 
 
-# ``sinew runs export --formula``: a derived signal stands behind the recorded columns, an unknown one is refused.
+# ``sinew runs export --formula``: a derived signal follows the recorded columns, an unknown one is rejected.
 
 
 def test_formulas_are_additional_columns_of_an_export(command: Command, tmp_path: Path) -> None:
@@ -93,9 +93,9 @@ def test_formulas_are_additional_columns_of_an_export(command: Command, tmp_path
     assert (refused.returncode, "unknown derived signal: F_sum" in refused.stderr) == (2, True)
 
 
-# Texts that a terminal, a spreadsheet or a reader would obey, stored by an earlier version, through all writers.
+# Texts that a terminal, a spreadsheet or a reader would interpret, stored by an older version, through all writers.
 #
-# Whatever prints or writes them gives them as escapes, and no cell of a CSV file is a formula.
+# All output has them as escapes, and no cell of a CSV file is a formula.
 
 EVIL = '=HYPERLINK("http://x"),+1;@SUM(1)\x1b]0;x\x07\x1b[2J\u202egpj\r\nrun 9: no\t\x9b31m'
 SYMBOL = "@SUM(1)\r\x1b[31m"

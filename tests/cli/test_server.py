@@ -1,4 +1,4 @@
-"""``sinew serve``: addresses, and starts that are refused."""
+"""``sinew serve``: addresses, and starts that are rejected."""
 
 import errno
 import os
@@ -25,7 +25,7 @@ from backend.server.listening import describe_served_addresses, listening_socket
 from backend.settings import Settings
 from plant.messages import card_package_not_installed, driver_not_installed, unknown_plant
 
-# The addresses of a service: the public one, the proxies that are trusted, what --host serves, the links.
+# The addresses of a service: the public URL, the trusted proxies, the addresses of --host, the links.
 
 
 @pytest.mark.parametrize(
@@ -147,15 +147,15 @@ def test_links_use_the_public_url_and_the_local_address(tmp_path: Path, capsys: 
     assert read_service_addresses(tmp_path) == []
 
 
-# A service that cannot start says so in one line: what is wrong, where, and what to do about it.
+# A service that cannot start prints one line: the problem, its location, and the remedy.
 
 PORT_IN_WORDS = "valid integer"
 
 
 def said_by(words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
-    """The one line with which a command ends that cannot do its work."""
+    """Return the only line that a failing command prints."""
     monkeypatch.setattr(sys, "argv", ["sinew", *words])
-    monkeypatch.setattr("backend.cli.server.NOTICE_DELAY_S", 3600.0)  # however slow the machine is
+    monkeypatch.setattr("backend.cli.server.NOTICE_DELAY_S", 3600.0)  # on any slow machine
     with pytest.raises(SystemExit) as ended:
         main()
     printed = capsys.readouterr()
@@ -269,7 +269,7 @@ def test_an_unreadable_data_folder_is_reported(tmp_path: Path) -> None:
     closed = tmp_path / "data"
     closed.mkdir(0o000)
     serve = [sys.executable, "-m", "backend", "serve", "--port", "0", "--data", str(closed)]
-    if os.geteuid() == 0:  # who owns all files is kept out by dropping what lets root in everywhere
+    if os.geteuid() == 0:  # root loses its access to all files by dropping its capabilities
         assert shutil.which("setpriv"), "this test needs setpriv (util-linux) when root runs it"
         serve = ["setpriv", "--bounding-set", "-dac_override,-dac_read_search", "--inh-caps", "-all", *serve]
     ended = subprocess.run(serve, capture_output=True, text=True, check=False)
@@ -296,7 +296,7 @@ _WITHOUT_NIDAQMX = "import sys; sys.modules['nidaqmx'] = None; from backend.cli 
 
 
 def test_modules_load_without_the_card_package() -> None:
-    """Service, loop process, command line and reports come up where NI's package is not installed."""
+    """Service, loop process, command line and reports start without NI's package."""
     service = "backend.main, backend.app, backend.realtime.process"
     parts = f"{service}, backend.cli, backend.cli.rig, plant.factory, plant.conformance"
     code = f"import sys; sys.modules['nidaqmx'] = sys.modules['grpc'] = None; import {parts}"
@@ -309,9 +309,9 @@ def test_modules_load_without_the_card_package() -> None:
     [
         ("plant.wiring", "numba"),  # the command line reads its errors before each command
         ("plant.calibration", "numba"),
-        ("plant.safety_card", "numpy"),  # the watchdog is a process of its own
+        ("plant.safety_card", "numpy"),  # the watchdog is a separate process
         ("plant.interface", "numpy"),
-        ("plant.rig", "grpc"),  # only a card at another machine needs it
+        ("plant.rig", "grpc"),  # only a card on another computer needs it
     ],
 )
 def test_modules_of_the_plant_load_no_unneeded_packages(module: str, heavy: str) -> None:

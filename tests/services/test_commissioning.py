@@ -1,4 +1,4 @@
-"""What a bring-up keeps belongs to the wiring that the loop drove, and is kept whole."""
+"""Results of commissioning belong to the wiring that the loop used, and are stored completely."""
 
 import asyncio
 import threading
@@ -47,7 +47,7 @@ VIRTUAL = PlantChoice(PlantKind.VIRTUAL_CARD)
 
 
 def test_a_step_cannot_be_cancelled_while_its_result_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Neither a person nor the end of the service gives it up any more: the loop may be starting anew with it."""
+    """Neither a person nor the end of the service cancels it: the loop may be restarting with the result."""
     database = open_database(tmp_path)
     release, keep = threading.Event(), standing.store_result
 
@@ -61,7 +61,7 @@ def test_a_step_cannot_be_cancelled_while_its_result_is_stored(tmp_path: Path, m
         bring_up = CommissioningService(
             parts.actuator, parts.supervisor, database, IDEAL, DriveLockout(database, VIRTUAL)
         )
-        await bring_up.start(StepId.WIRING_TEST, {}, "Ada")  # it fails: a simulator has no drives to take away
+        await bring_up.start(StepId.WIRING_TEST, {}, "Ada")  # it fails: a simulator has no drives to disable
         while (running := (await bring_up.view()).steps[0].running) and running.phase != "storing the result":
             await asyncio.sleep(0.0)
         with refused(RequestRejectedError, "step_is_being_stored", title="Wiring test"):
@@ -92,7 +92,7 @@ def test_a_changed_wiring_file_is_rejected_by_every_step_and_starts_unproven(
 
     async def restart(supervisor: Supervisor, _purpose: str) -> None:
         started.append(supervisor.setup.commissioning_results.directions_proven)
-        supervisor.started_with = supervisor.setup.commissioning_results  # it has read the file of now
+        supervisor.started_with = supervisor.setup.commissioning_results  # it has read the present file
 
     async def work(parts: Parts) -> None:
         choice = PlantChoice(PlantKind.VIRTUAL_CARD, str(file))
@@ -125,7 +125,7 @@ def test_a_changed_wiring_file_is_rejected_by_every_step_and_starts_unproven(
 
 
 def test_the_wiring_that_the_loop_has_read_is_the_valid_one(tmp_path: Path) -> None:
-    """The file was edited while the loop started, and edited back."""
+    """The file was edited during the start of the loop, and edited back."""
     database = open_database(tmp_path)
     wiring = load_wiring(VIRTUAL.wiring)
     standing.store_result(database, StepId.DIRECTION, wiring, StepFinding(True, "well"), "Ada")
@@ -159,7 +159,7 @@ def test_a_cancelled_direction_step_leaves_the_directions_unproven(
         standing.store_result(database, step, wiring, StepFinding(True, "well"), "Ada")
     known = standing.load_commissioning_results(database, wiring)
     assert known.directions_proven
-    # wired otherwise than it says, so that what is proven counts
+    # wired differently from the file, so that the proof matters
     true = replace(wiring, load_cell_A=replace(wiring.load_cell_A, slope=10.5))
     rig = VirtualRig(wiring, Simulator(IDEAL, 0), None, true, directions_proven=True, load_cells_measured=True)
     tried: list[Command] = []
@@ -169,7 +169,7 @@ def test_a_cancelled_direction_step_leaves_the_directions_unproven(
         answer = await send(supervisor, command)
         if isinstance(command, TryMotor):
             tried.append(command)
-            await asyncio.Event().wait()  # until it is given up
+            await asyncio.Event().wait()  # until it is cancelled
         return answer
 
     monkeypatch.setattr(Stepped, "send", sent)
@@ -180,7 +180,7 @@ def test_a_cancelled_direction_step_leaves_the_directions_unproven(
         bring_up = CommissioningService(
             parts.actuator, parts.supervisor, database, IDEAL, DriveLockout(database, VIRTUAL)
         )
-        bring_up._loop_start = 1, datetime.min.replace(tzinfo=UTC)  # the zero is this loop's
+        bring_up._loop_start = 1, datetime.min.replace(tzinfo=UTC)  # the zero belongs to this loop
         await parts.supervisor.advance(0.01)
         assert rig.unproven == ""
         await bring_up.start(StepId.DIRECTION, {}, "Ada")
@@ -190,7 +190,7 @@ def test_a_cancelled_direction_step_leaves_the_directions_unproven(
             return steps[StepId.DIRECTION]
 
         while not tried:
-            with suppress(RequestRejectedError):  # nothing waits for it yet
+            with suppress(RequestRejectedError):  # no step waits for it yet
                 await bring_up.confirm()
             await asyncio.sleep(0.001)
         await bring_up.cancel()
@@ -208,7 +208,7 @@ def test_a_cancelled_direction_step_leaves_the_directions_unproven(
 
 
 def test_a_step_cannot_begin_during_the_start_of_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Between the first question of the run, whether the rig is free, and its being shown there is a database."""
+    """The run creates a database entry between its check that the rig is free and its display."""
     database, wiring = open_database(tmp_path), load_wiring(VIRTUAL.wiring)
     cells = tuple(CellCalibration(tendon, 10.0, 0.0, "calibrated") for tendon in "AB")
     for step in (StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.ZERO, StepId.DIRECTION):
@@ -254,7 +254,7 @@ def test_a_step_cannot_begin_during_the_start_of_a_run(tmp_path: Path, monkeypat
 
 
 def test_the_drive_lockout_starts_before_waiting_requests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A start of the loop, or a disk that is slow, is waited for by the answer, not by the drives."""
+    """The answer waits for a start of the loop or a slow disk; the drives do not."""
     database = open_database(tmp_path)
     rig = VirtualRig(load_wiring("pcie-6323"), Simulator(IDEAL, 0))
     asked, release = threading.Event(), threading.Event()

@@ -24,7 +24,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 
 
 async def until(reached: Callable[[], bool]) -> None:
-    """Let the journal work; 20 s are for a machine that is busy."""
+    """Write the log until the condition holds; 20 s suffice on a busy machine."""
     for _ in range(2000):
         if reached():
             return
@@ -69,7 +69,7 @@ def test_events_wait_in_order_while_the_database_fails(
     last = asyncio.run(happen())
     kept = stored(database)
     assert [event.tick for event in kept] == list(range(1, 30))
-    assert all(event.at <= last for event in kept)  # the time at which it happened, not at which it was written
+    assert all(event.at <= last for event in kept)  # the time of the event, not of its storage
 
 
 def test_events_above_the_bound_are_counted(database: Database) -> None:
@@ -113,7 +113,7 @@ def test_close_stores_waiting_events_once(database: Database) -> None:
         writing = asyncio.create_task(event_log.run())
         for tick in range(1200):
             event_log.add_mark(MarkKind.NOTE, "event", tick)
-        await asyncio.sleep(0)  # the first batch is on its way
+        await asyncio.sleep(0)  # the first batch is being written
         await asyncio.sleep(0)
         await ended(writing)
         event_log.close()

@@ -1,4 +1,4 @@
-"""Experiments and identifications while they run: announced, in progress, paused, played without a plant."""
+"""Experiments and identifications while they run: prediction, progress, pause and dry run."""
 
 import asyncio
 import tempfile
@@ -46,7 +46,7 @@ from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Here, Parts, stepped
 from tests.refusals import refused
 
-# What the service announces of an identification, against what its loop then does: length, progress, and the bank.
+# Predictions of an identification compared with the run of the loop: length, progress and bank.
 
 ORDER = ActuatorRequest(tensions_N=[10.0, 40.0], bits=5, periods=2, settle_s=1.0)
 MODEL = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342}
@@ -68,7 +68,7 @@ def test_consecutive_runs_match_their_predicted_duration_and_range(tmp_path: Pat
             await asyncio.sleep(0)
         await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
         took_s = (parts.supervisor.ring.count - began) / 1000.0
-        # The service looks ten times a second whether a run is over, and whether the next one can start.
+        # The service checks ten times a second whether a run has ended, and whether the next one can start.
         assert told.duration_s == pytest.approx(took_s, abs=0.6)
         for run in (first, first + 1):
             shown = [task for task in seen if task.run == run]
@@ -90,7 +90,7 @@ def test_consecutive_runs_match_their_predicted_duration_and_range(tmp_path: Pat
             bank = banks.add(session, "bench", entries, OPERATOR.name)
         banks_of = StoredBanks(database, Here(lambda _cause: None), lambda: parts.live_state.tuning)
         made, imported = banks_of.load_bank(bank.id).entries
-        # θ_B = 0: both springs share what motor A winds, so that the joint is at x/r_j, x = 23.49 mm at 10 N.
+        # θ_B = 0: both springs share the travel of motor A, so that the joint is at x/r_j, x = 23.49 mm at 10 N.
         assert made.q_nominal == pytest.approx(0.02349 / 0.075, abs=2e-3)
         assert imported.q_nominal is None
 
@@ -100,7 +100,7 @@ def test_consecutive_runs_match_their_predicted_duration_and_range(tmp_path: Pat
         database.close()
 
 
-# What the state tells of identifications while they run, against the samples of their loop; a pause between two.
+# The displayed stage of identifications compared with the samples of their loop; a pause between two runs.
 
 SIGNALS = ("theta_A_ref", "theta_B_ref", "u_A", "F_A")
 ACTUATOR = ActuatorRequest(tension_N=20.0, bits=4, periods=2, settle_s=1.5)
@@ -111,7 +111,7 @@ SPRING = SpringRequest(kind="spring", F_low=4.0, F_high=40.0, sweep_s=3.0, cycle
 
 @dataclass(frozen=True)
 class Seen:
-    """What was shown of an order while it ran, its first run, and how long each run took [s], by its number."""
+    """The displayed views of a request while it ran, its first run, and the length of each run [s] by number."""
 
     run: int
     tasks: list[TaskView]
@@ -149,7 +149,7 @@ def end_of(database: Database, run: int) -> EndState:
 
 
 def told_right(seen: Seen, run: int, samples: int) -> None:
-    """The time left is right from the order on: within 5 % of the run's length or 1 s."""
+    """Check that the displayed time left is correct: within 5 % of the run's length or 1 s."""
     took_s = samples * T_s
     within = max(1.0, 0.05 * took_s)
     shown = seen.played(run)
@@ -202,7 +202,7 @@ def test_the_stage_of_an_actuator_identification_matches_its_samples(tmp_path: P
     told = line(planned, "theta_A_ref")
     at = np.minimum(np.rint(np.array(planned.t) / T_s).astype(int) - 1, columns["u_A"].size - 1)
     beside = np.abs(told - columns["theta_A_ref"][at])
-    # a chip that jumps a tick apart aside, what is asked for differs by the trim of the force loop alone
+    # except for a jump that is one tick apart, the reference differs only by the trim of the force loop
     assert np.mean(beside > 1.0) < 0.3
     assert np.median(beside) < 0.2
     assert [part.title for part in planned.parts] == [
@@ -214,7 +214,7 @@ FREE = (Stage.EXCITING, Stage.BRAKING)
 
 
 def stages(u: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """What samples of voltage steps say is done: excited by a voltage that stays, braked from then on, or neither."""
+    """Return the stage by sample of voltage steps: excited by a constant voltage, then braked, or neither."""
     true = np.full(u.size, str(Stage.TRAVELLING), dtype=object)
     for begin, end in zip(*(np.flatnonzero(np.diff(free.astype(int)) == way) + 1 for way in (1, -1)), strict=False):
         driven = begin + round(ZERO_VOLTS_S / T_s)
@@ -233,7 +233,7 @@ def test_the_stage_of_a_motor_identification_matches_its_samples(tmp_path: Path)
         assert task.part is not None
         assert task.part.of == 4
         at = round(task.part.t / T_s)
-        near = true[max(0, at - 1000) : at + 1000]  # a second is what may be told early or late
+        near = true[max(0, at - 1000) : at + 1000]  # the display may be a second early or late
         assert str(task.part.doing if task.part.doing in FREE else Stage.TRAVELLING) in near
     titles = {task.part.number: task.part.title for task in seen.played(seen.run) if task.part}
     assert titles == {1: "3 V", 2: "−3 V", 3: "6 V", 4: "−6 V"}
@@ -353,7 +353,7 @@ THREE = ActuatorRequest(tensions_N=[12.0, 16.0, 20.0], bits=4, periods=1, settle
 
 
 class FakeLoop:
-    """A loop whose newest sample is in the next of these modes each time it is advanced; it dies where none is left."""
+    """A loop whose newest sample has the next of these modes at each advance; it dies after the last."""
 
     def __init__(self, *modes: Mode, at_each: Callable[[int], None] = lambda _advanced: None) -> None:
         self.ring = self
@@ -373,7 +373,7 @@ class FakeLoop:
 
 
 class Present:
-    """Of the present state what a pause knows of."""
+    """The part of the live state that a pause reads."""
 
     def __init__(self) -> None:
         self.task: TaskView | None = TaskView(
@@ -397,7 +397,7 @@ def paused(following: int) -> tuple[Pause, Present]:
 
 
 def wait(pause: Pause, loop: FakeLoop) -> int:
-    """Wait for its end; how often it was shown."""
+    """Wait for the end of the pause; return how often it was shown."""
     shown: list[None] = []
     asyncio.run(pause.wait_until_resumed(cast(LoopClient, loop), lambda: shown.append(None)))
     return len(shown)
@@ -417,7 +417,7 @@ def test_next_run_starts_at_once_without_pause() -> None:
     loop = FakeLoop()
     assert (wait(pause, loop), loop.advanced, pause.remaining_runs) == (0, 0, 0)
     with refused(RequestRejectedError, "no_further_run_to_pause"):
-        pause.request(True)  # the last run is being prepared: what is shown is still the one before it
+        pause.request(True)  # the last run is being prepared: the previous run is still shown
     assert not pause.is_requested
 
 
@@ -466,7 +466,7 @@ async def at_once(_station: ExperimentRig, _plan: Any, _run: Run) -> Evaluation:
 
 
 def ended_behind_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, dies: bool) -> tuple[list[str], Mode]:
-    """What is said of an order whose loop dies during the pause, or whose second run is refused; the mode left."""
+    """Return the problems and mode of a request whose loop dies in the pause, or whose second run is rejected."""
     database = open_database(tmp_path)
     created: list[Run] = []
 
@@ -502,7 +502,7 @@ def ended_behind_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, d
         await parts.ordered_runs.start_identification(THREE, OPERATOR.name)
         await parts.ended()
         monkeypatch.undo()
-        await parts.supervisor.advance(0.1)  # a stop that was begun would show by now
+        await parts.supervisor.advance(0.1)  # a stop would be visible by now
         return parts.ordered_runs.problems, parts.live_state.mode
 
     monkeypatch.setattr(jobs, "create_run", second_refused)
@@ -522,7 +522,7 @@ def test_end_between_two_runs_leaves_the_first_run_completed(
     assert said == messages.runs_not_started(run=1, reason=str(why), count=2)
 
 
-# What the state says of a run that goes: an experiment that is data by its title, the paper's by their kind.
+# The displayed name of a run: an experiment document by its title, those of the paper by their kind.
 
 
 @pytest.mark.parametrize(
@@ -539,7 +539,7 @@ def test_an_experiment_document_is_named_by_its_title(name: str, kind: str, titl
     assert (task.kind, task.title, task.run, task.elapsed_s, task.duration_s) == (kind, title, 14, 1.5, 32.0)
 
 
-# A place for a dry run comes back whatever becomes of it.
+# The slot of a dry run is freed after every outcome.
 
 OTHER = User("another", Role.VIEWER, BEARER)
 VIEWER = User("viewer", Role.VIEWER, BEARER)
@@ -553,7 +553,7 @@ def test_a_dry_run_that_fails_for_lack_of_disk_space_frees_its_slot(
 
     async def whole() -> None:
         dry_runs = DryRuns(WorkerProcess(lambda _cause: None))
-        for _ in range(3):  # a place that was kept would be refused as the person's second
+        for _ in range(3):  # a slot that is not freed would be rejected as the person's second
             with pytest.raises(FileNotFoundError):
                 await dry_runs.play(load_parameters("ideal"), order, (), VIEWER, stays)
 
@@ -561,7 +561,7 @@ def test_a_dry_run_that_fails_for_lack_of_disk_space_frees_its_slot(
 
 
 class Halfway(WorkerProcess):
-    """Work in a process that has played 3 s of an experiment and goes on."""
+    """A worker that has executed 3 s of an experiment and continues."""
 
     async def run(self, work: Callable[..., Any], *arguments: Any, **_none: Any) -> Any:
         folder = arguments[-1]

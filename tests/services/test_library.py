@@ -1,4 +1,4 @@
-"""A run made an experiment: pushes, walls and the tuning at the times and with the values of the run's own events."""
+"""An experiment built from a run: pushes, obstacles and tuning with the times and values of its events."""
 
 import asyncio
 import re
@@ -34,7 +34,7 @@ from tests.api.test_pushes_and_walls import in_run
 
 WHO = OPERATOR.name
 LATE_S = 0.02
-"""Of a part against its event: a command is noted at the tick before it shows, and a part has ten ticks at least."""
+"""Delay of a part after its event: a command is logged one tick before its effect, a part has at least ten ticks."""
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 def made(
     database: Database, work: Callable[[Parts], Coroutine[Any, Any, None]]
 ) -> tuple[int, RecordedExperiment, list[RunMark]]:
-    """The session that ``work`` is done in: its run, the experiment made of it, and what happened in it."""
+    """Run ``work`` in a session; return its run, the experiment built from it, and its events."""
 
     async def session(parts: Parts) -> None:
         await in_run(parts)
@@ -64,7 +64,7 @@ def made(
 
 
 def timed(experiment: RecordedExperiment) -> list[tuple[float, dict[str, Any]]]:
-    """Each part with the time at which it begins."""
+    """Return each part with the time at which it begins."""
     at_s, found = 0.0, []
     for part in experiment.document["phases"][0]["parts"]:
         found.append((at_s, part))
@@ -145,8 +145,8 @@ def test_the_experiment_of_a_run_reproduces_its_recording(database: Database) ->
     bounds = {"q_ref": TOLERANCE_Q_RAD, "S_ref": TOLERANCE_S, "F_push": 1e-6, "lam_q": 1e-6, "lam_S": 1e-6}
     for name, within in bounds.items():
         off = np.abs(before[name][:length] - after[name][:length]) > within
-        assert np.count_nonzero(off) <= PART_MIN_TICKS, name  # at most one part later, by less than a part can be short
-    # the wall presses as much: it stands where it stood
+        assert np.count_nonzero(off) <= PART_MIN_TICKS, name  # at most one part later, by less than the shortest part
+    # the obstacle presses equally: it is at the same angle
     assert after["F_wall"].min() == pytest.approx(before["F_wall"].min(), abs=0.5)
 
 

@@ -1,4 +1,4 @@
-"""The live stream on a ring that the test fills: what each client gets, whatever others do."""
+"""The live stream on a ring buffer that the test fills: the messages to each client, independent of the others."""
 
 import asyncio
 import logging
@@ -25,7 +25,7 @@ def fill(ring: Ring, count: int) -> None:
 
 
 class Watcher:
-    """A websocket of the test: keeps what it is sent, may refuse to read."""
+    """A websocket of the test: stores its messages, may stop reading."""
 
     def __init__(self) -> None:
         self.texts: list[str] = []
@@ -51,7 +51,7 @@ class Watcher:
 
 
 class Babbler(Watcher):
-    """Says something that is no ping, and has left before it is told so."""
+    """Sends an invalid message, and disconnects before the answer."""
 
     async def receive_text(self) -> str:
         return "ping?"
@@ -61,7 +61,7 @@ class Babbler(Watcher):
 
 
 class Silent(Watcher):
-    """A page that pings once, and whose laptop is closed then."""
+    """A page that pings once and then is silent."""
 
     closed = False
     pinged = False
@@ -77,7 +77,7 @@ class Silent(Watcher):
 
 
 class Slow(Watcher):
-    """Talks nonsense and takes late what it is sent: a close waits for it, and after one begins nothing is sent."""
+    """Sends invalid messages and reads late: a close waits for it, and after a close begins nothing is sent."""
 
     closing = closed = False
 

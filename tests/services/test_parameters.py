@@ -1,4 +1,4 @@
-"""Applying an identification: refused unless all is at rest; loop, tuning and state go by it, and undo goes back."""
+"""Application of an identification: rejected unless all is at rest; loop, tuning and state use it, undo reverts it."""
 
 import asyncio
 from collections.abc import Iterator
@@ -51,7 +51,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 
 @pytest.fixture
 def restarted(monkeypatch: pytest.MonkeyPatch) -> list[Setup]:
-    """What each loop was started anew with; the stepped one goes on as it is."""
+    """The setup of each restart of the loop; the stepped loop continues."""
     setups: list[Setup] = []
 
     async def restart(supervisor: Supervisor, _purpose: str) -> None:
@@ -112,7 +112,7 @@ def test_loop_tuning_and_state_use_the_applied_parameters_until_undo(
         assert [one.number for one in undone.versions] == [2, 1, 0]
         assert undone.versions[0].digest == undone.versions[2].digest
         assert live_state.parameters == IDEAL
-        assert live_state.tuning.bank == bank  # which was in force with these numbers
+        assert live_state.tuning.bank == bank  # which was active with these numbers
         assert restarted[-1].identified == {}
 
     stepped(database, IDEAL, work)
@@ -157,7 +157,7 @@ def test_a_parameter_outside_its_bounds_is_rejected_by_name(database: Database, 
 def test_parameters_cannot_be_applied_during_a_step_run_trial_or_change_of_tuning(
     database: Database, restarted: list[Setup], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Asked before and again in turn: what is begun while it waits for its turn counts, too."""
+    """Checked before and after the wait for the lock: events during the wait count, too."""
     found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
 
     async def work(parts: Parts) -> None:
@@ -261,7 +261,7 @@ def test_applied_parameters_survive_a_failed_loop_start_and_can_be_undone(
 def test_a_changed_parameter_file_is_reported_now_and_at_the_next_start(
     database: Database, restarted: list[Setup], tmp_path: Path
 ) -> None:
-    """The loop reads it at each start: it would go by other numbers than the service."""
+    """The loop reads the file at each start: it would use other numbers than the service."""
     file = tmp_path / "mine.toml"
     said = (Path(plant.__file__).parent / "parameters" / "ideal.toml").read_text(encoding="utf-8")
     file.write_text(said, encoding="utf-8")
@@ -289,7 +289,7 @@ def test_a_changed_parameter_file_is_reported_now_and_at_the_next_start(
 
 @pytest.mark.live
 def test_the_loop_process_estimates_stiffness_with_the_applied_spring(database: Database) -> None:
-    """With both tendons pulled, S = r_j² (F_A'(x_A) + F_B'(x_B)) of the springs that the loop knows."""
+    """With both tendons pulled, S = r_j² (F_A'(x_A) + F_B'(x_B)) of the springs that the loop uses."""
     applied = applied_parameters.build_proposal(IDEAL, IDEAL, stored(database, spring()))
     sections = applied_parameters.build_identified_sections(applied)
     then = IDEAL.with_identified(sections)
@@ -321,7 +321,7 @@ def test_the_loop_process_estimates_stiffness_with_the_applied_spring(database: 
 
 
 def by_polynomials(row: Sample, k_A: tuple[float, ...], k_B: tuple[float, ...]) -> float:
-    """Joint stiffness [N·m/rad] at the row's angles, of springs with the coefficients ``k_A`` and ``k_B``."""
+    """Return the joint stiffness [N·m/rad] at the row's angles, for spring coefficients ``k_A`` and ``k_B``."""
     r_m, r_j = IDEAL.geometry.r_m, IDEAL.geometry.r_j
     q, theta_A, theta_B = (float(row[INDEX[name]]) for name in ("q", "theta_A", "theta_B"))
     slope_A = Polynomial(k_A).deriv()(r_m * theta_A - r_j * q)

@@ -21,14 +21,14 @@ WITHOUT_BANK = ExperimentRequest(name="sequence", settings={"bank": 99})
 
 
 async def start(request: ExperimentRequest, _who: str) -> int:
-    """Start everything but what asks for bank 99."""
+    """Start every experiment except those with bank 99."""
     if request.settings:
         raise RequestRejectedError(ErrorCode.UNKNOWN, "there is no bank 99")
     return 5
 
 
 def held(session: Callable[[ExperimentQueue], Awaitable[None]], start: Start = start) -> None:
-    """Run a session on a queue with nothing to move."""
+    """Run a session on a queue without a plant."""
 
     async def check(request: ExperimentRequest) -> ExperimentRequest:
         return request

@@ -1,4 +1,4 @@
-"""What the state tells of samples, of the safety chain and of trips."""
+"""The state of samples, of the safety chain and of trips."""
 
 import asyncio
 from collections.abc import Iterator
@@ -35,7 +35,7 @@ SEEN = (PlantKind.SIMULATOR, PlantKind.RIG, PlantKind.VIRTUAL_CARD)
 
 
 def behind(kind: PlantKind, fault: Fault = Fault.NONE) -> tuple[ChainLinkView, ChainLinkView]:
-    """The two links while the loop runs and the registers are as they are made: nothing is armed."""
+    """Return the two links of a running loop with default registers: nothing is armed."""
     card = Card.create()
     return build_downstream_links(
         PlantChoice(kind, package="servo-bench"), card.state(), WatchdogMonitor(card), True, fault
@@ -93,7 +93,7 @@ def test_registers_of_a_simulated_card_are_read_without_a_loop(kind: PlantKind) 
 
 
 def test_last_known_registers_of_a_rig_are_shown_without_a_loop() -> None:
-    """The service's own look, which clears the registers of a simulated card, leaves what the loop knew of a rig's."""
+    """The service's own read clears the registers of a simulated card, not the last values of a rig's loop."""
     card = Card.create()
     guard = WatchdogMonitor(card)
     rig = PlantChoice(PlantKind.RIG)
@@ -111,7 +111,7 @@ def test_last_known_registers_of_a_rig_are_shown_without_a_loop() -> None:
     ]
 
 
-# What the state tells of the newest sample: a reference that is in force is one, all else says that it is measured.
+# The state of the newest sample: an active reference is shown as one, all else as measured.
 
 SAMPLE = {"q": 0.1, "S": 3.73}
 
@@ -135,7 +135,7 @@ def test_measured_values_are_not_shown_as_references(
 
 
 def test_all_values_of_a_state_are_of_one_sample(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The loop trips between two reads of the ring: a mode before it never comes with the references after it."""
+    """The loop trips between two reads of the ring buffer: mode and references are of one sample."""
     rest = dict.fromkeys(NAMES, 0.0) | {"q": 0.1, "S": 3.73}
     running = rest | {"mode": MODES.index(Mode.RUN), "tick": 1.0, "q_ref": 0.2, "S_ref": 10.0}
     tripped = rest | {"mode": MODES.index(Mode.TRIPPED), "tick": 2.0, "q_ref": nan, "S_ref": nan}
@@ -158,7 +158,7 @@ def test_all_values_of_a_state_are_of_one_sample(tmp_path: Path, monkeypatch: py
     database.close()
 
 
-# A trip that the bring-up provokes, and a stop of a recording, are planned: no alarm, no flight record.
+# A trip that the commissioning provokes, and a stop of a replay, are planned: no alarm, no flight record.
 
 
 @pytest.fixture
@@ -208,7 +208,7 @@ def test_no_stop_of_a_recording_is_an_alarm_and_any_other_plant_error_is_one(dat
     stepped(database, load_parameters("ideal"), work)
 
 
-# A loop that has failed by a mistake of its own is not reset: a new one is started.
+# A loop that failed with an internal error is not reset: a new one is started.
 
 
 def test_reset_starts_a_new_loop_after_an_internal_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

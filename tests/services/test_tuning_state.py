@@ -1,4 +1,4 @@
-"""The tuning in use: kept over restarts, lent to experiments, walked back."""
+"""The active tuning: stored over restarts, overridden by experiments, undone."""
 
 import asyncio
 import json
@@ -89,7 +89,7 @@ def test_other_parameters_start_with_the_default(
 
 
 def test_default_uses_the_nearest_lambda_in_range(tmp_path: Path) -> None:
-    """The service itself, with a file of its own: it starts, and journal, page and data say which λ and why."""
+    """The service starts with its own parameter file: log, page and data state which λ and why."""
     with running_service(tmp_path, str(weak_motors(tmp_path))) as service, client_with(service, "token") as client:
         tuning, saved = (client.get(f"/api/tuning{path}").raise_for_status().json() for path in ("", "/saved"))
     lam_q = tuning["lam_q"]
@@ -103,7 +103,7 @@ def test_default_uses_the_nearest_lambda_in_range(tmp_path: Path) -> None:
 
 
 def test_default_saved_tuning_fits_the_active_tuning(database: Database, tmp_path: Path) -> None:
-    """Whatever is in force: to revert to what is saved is not refused."""
+    """For any active tuning, reverting to the saved tuning is accepted."""
     weak = load_parameters(str(weak_motors(tmp_path)))
     for choice in (TuningSettings(lam_q=1.2), TuningSettings(lam_q=2.5, lam_S=1.5, lam_motor=0.2, b=1.0)):
         tuning = make_active_tuning(weak, choice)
@@ -164,7 +164,7 @@ WHO = OPERATOR.name
 
 @pytest.fixture
 def bank_lent(database: Database) -> Bank:
-    """A bank that is in force at the next start, with λ of the operator's own."""
+    """A bank that is active at the next start, with λ of the operator."""
     with database.session() as session:
         made = banks.add(session, "lent", [BankEntry(10.55, MODEL)], WHO)
     return made
@@ -175,7 +175,7 @@ def own(bank: Bank) -> TuningSettings:
 
 
 async def started(parts: Parts, bank: Bank) -> None:
-    """The operator's own tuning in force, with the bank."""
+    """The operator's tuning active, with the bank."""
     await parts.actuator.tuning_service.apply(TuningRequest(lam_q=0.55, lam_S=0.45), WHO)
     await parts.actuator.tuning_service.use_bank(bank, WHO)
     assert parts.live_state.tuning.settings == own(bank)
@@ -257,7 +257,7 @@ def test_stop_and_loop_exit_restore_the_tuning(database: Database, bank_lent: Ba
         assert parts.live_state.tuning.settings == own(bank_lent)
         assert (
             parts.supervisor.setup.tuning == make_active_tuning(IDEAL, own(bank_lent), bank_lent).build_command()
-        )  # what a new loop gets
+        )  # the tuning of a new loop
 
     stepped(database, IDEAL, work)
 
@@ -280,7 +280,7 @@ def test_failed_restore_is_reported_until_it_succeeds(database: Database, bank_l
                 tuning=messages.tuning_of_operator(), difference="λ_q 0.7 → 0.55 s", reason=why, retry_s=RETRY_S
             )
         ]
-        assert parts.live_state.tuning.settings.lam_q == 0.7  # and that is what is shown as in force
+        assert parts.live_state.tuning.settings.lam_q == 0.7  # and that tuning is shown as active
         parts.supervisor.refuses = ""
         await until(False, parts)
         assert parts.live_state.tuning.settings == own(bank_lent)
@@ -408,18 +408,18 @@ def bank_walk(database: Database) -> Bank:
 
 
 def in_force(parts: Parts) -> TuningSettings:
-    """The tuning in force; what a loop that starts anew is given is the same."""
+    """Return the active tuning; a restarted loop gets the same."""
     assert parts.supervisor.setup.tuning == parts.live_state.tuning.build_command()
     return parts.live_state.tuning.settings
 
 
 def earlier(parts: Parts) -> TuningSettings | None:
-    """What the page shows as what undoing puts back."""
+    """Return the tuning that the page shows for undo."""
     return settings_of(parts.state().earlier)
 
 
 def later(parts: Parts) -> TuningSettings | None:
-    """What the page shows as what is done again."""
+    """Return the tuning that the page shows for redo."""
     return settings_of(parts.state().later)
 
 
@@ -443,7 +443,7 @@ def test_undo_and_redo_of_each_part_of_a_tuning(database: Database, bank_walk: B
             changed = in_force(parts)
             assert changed != before
             assert earlier(parts) == before
-            await tuning_service.apply(change, WHO)  # the same again is no change
+            await tuning_service.apply(change, WHO)  # the same values are no change
             assert earlier(parts) == before
             view = await tuning_service.undo(WHO)
             assert TuningSettings.from_values({**view.model_dump(), "bank": bank_walk.id}) == before
@@ -479,7 +479,7 @@ def test_undo_and_redo_of_all_changes(database: Database, bank_walk: Bank) -> No
             await tuning_service.redo(WHO)
             assert in_force(parts) == after
         await tuning_service.undo(WHO)
-        await tuning_service.apply(TuningRequest(b=0.75), WHO)  # another way on: what was undone is forgotten
+        await tuning_service.apply(TuningRequest(b=0.75), WHO)  # a new change: the undone changes are discarded
         assert (later(parts), earlier(parts)) == (None, past[-2])
         for n in range(2 * UNDO_STEPS):
             await tuning_service.apply(TuningRequest(b=0.2 + 0.01 * n), WHO)
@@ -506,7 +506,7 @@ def test_undo_and_redo_of_a_bank(database: Database, bank_walk: Bank) -> None:
         return in_force(parts), earlier(parts)
 
     stepped(database, IDEAL, work)
-    # the next start has the same tuning, and knows the one before it
+    # the next start has the same tuning, and the one before it
     assert stepped(database, IDEAL, started_again) == (DEFAULT, replace(DEFAULT, bank=bank_walk.id))
 
 
@@ -524,7 +524,7 @@ def test_undo_after_a_trial_returns_to_before_it(database: Database, bank_walk: 
         await tuning_service.undo(WHO)
         assert in_force(parts) == replace(DEFAULT, lam_q=0.6)
         await tuning_service.start_trial(TrialRequest(lam_q=0.9, duration_s=60.0), WHO)
-        await tuning_service.apply(TuningRequest(b=0.5), WHO)  # chosen from the trial: one step back is before both
+        await tuning_service.apply(TuningRequest(b=0.5), WHO)  # chosen from the trial: one undo step is before both
         assert in_force(parts) == replace(DEFAULT, lam_q=0.9, b=0.5)
         assert earlier(parts) == replace(DEFAULT, lam_q=0.6)
 
