@@ -80,7 +80,7 @@ def wait_for(client: httpx.Client, field: str, value: object) -> dict[str, Any]:
     return until_state(client, lambda state: state[field] == value, f"{field} never became {value!r}")
 
 
-def once_told(client: httpx.Client, field: str) -> dict[str, Any]:
+def wait_until_present(client: httpx.Client, field: str) -> dict[str, Any]:
     """Poll the state until ``field`` is not empty."""
     return until_state(client, lambda state: bool(state[field]), f"{field} never came")
 

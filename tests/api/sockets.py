@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
 
-def connected(address: tuple[str, int], said: bytes = b"") -> socket.socket:
-    """Return a connection that has sent ``said``, if anything."""
+def connected(address: tuple[str, int], sent: bytes = b"") -> socket.socket:
+    """Return a connection after sending ``sent``."""
     connection = socket.create_connection(address, 30)
-    if said:
-        connection.sendall(said)
+    if sent:
+        connection.sendall(sent)
     return connection
 
 
@@ -26,10 +26,10 @@ def everything_from(connection: socket.socket) -> bytes:
 
 
 @contextmanager
-def many(address: tuple[str, int], count: int, said: bytes = b"") -> Iterator[list[socket.socket]]:
+def many(address: tuple[str, int], count: int, sent: bytes = b"") -> Iterator[list[socket.socket]]:
     """Open many connections."""
     with ExitStack() as stack:
-        yield [stack.enter_context(connected(address, said)) for _ in range(count)]
+        yield [stack.enter_context(connected(address, sent)) for _ in range(count)]
 
 
 def is_closed(connection: socket.socket) -> bool:

@@ -77,7 +77,7 @@ class Stepped(Supervisor):
         await self._stepped.advance_until(reached, timeout_s)
 
 
-class Here(WorkerProcess):
+class InProcessWorker(WorkerProcess):
     """A worker that executes its work in this process."""
 
     async def run(self, work: Callable[..., T], *arguments: Any, **_none: Any) -> T:
@@ -148,7 +148,7 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
         handovers=list,
         problems=list,
     )
-    here = Here(lambda _cause: None)
+    here = InProcessWorker(lambda _cause: None)
     ordered_runs = JobManager(
         ExperimentRig(supervisor, database, "simulator", parameters),
         actuator,

@@ -35,7 +35,7 @@ FOREIGN_THREADS = ("MainThread", "the service", "asyncio", "ThreadPoolExecutor",
 """Tasks and threads of this test, of awaited calls and of libraries."""
 
 
-class Made:
+class CreatedObjects:
     """Objects of some classes that the service creates.
 
     They are not taken from the garbage collector: a reader of its objects in another thread may hold a tuple that is
@@ -67,7 +67,7 @@ def kill(thread: threading.Thread) -> None:
 class Running:
     loop: asyncio.AbstractEventLoop
     client: httpx.Client
-    made: Made
+    made: CreatedObjects
 
     def call(self, work: Callable[[], T]) -> T:
         """Call ``work`` in the service's event loop."""
@@ -97,7 +97,7 @@ def inside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     settings = Settings(data=tmp_path_factory.mktemp("inside"), params="ideal", port=0)
     serving = threading.Thread(target=main.serve, args=(settings, announce), name="the service")
     with pytest.MonkeyPatch.context() as patch:
-        made = Made(patch, SupervisedTask, HeartbeatSender, uvicorn.Server)
+        made = CreatedObjects(patch, SupervisedTask, HeartbeatSender, uvicorn.Server)
         serving.start()
         until(lambda: ready or not serving.is_alive())
         address, loop, token = ready[0]

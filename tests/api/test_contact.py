@@ -182,7 +182,7 @@ def test_contact_is_shown_until_the_next_mode_change(database: Database) -> None
 
 
 def test_new_zeros_and_a_new_loop_discard_the_calibration(database: Database) -> None:
-    async def anew(parts: Parts) -> None:
+    async def restart_loop(parts: Parts) -> None:
         await at_rest(parts)
         await parts.actuator.contact.apply(TouchOrder(learn=True, contact_N=1.5), WHO)
         for broken, is_known in (
@@ -206,7 +206,7 @@ def test_new_zeros_and_a_new_loop_discard_the_calibration(database: Database) ->
         parts.actuator.contact._handle_event(LoopExited("killed"))
         assert parts.state().touch == TouchView(contact_N=0.0, learned=[], felt=None)
 
-    stepped(database, load_parameters("lab"), anew)
+    stepped(database, load_parameters("lab"), restart_loop)
 
 
 # Disturbance rejection through the service: calibration, loss and preview.

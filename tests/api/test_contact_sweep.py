@@ -62,7 +62,7 @@ async def until(parts: Parts, reached: Callable[[], bool] = lambda: False) -> Sw
     return sweep_of(parts)
 
 
-async def learned_two(parts: Parts) -> None:
+async def calibrate_two_points(parts: Parts) -> None:
     await at_rest(parts)
     await parts.actuator.contact.apply(BEGIN, WHO)
     await until(parts, lambda: sweep_of(parts).point == 3)
@@ -78,7 +78,7 @@ def test_stop_restores_S_ref(database: Database) -> None:
     async def stop(parts: Parts) -> None:
         with refused(RequestRejectedError, "no_sweep_to_stop"):
             await parts.actuator.contact.apply(STOP, WHO)
-        await learned_two(parts)
+        await calibrate_two_points(parts)
         told = await parts.actuator.contact.apply(STOP, WHO)
         assert told.sweep == SweepView(under_way=False, point=3, points=5, S_ref=11.5, why="stopped on request")
         await parts.supervisor.advance(0.01)
@@ -117,7 +117,7 @@ def test_other_motion_aborts_the_sweep_and_keeps_its_points(database: Database) 
             (by_mode, messages.mode_changed_in_sweep(mode=Mode.COMPLIANCE), None),
             (by_stop, messages.mode_changed_in_sweep(mode=Mode.TRIPPED), None),
         ):
-            await learned_two(parts)
+            await calibrate_two_points(parts)
             known = parts.state().touch.learned
             assert len(known) == 2
             await end()
@@ -232,7 +232,7 @@ def test_failure_of_the_sweep_is_reported(
         raise ZeroDivisionError("of a test")
 
     async def dies(parts: Parts) -> None:
-        await learned_two(parts)
+        await calibrate_two_points(parts)
         contact = parts.actuator.contact
         if cancelled:
             assert contact.sweep._task is not None
@@ -260,7 +260,7 @@ def test_failure_of_the_sweep_is_reported(
 
 def test_loop_exit_ends_the_sweep_without_restoring_S_ref(database: Database) -> None:
     async def dies(parts: Parts) -> None:
-        await learned_two(parts)
+        await calibrate_two_points(parts)
         parts.supervisor.dead = True
         parts.actuator.contact._handle_event(LoopExited("killed"))
         sweep = sweep_of(parts)
@@ -282,8 +282,13 @@ def test_calibration_from_the_command_line(service: Service, running: httpx.Clie
     assert (refused.status_code, problem(refused)["path"]) == (422, ["sweep"])
     swept = sinew("touch", "sweep", folder=service.data)
     assert (swept.returncode, swept.stderr) == (0, "")
-    for said in ("1 of 5: 8 N·m/rad", "5 of 5: 15 N·m/rad", "N without external force", "contact reaction disabled"):
-        assert said in swept.stdout
+    for expected in (
+        "1 of 5: 8 N·m/rad",
+        "5 of 5: 15 N·m/rad",
+        "N without external force",
+        "contact reaction disabled",
+    ):
+        assert expected in swept.stdout
     learned = json.loads(sinew("touch", "show", "--json", folder=service.data).stdout)["learned"]
     assert [point["S"] for point in learned] == pytest.approx([8.0, 9.75, 11.5, 13.25, 15.0], abs=0.2)
     begun = running.put("/api/touch", json={"sweep": "begin"}).json()["sweep"]

@@ -26,7 +26,7 @@ from backend.event_bus import EventBus
 from backend.faults import Fault
 from backend.schemas.session import Role
 from plant.errors import ErrorCode, InvariantError
-from tests.api.conftest import ended, once_told, problem, wait_for
+from tests.api.conftest import ended, problem, wait_for, wait_until_present
 from tests.api.pages import Page, pages
 from tests.docs.faults_page import documented_ms
 from tests.e2e.service import Service
@@ -292,7 +292,7 @@ def test_loss_of_the_controlling_page_causes_a_soft_stop(service: Service, off: 
             # control ends shortly before the loop stops: then no silent holder can be shown
             assert page["silent_s"] is None or page["silent_s"] < LOST_S + HOLD_S + 1.0
         wait_for(off, "mode", "tripped")
-        state = once_told(off, "stop_proof")  # an event, which arrives shortly after the sample
+        state = wait_until_present(off, "stop_proof")  # an event, which arrives shortly after the sample
         assert seen_lost
         assert state["fault"]["code"] == "operator_lost"
         assert state["holder"] is None

@@ -14,7 +14,7 @@ import pytest
 
 from backend.storage import runs
 from backend.storage.database import open_database
-from tests.api.conftest import client_with, ended, once_told, until, wait_for
+from tests.api.conftest import client_with, ended, until, wait_for, wait_until_present
 from tests.e2e.service import Service, running_service
 
 
@@ -30,7 +30,7 @@ def begin_experiment(operator: httpx.Client) -> None:
 
 def in_motion(operator: httpx.Client) -> int:
     """Return the number of the run to which the samples belong."""
-    return int(str(once_told(operator, "recording_run")["recording_run"]))
+    return int(str(wait_until_present(operator, "recording_run")["recording_run"]))
 
 
 @pytest.fixture

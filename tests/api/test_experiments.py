@@ -100,13 +100,13 @@ def test_page_and_command_line_agree(operator: httpx.Client, tmp_path: Path, nam
         bank = operator.post("/api/banks/file", json=bank_file()).raise_for_status().json()["id"]
         sinew("bank", "import", str(tmp_path / "bank.json"), folder=tmp_path)
         settings, ordered = {"bank": 1}, {"bank": bank}
-    said = asdict(LoopSettings())  # other tests may have activated other tunings
+    defaults = asdict(LoopSettings())  # other tests may have activated other tunings
     dry = (
-        operator.post("/api/experiments/dry-run", json={"name": name, "settings": {**said, **ordered}})
+        operator.post("/api/experiments/dry-run", json={"name": name, "settings": {**defaults, **ordered}})
         .raise_for_status()
         .json()
     )
-    command = by_command(name, {**said, **settings}, tmp_path)
+    command = by_command(name, {**defaults, **settings}, tmp_path)
     assert {one["name"]: one["value"] for one in dry["metrics"]} == command["metrics"]
     assert dry["verdict"] == command["verdict"]
     assert command["metrics"]

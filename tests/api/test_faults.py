@@ -19,7 +19,7 @@ from backend.services.actuator import ActuatorService
 from backend.services.fault_injection import INJECTIONS, MANUAL_CAUSES, apply_fault, describe_faults
 from plant.errors import ErrorCode
 from plant.interface import ONLY_OF_A_CARD, SIMULATOR, PlantChoice, PlantKind
-from tests.api.conftest import client_with, once_told, problem, until, until_state, wait_for
+from tests.api.conftest import client_with, problem, until, until_state, wait_for, wait_until_present
 from tests.api.pages import Page
 from tests.docs.faults_page import PAGE
 from tests.e2e.service import Service, running_service
@@ -75,7 +75,7 @@ def test_an_injected_fault_is_latched_and_reported(off: httpx.Client, fault: Fau
     off.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
     off.post("/api/faults/injection", json=INJECTIONS[fault].model_dump(mode="json")).raise_for_status()
     wait_for(off, "mode", "tripped")
-    state = once_told(off, "stop_proof")  # an event, which arrives shortly after the sample
+    state = wait_until_present(off, "stop_proof")  # an event, which arrives shortly after the sample
     told = state["fault"]
     assert isinstance(told, dict)
     assert told["code"] == fault
@@ -95,7 +95,7 @@ def test_an_injected_fault_is_latched_and_reported(off: httpx.Client, fault: Fau
 def test_a_plant_error_while_tripped_remains_a_problem(off: httpx.Client, kind: str) -> None:
     off.post("/api/stop").raise_for_status()
     off.post("/api/faults/injection", json={"kind": kind}).raise_for_status()
-    (problem_shown,) = cast(list[str], once_told(off, "problems")["problems"])
+    (problem_shown,) = cast(list[str], wait_until_present(off, "problems")["problems"])
     assert problem_shown.startswith(messages.plant_failing(reason=""))
     state = off.get("/api/state").json()
     assert state["fault"]["code"] == "stop_pressed"

@@ -21,14 +21,14 @@ def test_an_illegal_mode_is_rejected_with_the_legal_modes(off: httpx.Client) -> 
 
 
 def test_run_is_rejected_until_pretension_is_done(off: httpx.Client) -> None:
-    def asked_too_early() -> httpx.Response | None:
+    def request_run_too_early() -> httpx.Response | None:
         for path in ("stop", "reset"):
             off.post(f"/api/{path}").raise_for_status()
         off.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
         answer = off.post("/api/mode", json={"mode": "run"})
         return None if answer.is_success else answer
 
-    refused = until(asked_too_early)  # tendons that were recently taut take half a second, also on a busy machine
+    refused = until(request_run_too_early)  # tendons that were recently taut take half a second, also on a busy machine
     assert refused.status_code == 409
     assert "pretension" in str(problem(refused)["message"])
     state = wait_for(off, "pretension_done", True)
@@ -43,7 +43,7 @@ def test_the_joint_follows_its_references(running: httpx.Client) -> None:
 
 
 @pytest.mark.parametrize(
-    ("path", "body", "quantity", "value", "unit", "said"),
+    ("path", "body", "quantity", "value", "unit", "expected"),
     [
         ("/api/references", {"q_ref": 1.6, "S_ref": 10.0}, "q_ref", 1.6, "rad", "position reference: 91.6732° "),
         (
@@ -60,7 +60,7 @@ def test_the_joint_follows_its_references(running: httpx.Client) -> None:
     ],
 )
 def test_a_value_out_of_range_is_rejected_with_its_bounds(
-    running: httpx.Client, path: str, body: dict[str, float], quantity: str, value: float, unit: str, said: str
+    running: httpx.Client, path: str, body: dict[str, float], quantity: str, value: float, unit: str, expected: str
 ) -> None:
     before = running.get("/api/state").json()
     refused = running.put(path, json=body)
@@ -71,7 +71,7 @@ def test_a_value_out_of_range_is_rejected_with_its_bounds(
     assert isinstance(minimum, float)
     assert isinstance(maximum, float)
     assert not minimum <= value <= maximum
-    assert str(told["message"]).startswith(said)
+    assert str(told["message"]).startswith(expected)
     assert told["path"] == [quantity]
     after = running.get("/api/state").json()
     assert (after["references"], after["tuning"]) == (before["references"], before["tuning"])
@@ -245,7 +245,7 @@ REFUSED: list[tuple[str, str, dict[str, Any], list[str | int], str]] = [
 
 
 @pytest.fixture
-def liking(off: httpx.Client) -> Iterator[Any]:
+def angle_unit(off: httpx.Client) -> Iterator[Any]:
     """Sets the unit of angles; the previous unit is restored afterwards."""
     before = off.get("/api/preferences").json()
 
@@ -256,14 +256,20 @@ def liking(off: httpx.Client) -> Iterator[Any]:
     off.put("/api/preferences", json=before).raise_for_status()
 
 
-@pytest.mark.parametrize(("method", "path", "body", "place", "said"), REFUSED)
+@pytest.mark.parametrize(("method", "path", "body", "place", "expected"), REFUSED)
 def test_a_refusal_has_text_units_and_field(
-    off: httpx.Client, liking: Any, method: str, path: str, body: dict[str, Any], place: list[str | int], said: str
+    off: httpx.Client,
+    angle_unit: Any,
+    method: str,
+    path: str,
+    body: dict[str, Any],
+    place: list[str | int],
+    expected: str,
 ) -> None:
     """No code name, no other unit, no unnecessary number; radians if the person chose them."""
     refusal = told(off, method, path, body)
     message = str(refusal["message"])
-    assert message.startswith(said), message
+    assert message.startswith(expected), message
     path_told = refusal["path"]
     assert isinstance(path_told, list)
     assert path_told[-len(place) :] == place
@@ -271,7 +277,7 @@ def test_a_refusal_has_text_units_and_field(
     assert not CODE_NAME.search(SYMBOL.sub("", message)), message
     assert all(len(re.sub(r"e.*|\D", "", number).lstrip("0")) <= 6 for number in NUMBER.findall(message)), message
 
-    liking("rad")
+    angle_unit("rad")
     in_radians = told(off, method, path, body)
     assert {**in_radians, "message": ""} == {**refusal, "message": ""}, "what programs read is in SI for everybody"
     assert "°" not in str(in_radians["message"])
@@ -294,15 +300,15 @@ def told(client: httpx.Client, method: str, path: str, body: dict[str, Any]) -> 
 
 
 def test_the_unit_of_angles_is_stored_per_person_and_defaults_to_degrees(
-    off: httpx.Client, viewer: httpx.Client, liking: Any
+    off: httpx.Client, viewer: httpx.Client, angle_unit: Any
 ) -> None:
     assert off.get("/api/preferences").json()["angles"] == "deg"
-    liking("rad")
+    angle_unit("rad")
     assert off.get("/api/preferences").json()["angles"] == "rad"
     assert viewer.get("/api/preferences").json()["angles"] == "deg"
 
 
-def test_a_report_uses_the_angle_unit_of_the_downloading_person(running: httpx.Client, liking: Any) -> None:
+def test_a_report_uses_the_angle_unit_of_the_downloading_person(running: httpx.Client, angle_unit: Any) -> None:
     """The unit that the person prefers, unless the URL gives another; the embedded data are in SI."""
     run = running.get("/api/state").json()["recording_run"]
     running.post("/api/stop").raise_for_status()
@@ -314,7 +320,7 @@ def test_a_report_uses_the_angle_unit_of_the_downloading_person(running: httpx.C
     q_max = re.compile(r"geometry\.<i>q</i><sub>max</sub></td>\s*<td[^>]*>([^<]*)</td>\s*<td[^>]*>([^<]*)<")
     in_degrees = q_max.search(page())
     assert in_degrees is not None
-    liking("rad")
+    angle_unit("rad")
     in_radians = q_max.search(page())
     assert in_radians is not None
     assert (in_degrees[2], in_radians[2]) == ("°", "rad")
@@ -323,5 +329,5 @@ def test_a_report_uses_the_angle_unit_of_the_downloading_person(running: httpx.C
     assert asked is not None
     assert asked[0] == in_degrees[0]
     data = running.get(f"/api/runs/{run}/data.csv").raise_for_status().text
-    liking("deg")
+    angle_unit("deg")
     assert running.get(f"/api/runs/{run}/data.csv").raise_for_status().text == data

@@ -185,7 +185,7 @@ def test_an_identification_beyond_the_range_is_predicted_and_rejected(off: httpx
 
 
 @pytest.mark.parametrize(
-    ("order", "said"),
+    ("order", "expected"),
     [
         ({"kind": "motor", "u_high": 12.0}, "u_high"),
         ({"kind": "motor", "u_low": 6.0}, "u_low"),
@@ -196,11 +196,11 @@ def test_an_identification_beyond_the_range_is_predicted_and_rejected(off: httpx
     ],
 )
 def test_identification_settings_out_of_bounds_are_rejected(
-    operator: httpx.Client, order: dict[str, object], said: str
+    operator: httpx.Client, order: dict[str, object], expected: str
 ) -> None:
     refused = operator.post("/api/identifications", json=order)
     assert refused.status_code == 422
-    assert said in str(problem(refused))
+    assert expected in str(problem(refused))
 
 
 def test_a_sweep_gives_both_springs_and_their_curves(off: httpx.Client) -> None:

@@ -57,11 +57,11 @@ def ended(replaying: Service) -> Iterator[httpx.Client]:
     """The operator, with the player at the end of the recording."""
     with client_with(replaying, "token") as client:
         client.put("/api/player", json={"playing": True, "speed": 4.0}).raise_for_status()
-        standing(client, ended=True)
+        wait_for_player(client, ended=True)
         yield client
 
 
-def standing(client: httpx.Client, **wanted: Any) -> dict[str, Any]:
+def wait_for_player(client: httpx.Client, **wanted: Any) -> dict[str, Any]:
     """Wait until the player has these values; return the state."""
 
     def stands(state: dict[str, Any]) -> bool:
@@ -72,7 +72,7 @@ def standing(client: httpx.Client, **wanted: Any) -> dict[str, Any]:
 
 
 def test_the_end_of_a_replay_causes_no_trip_alarm_or_flight_record(ended: httpx.Client) -> None:
-    state = standing(ended, ended=True)
+    state = wait_for_player(ended, ended=True)
     assert state["player"]["t"] == state["player"]["duration_s"] == DURATION_S
     assert (state["player"]["playing"], state["mode"], state["fault"], state["problems"]) == (False, "off", None, [])
     assert ended.get("/api/flights").json()["flights"] == []
@@ -82,7 +82,7 @@ def test_the_end_of_a_replay_causes_no_trip_alarm_or_flight_record(ended: httpx.
 
 def test_the_player_seeks_pauses_and_plays_at_the_set_speed(ended: httpx.Client) -> None:
     ended.put("/api/player", json={"t": 1.25, "playing": False, "speed": 0.5}).raise_for_status()
-    state = standing(ended, t=1.25, playing=False)
+    state = wait_for_player(ended, t=1.25, playing=False)
     assert (state["player"]["speed"], state["player"]["ended"]) == (0.5, False)
     assert state["references"]["q_ref"] == pytest.approx(0.4)
     assert not state["references"]["in_force"]
@@ -97,13 +97,13 @@ def test_stop_pauses_the_player_without_latching_and_is_logged(ended: httpx.Clie
     ended.put("/api/player", json={"t": 0.0, "playing": True, "speed": 0.25}).raise_for_status()
     proof = ended.post("/api/stop").raise_for_status().json()
     assert proof["paused_recording"] is True
-    state = standing(ended, playing=False)
+    state = wait_for_player(ended, playing=False)
     assert state["player"]["ended"] is False
     assert (state["mode"], state["fault"], state["stop_proof"]) == ("off", None, proof)
     newest = until(lambda: [one for one in ended.get("/api/log").json()["entries"] if "STOP" in one["text"]])
     assert newest[0]["kind"] == "note"
     ended.put("/api/player", json={"playing": True}).raise_for_status()
-    assert standing(ended, playing=True)["stop_proof"] is None
+    assert wait_for_player(ended, playing=True)["stop_proof"] is None
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,7 @@ async def in_run(parts: Parts) -> None:
     await parts.actuator.set_mode(Mode.RUN, OPERATOR.name)
 
 
-def pushed_by(parts: Parts) -> float:
+def applied_push(parts: Parts) -> float:
     row = parts.supervisor.ring.newest()
     assert row is not None
     return float(row[INDEX["F_push"]])
@@ -82,16 +82,16 @@ def test_a_push_ends_as_soon_as_the_page_is_silent(database: Database) -> None:
         control.take(ANA, is_page=True)
         await parts.actuator.push(PushRequest(F_push=6.0, duration_s=10.0), ANA.name)
         for _ in range(round((LOST_S + 3 * POLL_S) / POLL_S)):
-            assert pushed_by(parts) in (0.0, 6.0)
+            assert applied_push(parts) in (0.0, 6.0)
             now += POLL_S
             await control.check()
             await parts.supervisor.advance(0.01)
         assert parts.live_state.mode is Mode.RUN  # long before the soft stop
         for _ in range(100):
             await parts.supervisor.advance(0.01)
-            if pushed_by(parts) == 0.0:
+            if applied_push(parts) == 0.0:
                 break
-        assert pushed_by(parts) == 0.0
+        assert applied_push(parts) == 0.0
 
     stepped(database, load_parameters("ideal"), lost)
     with database.reading() as session:
@@ -138,7 +138,7 @@ def test_a_push_is_bounded_and_rejected_on_other_plants(database: Database) -> N
                 await parts.actuator.push(PushRequest(F_push=5.0), OPERATOR.name)
         assert parts.state().limits.F_push_max == 0.0
         await parts.supervisor.advance(0.01)
-        assert pushed_by(parts) == 0.0
+        assert applied_push(parts) == 0.0
 
     stepped(database, load_parameters("ideal"), not_possible)
 
@@ -261,7 +261,7 @@ LAB = load_parameters("lab")
 WHO = "Ana"
 
 
-class Drawn:
+class StageStub:
     """Replaces the 3D view: stores the last drawn obstacle."""
 
     def __init__(self) -> None:
@@ -277,7 +277,7 @@ class Drawn:
 
 def drawn_at(replay: ReplayView, run: int, moments: list[float]) -> list[tuple[Obstacle | None, bool]]:
     """Return for each moment [s] the obstacle in the replay's 3D view, and whether it is drawn pressed."""
-    mirror, stage, drawn = SceneMirror(LAB, replay.get_row, replay.get_wall), Drawn(), []
+    mirror, stage, drawn = SceneMirror(LAB, replay.get_row, replay.get_wall), StageStub(), []
     for t in moments:
         replay.show(run, t)
         mirror._step(stage)  # type: ignore[arg-type]  # it has what is asked of a stage

@@ -187,12 +187,12 @@ def test_a_request_after_a_malformed_request_is_not_executed(
     bearer = f"Authorization: {operator.headers['Authorization']}\r\n".encode()
     hidden = b"POST /api/stop HTTP/1.1\r\n" + host + bearer + b"Content-Length: 0\r\n\r\n"
     head = b"POST /api/session HTTP/1.1\r\n" + host + lengths + b"\r\n0\r\n\r\n"
-    said = b""
+    received = b""
     with socket.create_connection((str(address.hostname), address.port or 0), timeout=PATIENCE_S_METHODS) as line:
         line.sendall(head + hidden)
         while part := line.recv(65536):  # until the service has closed it
-            said += part
-    assert said.count(b"HTTP/1.1 4") == said.count(b"HTTP/1.1 ") == 1
+            received += part
+    assert received.count(b"HTTP/1.1 4") == received.count(b"HTTP/1.1 ") == 1
     assert operator.get("/api/state").json()["mode"] == "off"
 
 
@@ -295,10 +295,12 @@ def test_an_invalid_origin_is_rejected_as_foreign(operator: httpx.Client, origin
     assert problem(refused)["code"] == "foreign_origin"
 
 
-@pytest.mark.parametrize("said", ['{"id": DIGITS}', '{"id": 1, "control": "short"}', '{"id": "HALF"}', "DEEP", "\x00"])
-def test_an_invalid_ping_closes_the_stream(operator: httpx.Client, said: str) -> None:
+@pytest.mark.parametrize(
+    "message", ['{"id": DIGITS}', '{"id": 1, "control": "short"}', '{"id": "HALF"}', "DEEP", "\x00"]
+)
+def test_an_invalid_ping_closes_the_stream(operator: httpx.Client, message: str) -> None:
     with live(operator) as watching:
-        watching.send(written(said))
+        watching.send(written(message))
         with pytest.raises(ConnectionClosedError) as closed:
             read_on(watching)
     assert closed.value.rcvd is not None

@@ -25,7 +25,7 @@ from backend.supervision import Supervision
 from tests.api.conftest import PATIENCE_S, client_with, ended, until, until_state, wait_for
 from tests.api.processes import descendants, held
 from tests.api.test_queue import LONG, SHORT, add
-from tests.api.test_scene import looking, receive
+from tests.api.test_scene import open_scene, receive
 from tests.e2e.service import Service, running_service
 
 # Two services never use one database: the second is rejected, the first continues, a killed one is replaced.
@@ -129,7 +129,7 @@ def busy(tmp_path: Path) -> Iterator[Service]:
 
 
 async def _ask_to_publish(service: Service, viewer: httpx.Client) -> None:
-    async with looking(service, viewer) as socket:
+    async with open_scene(service, viewer) as socket:
         await receive(socket)
         await socket.send(msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
         await asyncio.sleep(0.5)  # an event that must not happen cannot be awaited

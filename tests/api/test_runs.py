@@ -31,7 +31,7 @@ from backend.storage.database import Database, open_database
 from backend.storage.identifications import NewIdentification
 from backend.storage.runs import EndState, NewRun, RunKind
 from backend.units import AngleUnit, format_text
-from tests.api.conftest import ended, once_told, problem, until, wait_for
+from tests.api.conftest import ended, problem, until, wait_for, wait_until_present
 from tests.e2e.service import Service
 from tests.models.earlier_identifications import ACTUATOR
 
@@ -45,7 +45,7 @@ def run(operator: httpx.Client) -> int:
     operator.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
     wait_for(operator, "pretension_done", True)
     operator.post("/api/mode", json={"mode": "run"}).raise_for_status()
-    number = int(once_told(operator, "recording_run")["recording_run"])
+    number = int(wait_until_present(operator, "recording_run")["recording_run"])
     operator.post("/api/stop").raise_for_status()
     ended(operator, number)
     return number
@@ -182,7 +182,7 @@ def in_search(reason: str) -> str:
 
 
 def test_an_invalid_search_is_rejected(operator: httpx.Client, played: list[int]) -> None:
-    for where, said in (
+    for where, expected in (
         ("durtion_s < 5", in_search(search_messages.name_in_no_run(name="durtion_s"))),
         ("kind = sequense", "did you mean sequence"),
         ("(a", in_search(search_messages.bracket_not_closed())),
@@ -190,7 +190,7 @@ def test_an_invalid_search_is_rejected(operator: httpx.Client, played: list[int]
     ):
         refused = operator.get("/api/runs", params={"where": where})
         assert (refused.status_code, problem(refused)["code"]) == (422, "bad_search")
-        assert said in problem(refused)["message"]
+        assert expected in problem(refused)["message"]
     assert played
 
 
@@ -424,7 +424,7 @@ def test_changes_and_deletions_of_derived_signals_apply_immediately(operator: ht
 
 
 @pytest.mark.parametrize(
-    ("name", "expression", "said"),
+    ("name", "expression", "expected"),
     [
         ("made", "F_C * 2", unknown_signal(name="F_C", nearest="F_")),
         ("made", "q +", not_an_expression(expression="q +")),
@@ -433,12 +433,12 @@ def test_changes_and_deletions_of_derived_signals_apply_immediately(operator: ht
     ],
 )
 def test_an_invalid_formula_is_rejected_with_a_message(
-    operator: httpx.Client, name: str, expression: str, said: str
+    operator: httpx.Client, name: str, expression: str, expected: str
 ) -> None:
     put(operator, "F_mean", "(F_A + F_B) / 2").raise_for_status()
     refused = put(operator, name, expression)
     assert (refused.status_code, problem(refused)["code"]) == (422, "bad_formula")
-    assert said in problem(refused)["message"]
+    assert expected in problem(refused)["message"]
 
 
 def test_a_layout_may_show_a_derived_signal_with_signals_of_its_unit(operator: httpx.Client) -> None:

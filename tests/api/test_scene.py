@@ -23,7 +23,7 @@ SCENES = pytest.mark.parametrize("path", ["/scene", "/replay"])
 
 
 @asynccontextmanager
-async def looking(
+async def open_scene(
     service: Service, client: httpx.Client, path: str = "/scene", protocol: Subprotocol = PROTOCOL
 ) -> AsyncIterator[ClientConnection]:
     headers = {"Authorization": client.headers["Authorization"], "Origin": service.url}
@@ -59,7 +59,7 @@ def test_the_page_of_the_scene_has_its_own_policy(operator: httpx.Client) -> Non
 @pytest.mark.parametrize("path", ["/scene", "/scene/", "/replay", "/replay/"])
 def test_messages_of_the_scene_arrive_in_its_own_protocol(service: Service, operator: httpx.Client, path: str) -> None:
     async def session() -> None:
-        async with looking(service, operator, path) as socket:
+        async with open_scene(service, operator, path) as socket:
             assert socket.subprotocol == PROTOCOL
             assert len(await receive(socket)) > 10_000
 
@@ -89,20 +89,20 @@ def test_messages_of_a_viewer_change_nothing_in_the_scene(service: Service, view
     """Above all not the publication of the scene: viser's own server would fork and call a remote server."""
     kinds = sorted(kind.__name__ for kind in _messages.Message.get_subclasses())
     upload = {"source_component_uuid": "a", "transfer_uuid": "b", "filename": "c", "mime_type": "d"}
-    said = [
+    sent = [
         {"type": "ShareUrlRequest"},
         {"type": "FileTransferStartUpload", "part_count": 2, "size_bytes": 1 << 40, **upload},
         *({"type": kind} for kind in kinds),
     ]
 
     async def session() -> None:
-        async with looking(service, viewer, path) as socket:
+        async with open_scene(service, viewer, path) as socket:
             await receive(socket)
             before = descendants(service.pid)
-            await socket.send(msgspec.msgpack.encode(said[0]))
+            await socket.send(msgspec.msgpack.encode(sent[0]))
             await asyncio.sleep(0.5)  # an event that must not happen cannot be awaited
             assert descendants(service.pid) == before
-            for message in said[1:]:
+            for message in sent[1:]:
                 await socket.send(msgspec.msgpack.encode(message))
             await (await socket.ping())
             assert descendants(service.pid) == before
@@ -112,7 +112,7 @@ def test_messages_of_a_viewer_change_nothing_in_the_scene(service: Service, view
 
 @SCENES
 @pytest.mark.parametrize(
-    ("said", "count", "code"),
+    ("sent", "count", "code"),
     [
         ("text", 1, 1008),
         ("\x00" * 100_000, 1, 1008),
@@ -124,13 +124,13 @@ def test_messages_of_a_viewer_change_nothing_in_the_scene(service: Service, view
     ids=["text", "long text", "too large", "a megabyte", "nothing, often", "junk, often"],
 )
 def test_unknown_messages_close_the_connection(
-    service: Service, viewer: httpx.Client, path: str, said: str | bytes, count: int, code: int
+    service: Service, viewer: httpx.Client, path: str, sent: str | bytes, count: int, code: int
 ) -> None:
     async def session() -> None:
-        async with looking(service, viewer, path) as socket:
+        async with open_scene(service, viewer, path) as socket:
             try:
                 for _ in range(count):
-                    await socket.send(said)
+                    await socket.send(sent)
             except ConnectionClosed:
                 assert count > 1
             assert await closed_with(socket) == code
@@ -140,7 +140,7 @@ def test_unknown_messages_close_the_connection(
 
 def test_junk_leaves_no_traceback_and_few_lines_in_the_log(service: Service, viewer: httpx.Client) -> None:
     async def one(junk: str | bytes) -> None:
-        async with looking(service, viewer) as socket:
+        async with open_scene(service, viewer) as socket:
             await socket.send(junk)
             socket.transport.abort()
 
@@ -162,7 +162,7 @@ def test_other_page_versions_and_protocols_are_rejected(
 ) -> None:
     async def session() -> int | None:
         try:
-            async with looking(service, viewer, protocol=Subprotocol(protocol)) as socket:
+            async with open_scene(service, viewer, protocol=Subprotocol(protocol)) as socket:
                 return await closed_with(socket)
         except InvalidStatus as error:
             return int(error.response.status_code)
@@ -174,11 +174,11 @@ def test_the_scene_limits_its_connections(service: Service, viewer: httpx.Client
     async def session() -> None:
         async with AsyncExitStack() as stack:
             for _ in range(32):
-                await receive(await stack.enter_async_context(looking(service, viewer, "/replay")))
-            async with looking(service, viewer, "/replay") as late:
+                await receive(await stack.enter_async_context(open_scene(service, viewer, "/replay")))
+            async with open_scene(service, viewer, "/replay") as late:
                 assert await closed_with(late) == 1013
         while True:  # the service removes disconnected clients shortly afterwards
-            async with looking(service, viewer, "/replay") as socket:
+            async with open_scene(service, viewer, "/replay") as socket:
                 with suppress(ConnectionClosed):
                     await receive(socket)
                     return

@@ -124,7 +124,7 @@ def cookie_of(browser: httpx.Client) -> str:
     return value
 
 
-def carried(cookie: str, to: Service) -> dict[str, str]:
+def cookie_header(cookie: str, to: Service) -> dict[str, str]:
     """Return the cookie header of a browser at another port, because a restarted service gets a new port."""
     return {"Cookie": f"{COOKIE}{to.url.rpartition(':')[2]}={cookie}"}
 
@@ -175,13 +175,13 @@ def test_sessions_survive_restarts_and_clock_changes_until_sign_out(
         for name, mode in modes(data).items():
             assert name == "service.log" or mode == (0o700 if name in ("data", "backups") else 0o600), name
         assert len(modes(data)) >= 9
-        out = carried(kept_by_vera, service)
+        out = cookie_header(kept_by_vera, service)
         assert asyncio.run(watch(service, out, vera)) == OVER
         assert httpx.get(f"{service.url}/api/state", headers=out).status_code == 401
 
     request.getfixturevalue("moved_clock")
     with running_service(data, params="ideal") as service:
-        kept, out = carried(kept_by_ana, service), carried(kept_by_vera, service)
+        kept, out = cookie_header(kept_by_ana, service), cookie_header(kept_by_vera, service)
         assert httpx.get(f"{service.url}/api/session", headers=kept).json()["name"] == "Ana"
         assert httpx.post(f"{service.url}/api/stop", headers=kept).status_code == 200
         assert httpx.get(f"{service.url}/api/session", headers=out).status_code == 401
@@ -190,8 +190,8 @@ def test_sessions_survive_restarts_and_clock_changes_until_sign_out(
         vic, cat = signed_in(service, "Vic", "viewer-token"), signed_in(service, "Cat")
         before = (data / "token").read_text().strip()
         rotate = [sys.executable, "-m", "backend", "token", "rotate", "--role", "operator", "--data", str(data)]
-        said = subprocess.run(rotate, check=True, capture_output=True, text=True).stdout
-        assert (data / "token").read_text().strip() in said
+        printed = subprocess.run(rotate, check=True, capture_output=True, text=True).stdout
+        assert (data / "token").read_text().strip() in printed
         until(lambda: httpx.get(f"{service.url}/api/session", headers=kept).status_code == 401)
         assert httpx.post(f"{service.url}/api/session", json={"token": before}).status_code == 401
         assert cat.post("/api/stop").status_code == 401
@@ -238,11 +238,13 @@ def test_connected_people_of_one_name_are_distinguished(service: Service, operat
     async def together() -> list[str]:
         url = service.url.replace("http", "ws") + "/api/live"
         first = signed_in(service, "Eva")
-        async with connect(url, additional_headers=carried(cookie_of(first), service), close_timeout=0.1) as socket:
+        async with connect(
+            url, additional_headers=cookie_header(cookie_of(first), service), close_timeout=0.1
+        ) as socket:
             await socket.recv()
             second = await asyncio.to_thread(signed_in, service, "Eva")
             async with connect(
-                url, additional_headers=carried(cookie_of(second), service), close_timeout=0.1
+                url, additional_headers=cookie_header(cookie_of(second), service), close_timeout=0.1
             ) as beside:
                 await beside.recv()
                 state = await asyncio.to_thread(operator.get, "/api/state")

@@ -94,7 +94,7 @@ def test_a_study_is_stopped_and_resumed_while_another_waits(operator: httpx.Clie
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "told"),
+    ("text", "line", "expected"),
     [
         (
             HEAD + "axes: [{over: lam_q, values: [9.0]}]",
@@ -106,12 +106,14 @@ def test_a_study_is_stopped_and_resumed_while_another_waits(operator: httpx.Clie
         ("]", 1, not_yaml_or_json(reason="")),
     ],
 )
-def test_an_invalid_study_is_rejected_with_its_line(operator: httpx.Client, text: str, line: int, told: str) -> None:
+def test_an_invalid_study_is_rejected_with_its_line(
+    operator: httpx.Client, text: str, line: int, expected: str
+) -> None:
     answer = operator.post("/api/studies", json={"text": text})
     assert answer.status_code == 422
     found = problem(answer)
     assert found["line"] == line
-    assert told in found["message"]
+    assert expected in found["message"]
 
 
 def test_a_viewer_cannot_start_a_study_and_a_missing_study_is_reported(

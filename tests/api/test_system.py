@@ -216,15 +216,15 @@ def test_an_operator_can_add_a_remark_to_an_event_and_a_viewer_can_read_it(
 ) -> None:
     operator.post("/api/system/backups").raise_for_status()
     number = until(lambda: log(operator, kind="backup"))[0]["event"]
-    said = {"note": "before the new tendons", "tags": ["Tendons"]}
-    assert viewer.put(f"/api/log/{number}/remark", json=said).status_code == 403
-    assert operator.put(f"/api/log/{number}/remark", json=said).status_code == 204
+    remark = {"note": "before the new tendons", "tags": ["Tendons"]}
+    assert viewer.put(f"/api/log/{number}/remark", json=remark).status_code == 403
+    assert operator.put(f"/api/log/{number}/remark", json=remark).status_code == 204
     (entry,) = log(viewer, words="new tendons")
     assert (entry["event"], entry["tags"], entry["remark_by"]) == (number, ["tendons"], "operator")
     refused = operator.put(f"/api/log/{number}/remark", json={"note": "", "tags": ["two words"]})
     assert refused.status_code == 422
     assert problem(refused)["message_code"] == "invalid_tag"
-    assert operator.put("/api/log/999999/remark", json=said).status_code == 404
+    assert operator.put("/api/log/999999/remark", json=remark).status_code == 404
     assert log(viewer, words="new tendons") == [entry]
 
 
@@ -384,7 +384,7 @@ def test_long_reason_is_cut_and_invisible_characters_are_escaped(database: Datab
 
 
 @pytest.mark.parametrize(
-    ("asked", "said"),
+    ("body", "expected"),
     [
         ({"mode": "run"}, "mode run"),
         ({"q_ref": 1.0472, "S_ref": 9.5}, f"q_ref {Angle(1.0472)}, S_ref 9.5 N·m/rad"),
@@ -394,8 +394,8 @@ def test_long_reason_is_cut_and_invisible_characters_are_escaped(database: Datab
         ({f"value_{number}": number for number in range(9)}, ", ".join(f"value_{n} {n}" for n in range(6))),
     ],
 )
-def test_values_are_logged_with_their_units(asked: object, said: str) -> None:
-    assert describe_values(json.dumps(asked).encode()) == said
+def test_values_are_logged_with_their_units(body: object, expected: str) -> None:
+    assert describe_values(json.dumps(body).encode()) == expected
 
 
 def test_an_invalid_body_has_no_logged_values() -> None:
@@ -403,14 +403,14 @@ def test_an_invalid_body_has_no_logged_values() -> None:
 
 
 @pytest.fixture(scope="module")
-def unrefused(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+def fresh_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     """A service without earlier refusals: after many refusals the log only counts them for minutes."""
     with running_service(tmp_path_factory.mktemp("unrefused"), params="ideal") as running:
         yield running
 
 
-def test_a_rejected_command_is_logged_with_its_person_and_is_no_alarm(unrefused: Service) -> None:
-    with client_with(unrefused, "token") as off, client_with(unrefused, "viewer-token") as viewer:
+def test_a_rejected_command_is_logged_with_its_person_and_is_no_alarm(fresh_service: Service) -> None:
+    with client_with(fresh_service, "token") as off, client_with(fresh_service, "viewer-token") as viewer:
         _check_refusals_in_log(off, viewer)
 
 
@@ -445,8 +445,8 @@ def _check_refusals_in_log(off: httpx.Client, viewer: httpx.Client) -> None:
     assert not [entry for entry in alarms if "refused" in entry["text"]]
 
 
-def test_the_log_is_searched_in_the_angle_unit_of_the_reader(unrefused: Service) -> None:
-    with client_with(unrefused, "token") as off:
+def test_the_log_is_searched_in_the_angle_unit_of_the_reader(fresh_service: Service) -> None:
+    with client_with(fresh_service, "token") as off:
         _check_search_of_angles(off)
 
 

@@ -147,7 +147,7 @@ def test_a_stored_run_is_listed_shown_and_exported(command: Command, tracked: tu
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "expected"),
     [
         (["experiment", "levitation"], "tracking"),
         (["experiment", "tracking", "--set", "lam_q=0.1"], "λ_q: 0.1 s is"),
@@ -167,11 +167,11 @@ def test_a_stored_run_is_listed_shown_and_exported(command: Command, tracked: tu
     ],
 )
 def test_an_error_is_printed_in_one_line_and_sets_the_status(
-    command: Command, tmp_path: Path, words: list[str], said: str
+    command: Command, tmp_path: Path, words: list[str], expected: str
 ) -> None:
     ended = command(*words, "--data", str(tmp_path))
     assert ended.returncode in (1, 2)
-    assert said in ended.stderr
+    assert expected in ended.stderr
     assert len(ended.stderr.strip().splitlines()) == 1
     assert ended.stdout == ""
 
@@ -343,7 +343,7 @@ def test_a_file_whose_name_is_too_long_for_a_run_is_rejected(tmp_path: Path) -> 
 OK, REFUSED = b"HTTP/1.1 200 OK\r\nConnection: close\r\n\r\n", b"HTTP/1.1 409 Conflict\r\nConnection: close\r\n\r\n"
 
 
-def answer(said: bytes) -> object:
+def answer(reply: bytes) -> object:
     """Send a request to a server that gives this answer to every client."""
     with socket.create_server(("127.0.0.1", 0)) as server:
 
@@ -351,7 +351,7 @@ def answer(said: bytes) -> object:
             connection, _ = server.accept()
             with connection:
                 connection.recv(10_000)
-                connection.sendall(said)
+                connection.sendall(reply)
 
         thread = Thread(target=serve)
         thread.start()
@@ -368,7 +368,7 @@ def of_other_program(status: int, response: bytes) -> str:
 
 
 @pytest.mark.parametrize(
-    ("said", "why"),
+    ("reply", "why"),
     [
         (b"SSH-2.0-OpenSSH\r\n", messages.service_does_not_respond(address="@", reason="")),
         (b"", messages.service_does_not_respond(address="@", reason="")),
@@ -382,10 +382,10 @@ def of_other_program(status: int, response: bytes) -> str:
     ],
 )
 def test_an_invalid_answer_of_a_server_is_reported_in_one_message(
-    said: bytes, why: str, capsys: pytest.CaptureFixture[str]
+    reply: bytes, why: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit):
-        answer(said)
+        answer(reply)
     assert why in re.sub(r"http://127\.0\.0\.1:\d+", "@", capsys.readouterr().err)
 
 

@@ -255,7 +255,7 @@ def test_invalid_arguments_exit_with_2_and_one_line(
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "expected"),
     [
         (["--controller", "200"], "kp,ki"),
         (["--method", "guess"], "output_error"),
@@ -265,12 +265,12 @@ def test_invalid_arguments_exit_with_2_and_one_line(
     ],
 )
 def test_options_that_cannot_be_parsed_exit_with_2_and_one_line(
-    identify: Identify, tmp_path: Path, words: list[str], said: str
+    identify: Identify, tmp_path: Path, words: list[str], expected: str
 ) -> None:
     u, y, _ = closed_loop_record(FIRST, 30.0, 18, samples=2000)
     complaint = identify(write_csv(tmp_path / "record.csv", u=u, y=y), *words)
     assert complaint.status == 2
-    assert said in complaint.line
+    assert expected in complaint.line
 
 
 def test_a_missing_file_is_named(identify: Identify, tmp_path: Path) -> None:
@@ -326,8 +326,8 @@ def test_the_printed_table_has_the_interpretation_of_the_file(
         main()
     assert not ended.value.code
     printed = " ".join(capsys.readouterr().out.split())
-    for said in ("bench.csv", "1400 of 1500, 101 to 1500", "t, unit s", "0.001 s", "z: not selected"):
-        assert said in printed
+    for expected in ("bench.csv", "1400 of 1500, 101 to 1500", "t, unit s", "0.001 s", "z: not selected"):
+        assert expected in printed
 
 
 @pytest.mark.parametrize("name", ["data.mat", "data.parquet"])

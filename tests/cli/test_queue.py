@@ -74,7 +74,7 @@ def test_the_queue_is_paused_after_the_current_run_and_stopped(service: Service,
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "expected"),
     [
         (("add", "juggling"), "there is no such experiment"),
         (("add", "tracking", "--set", "lam_q=9"), "9 s is outside 0.01 to 3 s"),
@@ -83,11 +83,11 @@ def test_the_queue_is_paused_after_the_current_run_and_stopped(service: Service,
     ],
 )
 def test_a_refusal_of_the_service_is_printed_with_its_message(
-    service: Service, words: tuple[str, ...], told: str
+    service: Service, words: tuple[str, ...], expected: str
 ) -> None:
     refused = sinew("queue", *words, folder=service.data)
     assert refused.returncode == 1
-    assert told in refused.stderr
+    assert expected in refused.stderr
 
 
 def test_a_missing_service_is_reported(tmp_path: Path) -> None:

@@ -525,7 +525,7 @@ def sinew_resealed(*words: str, folder: Path) -> subprocess.CompletedProcess[str
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
-def held_up(plan: dict[str, Any]) -> None:
+def with_costly_expression(plan: dict[str, Any]) -> None:
     """Insert the expression into the experiment of a plan."""
     assert '"duration_s":"q_duration_s"' in plan["experiment"]
     plan["experiment"] = plan["experiment"].replace('"duration_s":"q_duration_s"', f'"duration_s":"{HOLDING}"')
@@ -543,17 +543,17 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 def sealed(text: str, change: Callable[[dict[str, Any]], None]) -> str:
     head, line, tail = re.split(rf"({re.escape(MARK)}.*)\n", text, maxsplit=1)
-    said = json.loads(line.removeprefix(MARK))
-    said.pop(SEAL)
-    change(said["run"])
-    return f"{head}{MARK}{json.dumps(said | {SEAL: document_digest(said)}, ensure_ascii=False)}\n{tail}"
+    document = json.loads(line.removeprefix(MARK))
+    document.pop(SEAL)
+    change(document["run"])
+    return f"{head}{MARK}{json.dumps(document | {SEAL: document_digest(document)}, ensure_ascii=False)}\n{tail}"
 
 
 def test_a_forged_export_with_a_valid_digest_is_rejected(played: tuple[Path, Path], tmp_path: Path) -> None:
     _, out = played
     file = tmp_path / "run.csv"
     exported = (out / "data.csv").read_text("utf-8")
-    file.write_text(sealed(exported, lambda run: held_up(run["settings"]["plan"])), "utf-8")
+    file.write_text(sealed(exported, lambda run: with_costly_expression(run["settings"]["plan"])), "utf-8")
     refused = sinew_resealed("runs", "import", str(file), folder=tmp_path / "there")
     assert refused.returncode == 2
     assert "duration_s" in refused.stderr
@@ -571,7 +571,7 @@ def test_a_stored_run_with_a_forged_plan_is_rejected_by_every_command(
     with closing(sqlite3.connect(folder / "sinew.db")) as here, closing(sqlite3.connect(tmp_path / "sinew.db")) as copy:
         here.backup(copy)
         settings = json.loads(copy.execute("SELECT settings FROM run").fetchone()[0])
-        held_up(settings["plan"])
+        with_costly_expression(settings["plan"])
         copy.execute("UPDATE run SET settings = ?", (json.dumps(settings),))
         copy.execute("DELETE FROM result")
         copy.execute("DELETE FROM report")

@@ -60,20 +60,20 @@ def test_each_mistake_in_a_wiring_file_is_reported_with_its_line(
     monkeypatch.setattr(sys, "argv", ["sinew", "rig", "check", "--wiring", str(wrong)])
     with pytest.raises(SystemExit) as ended:
         main()
-    told = capsys.readouterr().err
+    printed = capsys.readouterr().err
     lines = wrong.read_text().splitlines()
     unknown = next(number for number, line in enumerate(lines, 1) if "ai99" in line)
     twice = [number for number, line in enumerate(lines, 1) if '"ctr1"' in line][1]
     assert ended.value.code == 1
-    assert f"mine.toml:{unknown}: load_cell_B.channel: 'ai99' is not known" in told
-    assert f"mine.toml:{twice}: encoder_B.counter: " in told
-    assert [line.split(":")[:3] for line in told.splitlines()] == [
+    assert f"mine.toml:{unknown}: load_cell_B.channel: 'ai99' is not known" in printed
+    assert f"mine.toml:{twice}: encoder_B.counter: " in printed
+    assert [line.split(":")[:3] for line in printed.splitlines()] == [
         ["sinew", " mine.toml", str(number)] for number in sorted([unknown, twice])
     ]
     monkeypatch.setattr(sys, "argv", ["sinew", "serve", "--plant", "rig", "--virtual-card", "--wiring", str(wrong)])
     with pytest.raises(SystemExit):
         main()
-    assert capsys.readouterr().err == told
+    assert capsys.readouterr().err == printed
 
 
 def test_mistakes_in_a_wiring_file_are_printed_as_json(
@@ -121,7 +121,7 @@ def done(data: Path, *steps: StepId, wiring: Wiring = WIRING) -> None:
             standing.store_result(database, step, wiring, StepFinding(True, "well", (), found), "Ada")
 
 
-def kept(data: Path) -> dict[str, StoredStepResult]:
+def stored_results(data: Path) -> dict[str, StoredStepResult]:
     with closing(open_database(data)) as database:
         return standing.load_newest_results(database)
 
@@ -137,7 +137,7 @@ def sinew(
     return int(ended.value.code or 0), printed.out, " ".join(printed.err.split())
 
 
-def _hear_ctrl_c() -> None:
+def _restore_sigint() -> None:
     """Restore the default of SIGINT, which a shell ignores for background processes such as these tests."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
@@ -153,7 +153,7 @@ def at_a_terminal(*words: str, data: Path) -> Iterator[tuple[subprocess.Popen[st
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=_hear_ctrl_c,
+        preexec_fn=_restore_sigint,
     )
     os.close(theirs)
     too_long = threading.Timer(120.0, running.kill)
@@ -167,20 +167,20 @@ def at_a_terminal(*words: str, data: Path) -> Iterator[tuple[subprocess.Popen[st
         running.wait()
 
 
-def told(running: subprocess.Popen[str], words: str) -> None:
+def wait_for_text(running: subprocess.Popen[str], words: str) -> None:
     """Wait until the command prints the text on standard error."""
     assert running.stderr is not None
-    said = []
+    lines = []
     for line in running.stderr:
-        said.append(line)
+        lines.append(line)
         if words in line:
             return
-    pytest.fail(f"it ended without saying {words!r}: {''.join(said)}")
+    pytest.fail(f"it ended without saying {words!r}: {''.join(lines)}")
 
 
-def asked(running: subprocess.Popen[str], words: str) -> None:
+def wait_for_question(running: subprocess.Popen[str], words: str) -> None:
     """Wait for a question; the description of its step may contain the same words."""
-    told(running, f"  > {words}")
+    wait_for_text(running, f"  > {words}")
 
 
 @pytest.mark.live
@@ -190,11 +190,11 @@ def test_the_service_shows_a_tare_of_the_terminal(
     done(tmp_path, StepId.WIRING_TEST)
     with at_a_terminal("tare", *CARD, "--json", data=tmp_path) as (running, typing):
         for question in (START, step_messages.unload_load_cells(), step_messages.remove_load()):
-            asked(running, question)
+            wait_for_question(running, question)
             # After the first, while the loop starts without a question: no answer.
             os.write(typing, b"\nq\n" if question == START else b"\n")
-        printed, said = running.communicate()
-    assert running.returncode == 0, said
+        printed, errors = running.communicate()
+    assert running.returncode == 0, errors
     told_of = {step["id"]: step for step in json.loads(printed)["steps"]}
     assert told_of["tare"]["state"] == "current"
     with running_service(tmp_path, plant=("rig", "--virtual-card")) as service, client_with(service, "token") as client:
@@ -213,13 +213,13 @@ def test_ctrl_c_in_a_step_stores_no_result(tmp_path: Path) -> None:
     with at_a_terminal("bring-up", "--step", "zero", "--step", "direction", *CARD, data=tmp_path) as (running, typing):
         by_hand = step_messages.hold_joint_at_mark(), step_messages.turn_motors_to_tension(F=START_N)
         for question in (START, *by_hand):
-            asked(running, question)
+            wait_for_question(running, question)
             os.write(typing, b"\n")
-        told(running, step_messages.testing_motor(motor="A"))
+        wait_for_text(running, step_messages.testing_motor(motor="A"))
         running.send_signal(signal.SIGINT)
         running.communicate()
     assert running.returncode == 130
-    assert set(kept(tmp_path)) == {StepId.WIRING_TEST, StepId.ZERO}
+    assert set(stored_results(tmp_path)) == {StepId.WIRING_TEST, StepId.ZERO}
 
 
 @pytest.mark.live
@@ -233,13 +233,13 @@ def test_the_joint_is_homed_from_the_terminal(tmp_path: Path) -> None:
     with at_a_terminal(*command, data=tmp_path) as (running, typing):
         by_hand = step_messages.turn_joint_to_middle(voltage=HOMING_MAX_V, position=0.3, travel=0.0)
         for question in (START, by_hand.partition(":")[0]):
-            asked(running, question)
+            wait_for_question(running, question)
             os.write(typing, b"\n")
-        printed, said = running.communicate()
-    assert running.returncode == 0, said
+        printed, errors = running.communicate()
+    assert running.returncode == 0, errors
     steps = {step["id"]: step for step in json.loads(printed)["steps"]}
     assert (steps["home"]["state"], steps["zero"]["state"]) == ("current", "current")
-    assert "17.19°" in said  # 0.3 rad
+    assert "17.19°" in errors  # 0.3 rad
 
 
 @pytest.mark.live
@@ -277,7 +277,7 @@ def test_a_step_cancelled_with_a_driven_motor_ends_at_zero_volts_without_result(
     assert after == 0.0
     card = supervisor.card.state()
     assert (card.u_A, card.u_B, card.drive_enabled) == (0.0, 0.0, False)
-    assert {step: result.passed for step, result in kept(tmp_path).items()} == {
+    assert {step: result.passed for step, result in stored_results(tmp_path).items()} == {
         StepId.WIRING_TEST: True,
         StepId.ZERO: True,
         StepId.DIRECTION: False,
@@ -294,7 +294,7 @@ def test_the_end_of_a_pipe_ends_its_answers(monkeypatch: pytest.MonkeyPatch) -> 
     os.write(writing, b"\n 12.5 \nq\n")
     os.close(writing)
 
-    async def asked() -> str:
+    async def read_answers() -> str:
         terminal = Terminal()
         await terminal.confirm("Turn the joint")
         typed = await terminal.ask("weight", "number")
@@ -305,7 +305,7 @@ def test_the_end_of_a_pipe_ends_its_answers(monkeypatch: pytest.MonkeyPatch) -> 
 
     with os.fdopen(reading) as piped:
         monkeypatch.setattr(sys, "stdin", piped)
-        assert asyncio.run(asked()) == "12.5"
+        assert asyncio.run(read_answers()) == "12.5"
 
 
 def blocked(step: str, first: str) -> str:
@@ -313,7 +313,7 @@ def blocked(step: str, first: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "expected"),
     [
         (["bring-up"], messages.only_for_a_rig(plant="simulator")),
         (["bring-up", "--plant", "rig"], messages.steps_require_terminal()),
@@ -329,11 +329,11 @@ def blocked(step: str, first: str) -> str:
     ],
 )
 def test_invalid_commissioning_commands_are_rejected_before_the_card_is_opened(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str], expected: str
 ) -> None:
     status, printed, complaint = sinew(monkeypatch, capsys, *words, data=tmp_path)
     assert status in (1, 2)
-    assert said in complaint
+    assert expected in complaint
     assert printed == ""
 
 

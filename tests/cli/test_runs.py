@@ -192,7 +192,7 @@ def cells(line: str) -> list[str]:
     return [cell for cut in (",", ";") for cell in next(csv.reader([line], delimiter=cut))]
 
 
-def harmless(line: str) -> None:
+def check_line_is_harmless(line: str) -> None:
     assert OBEYED.search(line) is None, line
     for cell in cells(line):
         if cell.lstrip().startswith(FORMULA):
@@ -213,7 +213,7 @@ def test_no_cell_of_a_file_is_a_formula(stored: tuple[Path, list[int], int], tmp
     for name in ("table.csv", "curves.csv", "run.csv"):
         lines = (tmp_path / name).read_bytes().decode().split("\n")
         for line in lines[:40]:
-            harmless(line)
+            check_line_is_harmless(line)
         comments = sum(line.startswith("#") for line in lines)
         assert not any(line.startswith("#") for line in lines[comments:])
         rows = pd.read_csv(tmp_path / name, skiprows=comments)

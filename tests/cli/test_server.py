@@ -126,9 +126,9 @@ def test_a_host_serves_the_addresses_that_it_prints(host: str, served: list[str]
         for address in refused:
             with pytest.raises(ConnectionRefusedError):
                 socket.create_connection((address, port), 5)
-    said = describe_served_addresses(host)
-    assert ("IPv4" in said, "IPv6" in said) == ((True, True) if host != "::1" else (False, False))
-    assert ("every IPv6 and IPv4 address" in said) == (host == "::")
+    text = describe_served_addresses(host)
+    assert ("IPv4" in text, "IPv6" in text) == ((True, True) if host != "::1" else (False, False))
+    assert ("every IPv6 and IPv4 address" in text) == (host == "::")
 
 
 def test_links_use_the_public_url_and_the_local_address(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -152,7 +152,7 @@ def test_links_use_the_public_url_and_the_local_address(tmp_path: Path, capsys: 
 PORT_IN_WORDS = "valid integer"
 
 
-def said_by(words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
+def failure_line(words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
     """Return the only line that a failing command prints."""
     monkeypatch.setattr(sys, "argv", ["sinew", *words])
     monkeypatch.setattr("backend.cli.server.NOTICE_DELAY_S", 3600.0)  # on any slow machine
@@ -197,7 +197,7 @@ def test_an_invalid_environment_variable_is_rejected_in_one_line(
 ) -> None:
     monkeypatch.setenv(f"SINEW_{name}", value)
     port = [] if name == "PORT" else ["--port", "0"]
-    line = said_by(["serve", "--data", str(tmp_path), *port], monkeypatch, capsys)
+    line = failure_line(["serve", "--data", str(tmp_path), *port], monkeypatch, capsys)
     assert words in line
     assert "secret" not in line
 
@@ -251,7 +251,7 @@ def test_an_invalid_data_folder_is_reported_with_a_remedy(
 ) -> None:
     breaks(tmp_path)
     before = {path: path.stat().st_size for path in tmp_path.iterdir() if path.is_file()}
-    line = said_by(["serve", "--port", "0", "--data", str(tmp_path)], monkeypatch, capsys)
+    line = failure_line(["serve", "--port", "0", "--data", str(tmp_path)], monkeypatch, capsys)
     assert words(tmp_path) in line
     assert str(tmp_path) in line
     assert {path: path.stat().st_size for path in before} == before
@@ -261,7 +261,7 @@ def test_a_data_folder_that_is_a_file_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "data").touch()
-    line = said_by(["serve", "--port", "0", "--data", str(tmp_path / "data")], monkeypatch, capsys)
+    line = failure_line(["serve", "--port", "0", "--data", str(tmp_path / "data")], monkeypatch, capsys)
     assert data_folder_is_a_file(folder=tmp_path / "data") in line
 
 
@@ -285,7 +285,7 @@ def test_a_port_in_use_is_reported(
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
-        line = said_by(["serve", "--port", port, "--data", str(tmp_path)], monkeypatch, capsys)
+        line = failure_line(["serve", "--port", port, "--data", str(tmp_path)], monkeypatch, capsys)
         with pytest.raises(OSError, match=port) as in_use:
             socket.create_server(("127.0.0.1", int(port)))
     reason = str(in_use.value.strerror)

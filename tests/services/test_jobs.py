@@ -43,7 +43,7 @@ from backend.storage.runs import EndState, Run
 from backend.workers import WorkerProcess
 from plant.interface import T_s
 from plant.parameters import load_parameters
-from tests.api.stepped_service import OPERATOR, Here, Parts, stepped
+from tests.api.stepped_service import OPERATOR, InProcessWorker, Parts, stepped
 from tests.refusals import refused
 
 # Predictions of an identification compared with the run of the loop: length, progress and bank.
@@ -88,7 +88,7 @@ def test_consecutive_runs_match_their_predicted_duration_and_range(tmp_path: Pat
         with database.session() as session:
             entries = [BankEntry(8.24, MODEL, view.estimate), BankEntry(12.43, MODEL)]
             bank = banks.add(session, "bench", entries, OPERATOR.name)
-        banks_of = StoredBanks(database, Here(lambda _cause: None), lambda: parts.live_state.tuning)
+        banks_of = StoredBanks(database, InProcessWorker(lambda _cause: None), lambda: parts.live_state.tuning)
         made, imported = banks_of.load_bank(bank.id).entries
         # θ_B = 0: both springs share the travel of motor A, so that the joint is at x/r_j, x = 23.49 mm at 10 N.
         assert made.q_nominal == pytest.approx(0.02349 / 0.075, abs=2e-3)
@@ -110,7 +110,7 @@ SPRING = SpringRequest(kind="spring", F_low=4.0, F_high=40.0, sweep_s=3.0, cycle
 
 
 @dataclass(frozen=True)
-class Seen:
+class ShownTasks:
     """The displayed views of a request while it ran, its first run, and the length of each run [s] by number."""
 
     run: int
@@ -127,7 +127,7 @@ async def pretension(parts: Parts) -> None:
 
 async def follow(
     parts: Parts, order: IdentificationRequest, at_each: Callable[[TaskView], None] = lambda _task: None
-) -> Seen:
+) -> ShownTasks:
     run = await parts.ordered_runs.start_identification(order, OPERATOR.name)
     tasks: list[TaskView] = []
     while (task := parts.live_state.task) is not None:
@@ -135,7 +135,7 @@ async def follow(
             tasks.append(task)
             at_each(task)
         await asyncio.sleep(0)
-    return Seen(run, tasks)
+    return ShownTasks(run, tasks)
 
 
 def recorded(database: Database, run: int) -> dict[str, np.ndarray]:
@@ -148,7 +148,7 @@ def end_of(database: Database, run: int) -> EndState:
         return EndState(runs.get(session, run).end_state)
 
 
-def told_right(seen: Seen, run: int, samples: int) -> None:
+def check_time_left(seen: ShownTasks, run: int, samples: int) -> None:
     """Check that the displayed time left is correct: within 5 % of the run's length or 1 s."""
     took_s = samples * T_s
     within = max(1.0, 0.05 * took_s)
@@ -170,9 +170,9 @@ def line(planned: PlannedSignals, name: str) -> np.ndarray:
     return np.array([np.nan if value is None else value for value in values])
 
 
-def run_of(tmp_path: Path, order: IdentificationRequest) -> tuple[Seen, dict[str, np.ndarray], PlannedSignals]:
+def run_of(tmp_path: Path, order: IdentificationRequest) -> tuple[ShownTasks, dict[str, np.ndarray], PlannedSignals]:
     database = open_database(tmp_path)
-    seen: list[Seen] = []
+    seen: list[ShownTasks] = []
 
     async def ordered(parts: Parts) -> None:
         await pretension(parts)
@@ -189,7 +189,7 @@ def run_of(tmp_path: Path, order: IdentificationRequest) -> tuple[Seen, dict[str
 
 def test_the_stage_of_an_actuator_identification_matches_its_samples(tmp_path: Path) -> None:
     seen, columns, planned = run_of(tmp_path, ACTUATOR)
-    told_right(seen, seen.run, columns["u_A"].size)
+    check_time_left(seen, seen.run, columns["u_A"].size)
     jumps = np.flatnonzero(np.abs(np.diff(columns["theta_A_ref"])) > 0.5)
     arrived = np.flatnonzero(columns["theta_B_ref"] == 0.0)[0]
     for task in seen.played(seen.run):
@@ -225,7 +225,7 @@ def stages(u: np.ndarray, free: np.ndarray) -> np.ndarray:
 
 def test_the_stage_of_a_motor_identification_matches_its_samples(tmp_path: Path) -> None:
     seen, columns, planned = run_of(tmp_path, MOTOR)
-    told_right(seen, seen.run, columns["u_A"].size)
+    check_time_left(seen, seen.run, columns["u_A"].size)
     free = np.isnan(columns["theta_A_ref"])
     true = stages(columns["u_A"], np.append(free[:-1], False))
     assert np.count_nonzero(np.diff((true == str(Stage.EXCITING)).astype(int)) == 1) == 4
@@ -248,7 +248,7 @@ def test_the_stage_of_a_motor_identification_matches_its_samples(tmp_path: Path)
 
 def test_the_stage_of_a_spring_identification_matches_its_samples(tmp_path: Path) -> None:
     seen, columns, planned = run_of(tmp_path, SPRING)
-    told_right(seen, seen.run, columns["u_A"].size)
+    check_time_left(seen, seen.run, columns["u_A"].size)
     up = int(np.argmax(columns["theta_A_ref"]))
     for task in seen.played(seen.run):
         assert task.part is not None
@@ -307,7 +307,7 @@ def test_a_pause_delays_the_next_tension_and_no_run_is_active_meanwhile(tmp_path
         second = [task.part for task in seen.played(seen.run + 1) if task.part]
         assert {(part.number, part.of) for part in second} == {(2, 2)}
         assert [end_of(database, seen.run + place) for place in (0, 1)] == [EndState.COMPLETED] * 2
-        told_right(seen, seen.run + 1, recorded(database, seen.run + 1)["u_A"].size)
+        check_time_left(seen, seen.run + 1, recorded(database, seen.run + 1)["u_A"].size)
 
     try:
         stepped(database, load_parameters("ideal"), ordered)
@@ -372,7 +372,7 @@ class FakeLoop:
         self._at_each(self.advanced)
 
 
-class Present:
+class PauseState:
     """The part of the live state that a pause reads."""
 
     def __init__(self) -> None:
@@ -387,8 +387,8 @@ class Present:
         )
 
 
-def paused(following: int) -> tuple[Pause, Present]:
-    live_state = Present()
+def paused(following: int) -> tuple[Pause, PauseState]:
+    live_state = PauseState()
     pause = Pause(cast(LiveState, live_state), lambda: None)
     pause.begin(following)
     if following:
@@ -465,7 +465,7 @@ async def at_once(_station: ExperimentRig, _plan: Any, _run: Run) -> Evaluation:
     return Evaluation(None, None, "nothing was played")
 
 
-def ended_behind_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, dies: bool) -> tuple[list[str], Mode]:
+def end_after_first_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, dies: bool) -> tuple[list[str], Mode]:
     """Return the problems and mode of a request whose loop dies in the pause, or whose second run is rejected."""
     database = open_database(tmp_path)
     created: list[Run] = []
@@ -516,10 +516,10 @@ def ended_behind_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, d
 def test_end_between_two_runs_leaves_the_first_run_completed(
     dies: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (said, *_of_results), mode = ended_behind_the_first(tmp_path, monkeypatch, dies=dies)
+    (message, *_of_results), mode = end_after_first_run(tmp_path, monkeypatch, dies=dies)
     assert mode is Mode.PRETENSION
     why = "the loop process was killed" if dies else OutOfRangeError("q", 1.2, -1.0, 1.0, "rad")
-    assert said == messages.runs_not_started(run=1, reason=str(why), count=2)
+    assert message == messages.runs_not_started(run=1, reason=str(why), count=2)
 
 
 # The displayed name of a run: an experiment document by its title, those of the paper by their kind.
@@ -560,7 +560,7 @@ def test_a_dry_run_that_fails_for_lack_of_disk_space_frees_its_slot(
     asyncio.run(whole())
 
 
-class Halfway(WorkerProcess):
+class HalfwayWorker(WorkerProcess):
     """A worker that has executed 3 s of an experiment and continues."""
 
     async def run(self, work: Callable[..., Any], *arguments: Any, **_none: Any) -> Any:
@@ -578,7 +578,7 @@ def test_progress_of_a_dry_run_is_shown_to_its_person_until_disconnect() -> None
         return left.is_set()
 
     async def whole() -> None:
-        dry_runs = DryRuns(Halfway(lambda _cause: None))
+        dry_runs = DryRuns(HalfwayWorker(lambda _cause: None))
         assert not (await dry_runs.progress(VIEWER)).under_way
         playing = asyncio.ensure_future(dry_runs.play(load_parameters("ideal"), order, (), VIEWER, is_disconnected))
         while (told := await dry_runs.progress(VIEWER)).doing is not RunPhase.PROGRAM:

@@ -24,7 +24,7 @@ def fill(ring: Ring, count: int) -> None:
         ring.append(row)
 
 
-class Watcher:
+class RecordingClient:
     """A websocket of the test: stores its messages, may stop reading."""
 
     def __init__(self) -> None:
@@ -50,7 +50,7 @@ class Watcher:
         return [tick for f in self.frames for tick in range(f.first_tick, f.first_tick + f.columns.shape[1])]
 
 
-class Babbler(Watcher):
+class InvalidClient(RecordingClient):
     """Sends an invalid message, and disconnects before the answer."""
 
     async def receive_text(self) -> str:
@@ -60,7 +60,7 @@ class Babbler(Watcher):
         raise WebSocketDisconnect(1006)
 
 
-class Silent(Watcher):
+class SilentClient(RecordingClient):
     """A page that pings once and then is silent."""
 
     closed = False
@@ -76,7 +76,7 @@ class Silent(Watcher):
         self.closed = True
 
 
-class Slow(Watcher):
+class SlowClient(RecordingClient):
     """Sends invalid messages and reads late: a close waits for it, and after a close begins nothing is sent."""
 
     closing = closed = False
@@ -104,7 +104,7 @@ def stream_on(ring: Ring) -> LiveStream:
     return LiveStream(lambda: ring, lambda: StateMessage.model_construct(type="state"))
 
 
-async def served(stream: LiveStream, watcher: Watcher) -> None:
+async def served(stream: LiveStream, watcher: RecordingClient) -> None:
     await serve_live_stream(stream, cast(WebSocket, watcher))
 
 
@@ -117,7 +117,7 @@ def test_history_is_sent_first_and_each_tick_once() -> None:
     async def session() -> None:
         ring = Ring.create(65536)
         fill(ring, 40_000)
-        stream, watcher = stream_on(ring), Watcher()
+        stream, watcher = stream_on(ring), RecordingClient()
         serving = asyncio.create_task(served(stream, watcher))
         await settle()
         fill(ring, 100)
@@ -137,7 +137,7 @@ def test_history_is_sent_first_and_each_tick_once() -> None:
 def test_a_slow_client_gets_the_number_of_missed_samples_and_delays_no_other() -> None:
     async def session() -> None:
         ring = Ring.create(65536)
-        stream, slow, quick = stream_on(ring), Watcher(), Watcher()
+        stream, slow, quick = stream_on(ring), RecordingClient(), RecordingClient()
         tasks = [asyncio.create_task(served(stream, watcher)) for watcher in (slow, quick)]
         await settle()
         slow.reads.clear()
@@ -170,7 +170,7 @@ def test_a_silent_page_is_disconnected_and_a_silent_script_is_not(
 ) -> None:
     async def session() -> None:
         monkeypatch.setattr("backend.api.dependencies.PING_TIMEOUT_S", 0.05)
-        stream, page, script = stream_on(Ring.create(1024)), Silent(), Watcher()
+        stream, page, script = stream_on(Ring.create(1024)), SilentClient(), RecordingClient()
         left, there = (asyncio.create_task(served(stream, watcher)) for watcher in (page, script))
         await asyncio.wait_for(left, 60.0)
         assert page.closed
@@ -198,7 +198,7 @@ def test_a_client_gets_the_newest_state_and_every_mark() -> None:
 def test_earlier_marks_are_sent_to_later_clients() -> None:
     async def session() -> None:
         ring = Ring.create(1024)
-        stream, watcher = stream_on(ring), Watcher()
+        stream, watcher = stream_on(ring), RecordingClient()
         stream.publish_mark(EventMessage(tick=7, kind=MarkKind.NOTE, text="before"))
         serving = asyncio.create_task(served(stream, watcher))
         await settle()
@@ -210,14 +210,14 @@ def test_earlier_marks_are_sent_to_later_clients() -> None:
 
 
 def test_an_invalid_message_before_a_disconnect_causes_no_warning(caplog: pytest.LogCaptureFixture) -> None:
-    asyncio.run(served(stream_on(Ring.create(1024)), Babbler()))
+    asyncio.run(served(stream_on(Ring.create(1024)), InvalidClient()))
     assert [record.message for record in caplog.records if record.levelno >= logging.WARNING] == []
 
 
 def test_a_slow_client_with_an_invalid_message_gets_the_close() -> None:
     async def session() -> None:
         ring = Ring.create(1024)
-        stream, slow = stream_on(ring), Slow()
+        stream, slow = stream_on(ring), SlowClient()
         serving = asyncio.create_task(served(stream, slow))
         await settle()
         slow.reads.clear()
@@ -237,7 +237,7 @@ def test_a_new_loop_starts_a_new_time_axis() -> None:
     async def session() -> None:
         rings = [Ring.create(1024), Ring.create(1024)]
         stream = LiveStream(lambda: rings[-1] if restarted else rings[0], lambda: StateMessage.model_construct())
-        watcher = Watcher()
+        watcher = RecordingClient()
         serving = asyncio.create_task(served(stream, watcher))
         fill(rings[0], 30)
         stream.step(0.0)

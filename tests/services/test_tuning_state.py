@@ -70,11 +70,11 @@ def test_stored_tuning_is_restored(database: Database, ideal: PlantParameters, c
     assert tuning_store.restore(ideal)[1] == ""
     tuning_store.save(make_active_tuning(ideal, TuningSettings()), "B. Operator")
     tuning_store.save(chosen, "A. Operator")
-    restored, said = tuning_store.restore(ideal)
+    restored, message = tuning_store.restore(ideal)
     assert restored.settings == chosen.settings
     assert restored.build_command() == chosen.build_command()
     models = messages.models_in_use(bank=("kept", 1))
-    assert said == messages.tuning_restored(who="A. Operator", models=models, settings=chosen.settings.format())
+    assert message == messages.tuning_restored(who="A. Operator", models=models, settings=chosen.settings.format())
 
 
 def test_other_parameters_start_with_the_default(
@@ -83,9 +83,9 @@ def test_other_parameters_start_with_the_default(
     tuning_store = TuningStore(database)
     tuning_store.save(chosen, "A. Operator")
     lab = load_parameters("lab")
-    restored, said = tuning_store.restore(lab)
+    restored, message = tuning_store.restore(lab)
     assert restored.settings == compute_default_tuning(lab).tuning
-    assert said.startswith(messages.defaults_active(reason=messages.tuning_of_other_parameters(), moved=""))
+    assert message.startswith(messages.defaults_active(reason=messages.tuning_of_other_parameters(), moved=""))
 
 
 def test_default_uses_the_nearest_lambda_in_range(tmp_path: Path) -> None:
@@ -94,12 +94,12 @@ def test_default_uses_the_nearest_lambda_in_range(tmp_path: Path) -> None:
         tuning, saved = (client.get(f"/api/tuning{path}").raise_for_status().json() for path in ("", "/saved"))
     lam_q = tuning["lam_q"]
     assert tuning["lam_q_min"] <= lam_q < tuning["lam_q_min"] + 1e-3
-    said = default_tuning(load_parameters(str(weak_motors(tmp_path))))[1]
-    assert said.endswith(f"λ_q 0.5 → {lam_q:g} s")
-    assert (saved["lam_q"], saved["who"], saved["moved"]) == (lam_q, None, said)
+    message = default_tuning(load_parameters(str(weak_motors(tmp_path))))[1]
+    assert message.endswith(f"λ_q 0.5 → {lam_q:g} s")
+    assert (saved["lam_q"], saved["who"], saved["moved"]) == (lam_q, None, message)
     with closing(open_database(tmp_path)) as database, database.reading() as session:
         told = [event.text for event in events.between(session, datetime.min.replace(tzinfo=UTC), None)]
-    assert said in told
+    assert message in told
 
 
 def test_default_saved_tuning_fits_the_active_tuning(database: Database, tmp_path: Path) -> None:
@@ -119,14 +119,14 @@ def test_default_after_other_parameters_is_moved_into_range(
     tuning_store = TuningStore(database)
     tuning_store.save(chosen, "A. Operator")
     weak = load_parameters(str(weak_motors(tmp_path)))
-    restored, said = tuning_store.restore(weak)
+    restored, message = tuning_store.restore(weak)
     assert restored.settings == replace(
         TuningSettings(), lam_q=restored.settings.lam_q, u_plan=restored.settings.u_plan
     )
     assert restored.settings.u_plan > 0.0
     default, moved = default_tuning(weak)
     assert (default.settings, default.settings.lam_q > 0.5) == (restored.settings, True)
-    assert said == messages.defaults_active(reason=messages.tuning_of_other_parameters(), moved=moved)
+    assert message == messages.defaults_active(reason=messages.tuning_of_other_parameters(), moved=moved)
     assert moved.endswith(f"λ_q 0.5 → {restored.settings.lam_q:g} s")
 
 
@@ -140,9 +140,9 @@ def test_unusable_stored_tuning_is_replaced_by_the_default(
         stored = settings.newest(session, ACTIVE_TUNING_KEY)
         assert stored is not None
         settings.save(session, ACTIVE_TUNING_KEY, {**stored.value, name: value}, "A. Operator")
-    restored, said = tuning_store.restore(ideal)
+    restored, message = tuning_store.restore(ideal)
     assert restored.settings == compute_default_tuning(ideal).tuning
-    assert str(value) in said
+    assert str(value) in message
 
 
 # The temporary tuning of a run, and the restored tuning of the operator.
@@ -163,7 +163,7 @@ WHO = OPERATOR.name
 
 
 @pytest.fixture
-def bank_lent(database: Database) -> Bank:
+def active_bank(database: Database) -> Bank:
     """A bank that is active at the next start, with λ of the operator."""
     with database.session() as session:
         made = banks.add(session, "lent", [BankEntry(10.55, MODEL)], WHO)
@@ -185,21 +185,21 @@ def sequence(segments: str = SHORT, **settings: float | bool) -> ExperimentReque
     return ExperimentRequest(name="sequence", settings={"segments": segments, **settings})
 
 
-def test_temporary_tuning_is_used_stored_and_reported_and_then_restored(database: Database, bank_lent: Bank) -> None:
+def test_temporary_tuning_is_used_stored_and_reported_and_then_restored(database: Database, active_bank: Bank) -> None:
     during: list[TuningSettings] = []
 
     async def work(parts: Parts) -> int:
-        await started(parts, bank_lent)
+        await started(parts, active_bank)
         run = await parts.ordered_runs.start_experiment(sequence(**ASKED), WHO)
         during.append(parts.live_state.tuning.settings)
         shown = parts.state()
         assert (shown.tuning.b, shown.tuning.bank) == (1.0, None)
         assert shown.own_tuning is not None
-        assert (shown.own_tuning.b, shown.own_tuning.bank and shown.own_tuning.bank.id) == (0.0, bank_lent.id)
+        assert (shown.own_tuning.b, shown.own_tuning.bank and shown.own_tuning.bank.id) == (0.0, active_bank.id)
         with refused(RequestRejectedError, "run_contains_tuning"):
             await parts.actuator.tuning_service.apply(TuningRequest(lam_q=0.9), WHO)
         await parts.ended()
-        assert parts.live_state.tuning.settings == own(bank_lent)
+        assert parts.live_state.tuning.settings == own(active_bank)
         assert parts.state().own_tuning is None
         assert parts.supervisor.setup.tuning == parts.live_state.tuning.build_command()
         await parts.actuator.tuning_service.apply(TuningRequest(), WHO)  # and it can be changed again
@@ -227,9 +227,9 @@ def test_temporary_tuning_is_used_stored_and_reported_and_then_restored(database
     assert facts["Controller"] == f"cascade, geometric gains, 20 N operating point; {law}"
 
 
-def test_restart_during_an_experiment_uses_the_operators_tuning(database: Database, bank_lent: Bank) -> None:
+def test_restart_during_an_experiment_uses_the_operators_tuning(database: Database, active_bank: Bank) -> None:
     async def broken_off(parts: Parts) -> None:
-        await started(parts, bank_lent)
+        await started(parts, active_bank)
         await parts.ordered_runs.start_experiment(sequence(LONG, **ASKED), WHO)
         await parts.ordered_runs.close()
 
@@ -237,32 +237,32 @@ def test_restart_during_an_experiment_uses_the_operators_tuning(database: Databa
         return parts.live_state.tuning.settings
 
     stepped(database, IDEAL, broken_off)
-    assert stepped(database, IDEAL, again) == own(bank_lent)
+    assert stepped(database, IDEAL, again) == own(active_bank)
 
 
-def test_stop_and_loop_exit_restore_the_tuning(database: Database, bank_lent: Bank) -> None:
+def test_stop_and_loop_exit_restore_the_tuning(database: Database, active_bank: Bank) -> None:
     async def work(parts: Parts) -> None:
-        await started(parts, bank_lent)
+        await started(parts, active_bank)
         await parts.ordered_runs.start_experiment(sequence(LONG, **ASKED), WHO)
         while parts.live_state.mode != "experiment":
             await asyncio.sleep(0.0)
         await parts.supervisor.send(Stop())
         await parts.ended()
         assert parts.live_state.fault == "stop_pressed"
-        assert parts.live_state.tuning.settings == own(bank_lent)
+        assert parts.live_state.tuning.settings == own(active_bank)
         await parts.actuator.reset(WHO)
         await parts.ordered_runs.start_experiment(sequence(SHORT, **ASKED), WHO)
         parts.supervisor.dead = True
         await parts.ended()
-        assert parts.live_state.tuning.settings == own(bank_lent)
+        assert parts.live_state.tuning.settings == own(active_bank)
         assert (
-            parts.supervisor.setup.tuning == make_active_tuning(IDEAL, own(bank_lent), bank_lent).build_command()
+            parts.supervisor.setup.tuning == make_active_tuning(IDEAL, own(active_bank), active_bank).build_command()
         )  # the tuning of a new loop
 
     stepped(database, IDEAL, work)
 
 
-def test_failed_restore_is_reported_until_it_succeeds(database: Database, bank_lent: Bank) -> None:
+def test_failed_restore_is_reported_until_it_succeeds(database: Database, active_bank: Bank) -> None:
     async def until(problems: bool, parts: Parts) -> list[str]:
         while bool(found := parts.state().problems) is not problems:
             await asyncio.sleep(0.01)
@@ -271,7 +271,7 @@ def test_failed_restore_is_reported_until_it_succeeds(database: Database, bank_l
     why = "a gain is not a finite number"
 
     async def work(parts: Parts) -> None:
-        await started(parts, bank_lent)
+        await started(parts, active_bank)
         await parts.ordered_runs.start_experiment(sequence(SHORT, lam_q=0.7), WHO)
         parts.supervisor.refuses = why
         told = await until(True, parts)
@@ -283,7 +283,7 @@ def test_failed_restore_is_reported_until_it_succeeds(database: Database, bank_l
         assert parts.live_state.tuning.settings.lam_q == 0.7  # and that tuning is shown as active
         parts.supervisor.refuses = ""
         await until(False, parts)
-        assert parts.live_state.tuning.settings == own(bank_lent)
+        assert parts.live_state.tuning.settings == own(active_bank)
         await parts.ended()
 
         await parts.actuator.tuning_service.start_trial(TrialRequest(lam_q=0.8, duration_s=1.0), WHO)
@@ -295,14 +295,14 @@ def test_failed_restore_is_reported_until_it_succeeds(database: Database, bank_l
         )
         parts.supervisor.refuses = ""
         await until(False, parts)
-        assert parts.live_state.tuning.settings == own(bank_lent)
+        assert parts.live_state.tuning.settings == own(active_bank)
 
     stepped(database, IDEAL, work)
 
 
-def test_refused_tuning_changes_nothing(database: Database, bank_lent: Bank) -> None:
+def test_refused_tuning_changes_nothing(database: Database, active_bank: Bank) -> None:
     async def work(parts: Parts) -> None:
-        await started(parts, bank_lent)
+        await started(parts, active_bank)
         for each_settings, refusal in (
             ({"lam_q": 0.1}, OutOfRangeError),
             ({"b": 1.5}, OutOfRangeError),
@@ -311,7 +311,7 @@ def test_refused_tuning_changes_nothing(database: Database, bank_lent: Bank) -> 
         ):
             with pytest.raises(refusal):
                 await parts.ordered_runs.start_experiment(sequence(**each_settings), WHO)
-            assert (parts.live_state.tuning.settings, parts.live_state.overridden_tuning) == (own(bank_lent), None)
+            assert (parts.live_state.tuning.settings, parts.live_state.overridden_tuning) == (own(active_bank), None)
         await parts.actuator.tuning_service.start_trial(TrialRequest(lam_q=0.9, duration_s=60.0), WHO)
         with refused(RequestRejectedError, "trial_in_progress"):
             await parts.ordered_runs.start_experiment(sequence(), WHO)
@@ -320,10 +320,10 @@ def test_refused_tuning_changes_nothing(database: Database, bank_lent: Bank) -> 
     stepped(database, IDEAL, work)
 
 
-def test_queue_checks_added_experiments_and_runs_them_as_shown(database: Database, bank_lent: Bank) -> None:
+def test_queue_checks_added_experiments_and_runs_them_as_shown(database: Database, active_bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         queue = parts.ordered_runs.queue
-        await started(parts, bank_lent)
+        await started(parts, active_bank)
         for each_settings, refusal in (
             ({"bank": 99}, UnknownRecordError),
             ({"lam_q": 0.1}, OutOfRangeError),
@@ -338,7 +338,7 @@ def test_queue_checks_added_experiments_and_runs_them_as_shown(database: Databas
         shown = [item.settings for item in queue.view().items]
         assert [(one["lam_q"], one["bank"], one["segments"]) for one in shown] == [
             (0.55, 0, SHORT),
-            (0.55, bank_lent.id, SHORT),
+            (0.55, active_bank.id, SHORT),
         ]
         first = (await queue.run()).run
         assert first is not None
@@ -351,7 +351,7 @@ def test_queue_checks_added_experiments_and_runs_them_as_shown(database: Databas
     stepped(database, IDEAL, work)
 
 
-def test_paused_queue_explains_how_to_continue(database: Database, bank_lent: Bank) -> None:
+def test_paused_queue_explains_how_to_continue(database: Database, active_bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         queue = parts.ordered_runs.queue
         for segments in (LONG, SHORT):
@@ -373,16 +373,16 @@ def test_paused_queue_explains_how_to_continue(database: Database, bank_lent: Ba
     stepped(database, IDEAL, work)
 
 
-def test_dry_run_reports_its_settings(database: Database, bank_lent: Bank) -> None:
+def test_dry_run_reports_its_settings(database: Database, active_bank: Bank) -> None:
     async def left() -> bool:
         return False
 
     async def work(parts: Parts) -> None:
-        await started(parts, bank_lent)
+        await started(parts, active_bank)
         played = await parts.ordered_runs.dry_run(sequence(b=0.5), OPERATOR, left)
-        expected = {**own(bank_lent).to_document(), "b": 0.5, "seed": 0}
+        expected = {**own(active_bank).to_document(), "b": 0.5, "seed": 0}
         assert (played.status, played.settings) == ("completed", expected)
-        assert parts.live_state.tuning.settings == own(bank_lent)
+        assert parts.live_state.tuning.settings == own(active_bank)
 
     stepped(database, IDEAL, work)
 
@@ -407,7 +407,7 @@ def bank_walk(database: Database) -> Bank:
         return banks.add(session, "walked", entries, WHO)
 
 
-def in_force(parts: Parts) -> TuningSettings:
+def active_tuning(parts: Parts) -> TuningSettings:
     """Return the active tuning; a restarted loop gets the same."""
     assert parts.supervisor.setup.tuning == parts.live_state.tuning.build_command()
     return parts.live_state.tuning.settings
@@ -438,18 +438,18 @@ def test_undo_and_redo_of_each_part_of_a_tuning(database: Database, bank_walk: B
             await tuning_service.undo(WHO)
         await tuning_service.use_bank(bank_walk, WHO)
         for change in CHANGES:
-            before = in_force(parts)
+            before = active_tuning(parts)
             await tuning_service.apply(change, WHO)
-            changed = in_force(parts)
+            changed = active_tuning(parts)
             assert changed != before
             assert earlier(parts) == before
             await tuning_service.apply(change, WHO)  # the same values are no change
             assert earlier(parts) == before
             view = await tuning_service.undo(WHO)
             assert TuningSettings.from_values({**view.model_dump(), "bank": bank_walk.id}) == before
-            assert (in_force(parts), later(parts)) == (before, changed)
+            assert (active_tuning(parts), later(parts)) == (before, changed)
             await tuning_service.redo(WHO)
-            assert (in_force(parts), earlier(parts), later(parts)) == (changed, before, None)
+            assert (active_tuning(parts), earlier(parts), later(parts)) == (changed, before, None)
             with refused(RequestRejectedError, "nothing_to_redo"):
                 await tuning_service.redo(WHO)
 
@@ -465,19 +465,19 @@ def test_undo_and_redo_of_each_part_of_a_tuning(database: Database, bank_walk: B
 def test_undo_and_redo_of_all_changes(database: Database, bank_walk: Bank) -> None:
     async def work(parts: Parts) -> None:
         tuning_service = parts.actuator.tuning_service
-        past = [in_force(parts)]
+        past = [active_tuning(parts)]
         await tuning_service.use_bank(bank_walk, WHO)
-        past.append(in_force(parts))
+        past.append(active_tuning(parts))
         for change in CHANGES:
             await tuning_service.apply(change, WHO)
-            past.append(in_force(parts))
+            past.append(active_tuning(parts))
         for before in reversed(past[:-1]):
             await tuning_service.undo(WHO)
-            assert in_force(parts) == before
+            assert active_tuning(parts) == before
         assert earlier(parts) is None
         for after in past[1:]:
             await tuning_service.redo(WHO)
-            assert in_force(parts) == after
+            assert active_tuning(parts) == after
         await tuning_service.undo(WHO)
         await tuning_service.apply(TuningRequest(b=0.75), WHO)  # a new change: the undone changes are discarded
         assert (later(parts), earlier(parts)) == (None, past[-2])
@@ -497,13 +497,13 @@ def test_undo_and_redo_of_a_bank(database: Database, bank_walk: Bank) -> None:
         await tuning_service.use_bank(bank_walk, WHO)
         assert parts.state().tuning.entry_name == "10 N"
         view = await tuning_service.use_bank(None, WHO)
-        assert (view.bank, in_force(parts).bank) == (None, 0)
+        assert (view.bank, active_tuning(parts).bank) == (None, 0)
         await tuning_service.undo(WHO)
-        assert in_force(parts).bank == bank_walk.id
+        assert active_tuning(parts).bank == bank_walk.id
         await tuning_service.redo(WHO)
 
     async def started_again(parts: Parts) -> tuple[TuningSettings, TuningSettings | None]:
-        return in_force(parts), earlier(parts)
+        return active_tuning(parts), earlier(parts)
 
     stepped(database, IDEAL, work)
     # the next start has the same tuning, and the one before it
@@ -522,10 +522,10 @@ def test_undo_after_a_trial_returns_to_before_it(database: Database, bank_walk: 
         await tuning_service.end_trial(True, WHO)
         assert earlier(parts) == replace(DEFAULT, lam_q=0.6)
         await tuning_service.undo(WHO)
-        assert in_force(parts) == replace(DEFAULT, lam_q=0.6)
+        assert active_tuning(parts) == replace(DEFAULT, lam_q=0.6)
         await tuning_service.start_trial(TrialRequest(lam_q=0.9, duration_s=60.0), WHO)
         await tuning_service.apply(TuningRequest(b=0.5), WHO)  # chosen from the trial: one undo step is before both
-        assert in_force(parts) == replace(DEFAULT, lam_q=0.9, b=0.5)
+        assert active_tuning(parts) == replace(DEFAULT, lam_q=0.9, b=0.5)
         assert earlier(parts) == replace(DEFAULT, lam_q=0.6)
 
     stepped(database, IDEAL, work)
@@ -539,6 +539,6 @@ def test_temporary_tuning_is_no_undo_step(database: Database, bank_walk: Bank) -
         with refused(RequestRejectedError, "starting_run_contains_tuning"):
             await tuning_service.undo(WHO)
         await asyncio.gather(tuning_service.restore_operator_tuning(), tuning_service.restore_operator_tuning())
-        assert (in_force(parts), earlier(parts)) == (replace(DEFAULT, lam_q=0.6), DEFAULT)
+        assert (active_tuning(parts), earlier(parts)) == (replace(DEFAULT, lam_q=0.6), DEFAULT)
 
     stepped(database, IDEAL, work)
