@@ -123,8 +123,8 @@ def test_every_task_and_thread_is_supervised(inside: Running) -> None:
     """Add a new task or thread to the supervision or to the lists of this file."""
     tasks = inside.tasks()
     assert set(tasks) >= TASKS
-    kept = {kept._task for kept in inside.made.of(SupervisedTask)}
-    own = {name for name, task in tasks.items() if OWN in code_of(task).co_filename and task not in kept}
+    supervised = {supervised._task for supervised in inside.made.of(SupervisedTask)}
+    own = {name for name, task in tasks.items() if OWN in code_of(task).co_filename and task not in supervised}
     assert {code_of(tasks[name]).co_name for name in own} == {"_serve"}  # asyncio.run's own: its end ends the service
     threads = {thread.name for thread in threading.enumerate()}
     assert threads >= THREADS
@@ -139,8 +139,8 @@ def code_of(task: "asyncio.Task[object]") -> CodeType:
 
 
 def test_each_killed_task_is_reported_and_restarted(inside: Running) -> None:
-    kept = {kept._task for kept in inside.made.of(SupervisedTask)}
-    victims = {name: task for name, task in inside.tasks().items() if task in kept}
+    supervised = {supervised._task for supervised in inside.made.of(SupervisedTask)}
+    victims = {name: task for name, task in inside.tasks().items() if task in supervised}
     assert set(victims) >= TASKS
     for victim in victims.values():
         inside.call(victim.cancel)

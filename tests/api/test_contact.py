@@ -94,21 +94,21 @@ def test_calibrated_bias_is_subtracted_at_its_stiffness(database: Database) -> N
 
     stepped(database, load_parameters("lab"), learn)
     with database.reading() as session:
-        told = [event.text for event in events.find(session)]
-    assert sum(text.startswith(messages.bias_calibrated(points=[])) for text in told) == 3
-    assert messages.bias_discarded() in told
+        texts = [event.text for event in events.find(session)]
+    assert sum(text.startswith(messages.bias_calibrated(points=[])) for text in texts) == 3
+    assert messages.bias_discarded() in texts
 
 
 def test_calibration_is_refused_while_an_input_acts_or_the_joint_moves(database: Database) -> None:
     async def moving(parts: Parts) -> None:
         async def why() -> str:
-            with pytest.raises(RequestRejectedError) as told:
+            with pytest.raises(RequestRejectedError) as error:
                 await parts.actuator.contact.apply(TouchOrder(learn=True, contact_N=2.0), WHO)
             assert parts.state().touch.learned == []
             assert parts.state().touch.contact_N == 0.0
-            reason = told.value.message.values["reason"]
+            reason = error.value.message.values["reason"]
             assert isinstance(reason, Message)
-            assert told.value.message.code == "bias_not_measured"
+            assert error.value.message.code == "bias_not_measured"
             return reason.code
 
         assert await why() == "external_force_not_available"
@@ -138,9 +138,9 @@ def test_contact_reaction_needs_calibration_and_low_noise(database: Database) ->
         with refused(RequestRejectedError, "contact_reaction_needs_bias"):
             await contact.apply(TouchOrder(contact_N=1.5), WHO)
         for contact_N in (0.5, 31.0, -1.0):
-            with pytest.raises(OutOfRangeError) as told:
+            with pytest.raises(OutOfRangeError) as error:
                 await contact.apply(TouchOrder(learn=True, contact_N=contact_N), WHO)
-            assert told.value.quantity == "contact_N"
+            assert error.value.quantity == "contact_N"
         armed = await contact.apply(TouchOrder(learn=True, contact_N=1.5), WHO)
         assert armed.contact_N == 1.5
         with refused(RequestRejectedError, "contact_reaction_needs_bias"):
@@ -175,9 +175,9 @@ def test_contact_is_shown_until_the_next_mode_change(database: Database) -> None
 
     stepped(database, load_parameters("lab"), touched)
     with database.reading() as session:
-        told = [event.text for event in events.find(session)]
+        texts = [event.text for event in events.find(session)]
         states = {run.end_state for run in runs.find(session)}
-    assert any(text.startswith("contact: ") and "contact reaction" in text for text in told)
+    assert any(text.startswith("contact: ") and "contact reaction" in text for text in texts)
     assert "failed" not in states
 
 
@@ -289,11 +289,11 @@ def test_service_starts_without_rejection(database: Database) -> None:
         chosen.append(parts.live_state.tuning.settings)
 
     stepped(database, parameters, operate)
-    kept = tuning_settings.load_last_tuning(database, parameters)
-    assert kept is not None
-    assert kept.tuning.k_ext == 0.7
+    saved = tuning_settings.load_last_tuning(database, parameters)
+    assert saved is not None
+    assert saved.tuning.k_ext == 0.7
     stepped(database, parameters, again)
-    assert chosen == [replace(kept.tuning, k_ext=0.0)]
+    assert chosen == [replace(saved.tuning, k_ext=0.0)]
 
 
 def test_rejection_is_previewed(database: Database) -> None:

@@ -79,8 +79,8 @@ def test_stop_restores_S_ref(database: Database) -> None:
         with refused(RequestRejectedError, "no_sweep_to_stop"):
             await parts.actuator.contact.apply(STOP, WHO)
         await calibrate_two_points(parts)
-        told = await parts.actuator.contact.apply(STOP, WHO)
-        assert told.sweep == SweepView(under_way=False, point=3, points=5, S_ref=11.5, why="stopped on request")
+        view = await parts.actuator.contact.apply(STOP, WHO)
+        assert view.sweep == SweepView(under_way=False, point=3, points=5, S_ref=11.5, why="stopped on request")
         await parts.supervisor.advance(0.01)
         assert reference(parts) == pytest.approx((0.2, 10.0))
         assert len(parts.state().touch.learned) == 2
@@ -88,9 +88,9 @@ def test_stop_restores_S_ref(database: Database) -> None:
 
     stepped(database, load_parameters("lab"), stop)
     with database.reading() as session:
-        told = [(event.text, event.who) for event in events.find(session)]
+        texts = [(event.text, event.who) for event in events.find(session)]
     reason = messages.sweep_stopped_on_request()
-    assert (messages.sweep_ended(point=3, points=5, S_ref=11.5, reason=reason), WHO) in told
+    assert (messages.sweep_ended(point=3, points=5, S_ref=11.5, reason=reason), WHO) in texts
 
 
 def test_other_motion_aborts_the_sweep_and_keeps_its_points(database: Database) -> None:
@@ -140,9 +140,9 @@ def test_other_motion_aborts_the_sweep_and_keeps_its_points(database: Database) 
 def test_sweep_is_refused_with_a_reason_and_excludes_other_calibration(database: Database) -> None:
     async def occupied(parts: Parts) -> None:
         async def refusal(order: TouchOrder) -> Message:
-            with pytest.raises(RequestRejectedError) as told:
+            with pytest.raises(RequestRejectedError) as error:
                 await parts.actuator.contact.apply(order, WHO)
-            return told.value.message
+            return error.value.message
 
         async def why() -> tuple[str, Mapping[str, object]]:
             message = await refusal(BEGIN)
@@ -254,8 +254,8 @@ def test_failure_of_the_sweep_is_reported(
 
     stepped(database, load_parameters("lab"), dies)
     with database.reading() as session:
-        told = [event for event in events.find(session) if "it failed" in event.text]
-    assert [event.kind for event in told] == ["fault"]
+        failures = [event for event in events.find(session) if "it failed" in event.text]
+    assert [event.kind for event in failures] == ["fault"]
 
 
 def test_loop_exit_ends_the_sweep_without_restoring_S_ref(database: Database) -> None:

@@ -43,10 +43,10 @@ class Desk:
     """A control lease with a clock of the test."""
 
     def __init__(self) -> None:
-        self.now, self.lost, self.told = 100.0, [], []  # type: float, list[str], list[str]
+        self.now, self.lost, self.entries = 100.0, [], []  # type: float, list[str], list[str]
         self.events = EventBus()
         self.control = ControlLease(
-            self.events, self._lose, lambda text, who: self.told.append(f"{who}: {text}"), lambda: self.now
+            self.events, self._lose, lambda text, who: self.entries.append(f"{who}: {text}"), lambda: self.now
         )
 
     async def _lose(self, who: str) -> None:
@@ -97,7 +97,7 @@ def test_taking_a_held_lease_requires_an_explicit_take_over() -> None:
     assert second.epoch > first.epoch
     assert desk.refusal(ANA, CommandToken(first.page, 9)) == "control_lost"
     desk.command(VERA, CommandToken(second.page, 1))
-    assert desk.told == ["Ana: control taken", "Vera: control taken over from Ana"]
+    assert desk.entries == ["Ana: control taken", "Vera: control taken over from Ana"]
 
 
 def forget_an_epoch(control: ControlLease) -> None:
@@ -165,7 +165,7 @@ def test_a_reloaded_page_resumes_the_lease_and_its_old_key_is_rejected() -> None
     desk.take(VERA, take_over=True)
     with pytest.raises(RequestRejectedError):
         desk.control.resume(ANA, second.page)
-    assert desk.told == ["Ana: control taken", "Vera: control taken over from Ana"]
+    assert desk.entries == ["Ana: control taken", "Vera: control taken over from Ana"]
 
 
 def test_every_loss_of_control_releases_the_push() -> None:

@@ -37,15 +37,15 @@ DOCUMENT = {
 
 def test_the_check_lists_the_parts_without_a_dry_run(viewer: httpx.Client) -> None:
     order = {"text": json.dumps(DOCUMENT), "play": False}
-    told = viewer.post("/api/experiments/check", json=order).raise_for_status().json()
-    assert told["duration_s"] == pytest.approx(2.5)
-    assert [(part["start_s"], part["end_s"], part["pieces"]) for part in told["parts"]] == [
+    checked = viewer.post("/api/experiments/check", json=order).raise_for_status().json()
+    assert checked["duration_s"] == pytest.approx(2.5)
+    assert [(part["start_s"], part["end_s"], part["pieces"]) for part in checked["parts"]] == [
         (0.0, pytest.approx(1.0), 1),
         (pytest.approx(1.0), pytest.approx(2.5), 3),
     ]
-    assert [part["q_to"] for part in told["parts"]] == [0.0, 0.2]
-    assert (told["dry_run"], told["peak_voltage_V"], told["min_tension_N"]) == (None, None, None)
-    assert told["not_predicted"] == messages.checked_without_dry_run()
+    assert [part["q_to"] for part in checked["parts"]] == [0.0, 0.2]
+    assert (checked["dry_run"], checked["peak_voltage_V"], checked["min_tension_N"]) == (None, None, None)
+    assert checked["not_predicted"] == messages.checked_without_dry_run()
 
 
 def test_the_check_gives_the_path_of_an_invalid_value(viewer: httpx.Client) -> None:

@@ -76,10 +76,10 @@ def test_an_injected_fault_is_latched_and_reported(off: httpx.Client, fault: Fau
     off.post("/api/faults/injection", json=INJECTIONS[fault].model_dump(mode="json")).raise_for_status()
     wait_for(off, "mode", "tripped")
     state = wait_until_present(off, "stop_proof")  # an event, which arrives shortly after the sample
-    told = state["fault"]
-    assert isinstance(told, dict)
-    assert told["code"] == fault
-    assert told["remedy"]
+    fault_view = state["fault"]
+    assert isinstance(fault_view, dict)
+    assert fault_view["code"] == fault
+    assert fault_view["remedy"]
     off.request("DELETE", "/api/faults/injection").raise_for_status()
     assert off.post("/api/reset").json()["mode"] == "off"
 
@@ -324,9 +324,9 @@ def latched(client: httpx.Client, kind: str) -> tuple[str, str]:
     (injection,) = [fault["injection"] for fault in offered if fault["injection"]["kind"] == kind]
     client.post("/api/faults/injection", json=injection).raise_for_status()
     state = wait_for(client, "mode", "tripped")
-    told = state["fault"]
-    assert isinstance(told, dict)
-    return str(told["code"]), str(told["remedy"])
+    fault_view = state["fault"]
+    assert isinstance(fault_view, dict)
+    return str(fault_view["code"]), str(fault_view["remedy"])
 
 
 def watchdog_in(state: dict[str, Any]) -> dict[str, Any]:

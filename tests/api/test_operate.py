@@ -65,14 +65,14 @@ def test_a_value_out_of_range_is_rejected_with_its_bounds(
     before = running.get("/api/state").json()
     refused = running.put(path, json=body)
     assert refused.status_code == 422
-    told = problem(refused)
-    assert (told["quantity"], told["value"], told["unit"]) == (quantity, value, unit)
-    minimum, maximum = told["minimum"], told["maximum"]
+    refusal = problem(refused)
+    assert (refusal["quantity"], refusal["value"], refusal["unit"]) == (quantity, value, unit)
+    minimum, maximum = refusal["minimum"], refusal["maximum"]
     assert isinstance(minimum, float)
     assert isinstance(maximum, float)
     assert not minimum <= value <= maximum
-    assert str(told["message"]).startswith(expected)
-    assert told["path"] == [quantity]
+    assert str(refusal["message"]).startswith(expected)
+    assert refusal["path"] == [quantity]
     after = running.get("/api/state").json()
     assert (after["references"], after["tuning"]) == (before["references"], before["tuning"])
 
@@ -146,15 +146,15 @@ def test_a_push_moves_the_joint_of_the_simulator(running: httpx.Client) -> None:
 
 
 def test_an_identification_is_predicted_in_advance(operator: httpx.Client) -> None:
-    told = operator.post("/api/identifications/prediction", json={"tension_N": 20.0}).json()
-    assert told["q_counts"] == pytest.approx(57.0, abs=1.0)
-    assert told["enough_motion"]
+    prediction = operator.post("/api/identifications/prediction", json={"tension_N": 20.0}).json()
+    assert prediction["q_counts"] == pytest.approx(57.0, abs=1.0)
+    assert prediction["enough_motion"]
     naive = {"tension_N": 20.0, "chip_s": 0.001, "amplitude_rad": 0.5, "bits": 12}
-    told = operator.post("/api/identifications/prediction", json=naive).json()
-    assert not told["enough_motion"]
-    assert told["q_counts"] < 5
-    assert "longer chip" in told["message"]
-    assert math.isfinite(told["u_peak_V"])
+    prediction = operator.post("/api/identifications/prediction", json=naive).json()
+    assert not prediction["enough_motion"]
+    assert prediction["q_counts"] < 5
+    assert "longer chip" in prediction["message"]
+    assert math.isfinite(prediction["u_peak_V"])
 
 
 def test_unknown_rows_are_not_found(operator: httpx.Client) -> None:
@@ -267,7 +267,7 @@ def test_a_refusal_has_text_units_and_field(
     expected: str,
 ) -> None:
     """No code name, no other unit, no unnecessary number; radians if the person chose them."""
-    refusal = told(off, method, path, body)
+    refusal = refuse_and_read(off, method, path, body)
     message = str(refusal["message"])
     assert message.startswith(expected), message
     path_told = refusal["path"]
@@ -278,7 +278,7 @@ def test_a_refusal_has_text_units_and_field(
     assert all(len(re.sub(r"e.*|\D", "", number).lstrip("0")) <= 6 for number in NUMBER.findall(message)), message
 
     angle_unit("rad")
-    in_radians = told(off, method, path, body)
+    in_radians = refuse_and_read(off, method, path, body)
     assert {**in_radians, "message": ""} == {**refusal, "message": ""}, "what programs read is in SI for everybody"
     assert "°" not in str(in_radians["message"])
     degrees, radians = (
@@ -293,7 +293,7 @@ def test_a_refusal_has_text_units_and_field(
         assert degrees == radians
 
 
-def told(client: httpx.Client, method: str, path: str, body: dict[str, Any]) -> dict[str, object]:
+def refuse_and_read(client: httpx.Client, method: str, path: str, body: dict[str, Any]) -> dict[str, object]:
     answer = client.request(method, f"/api/{path}", json=body)
     assert answer.status_code == 422, answer.text
     return problem(answer)

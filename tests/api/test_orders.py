@@ -124,8 +124,8 @@ def test_invalid_requests_are_rejected_before_motion(off: httpx.Client) -> None:
     assert unknown.status_code == 422
     assert "tracking" in problem(unknown)["legal"]
     setting = off.post("/api/experiments", json={"name": "tracking", "settings": {"q_amplitude": 2.0}})
-    told = problem(setting)
-    assert (told["quantity"], told["value"], told["unit"]) == ("q_amplitude", 2.0, "rad")
+    refusal = problem(setting)
+    assert (refusal["quantity"], refusal["value"], refusal["unit"]) == ("q_amplitude", 2.0, "rad")
     assert off.post("/api/experiments", json={"name": "tracking", "settings": {"speed": 2.0}}).status_code == 422
     assert off.post("/api/experiments", json={"name": "tracking", "settings": {"lam_q": 0.1}}).status_code == 422
     assert off.post("/api/experiments", json={"name": "tracking", "settings": {"seed": 5}}).status_code == 422
@@ -175,12 +175,12 @@ def test_motor_and_spring_identifications_are_predicted_in_advance(operator: htt
 
 def test_an_identification_beyond_the_range_is_predicted_and_rejected(off: httpx.Client) -> None:
     order = {"tension_N": 42.0, "amplitude_rad": 2.0, "chip_s": 0.5, "bits": 5, "periods": 1}
-    told = off.post("/api/identifications/prediction", json=order).raise_for_status().json()
-    assert not told["within_range"]
-    assert not told["enough_motion"]
+    prediction = off.post("/api/identifications/prediction", json=order).raise_for_status().json()
+    assert not prediction["within_range"]
+    assert not prediction["enough_motion"]
     refused = problem(off.post("/api/identifications", json=order))
     assert (refused["quantity"], refused["maximum"], refused["unit"]) == ("tension during the motion", 50.0, "N")
-    assert refused["message"] == told["message"]
+    assert refused["message"] == prediction["message"]
     assert off.get("/api/state").json()["mode"] == "off"
 
 
@@ -246,8 +246,8 @@ def test_the_interpretation_of_a_table_is_shown_and_options_resolve_ambiguity(op
     doubtful = "x [mm];F [N]\n" + "\n".join(f"{8 + at},125;{1 + at},250" for at in range(20))
     refused = problem(operator.post("/api/spring-tables", json={"name": "own.csv", "table": doubtful}))
     assert (refused["code"], refused["path"], refused["line"]) == ("ambiguous_decimals", ["decimal"], 2)
-    told = {"name": "own.csv", "table": doubtful, "decimal": "comma"}
-    assert operator.post("/api/spring-tables", json=told).status_code == 201
+    options = {"name": "own.csv", "table": doubtful, "decimal": "comma"}
+    assert operator.post("/api/spring-tables", json=options).status_code == 201
 
     two = "x [mm],F [N]\nlower,upper\n" + "\n".join(table().splitlines()[1:])
     refused = problem(operator.post("/api/spring-tables", json={"name": "own.csv", "table": two}))

@@ -95,9 +95,9 @@ def test_a_push_ends_as_soon_as_the_page_is_silent(database: Database) -> None:
 
     stepped(database, load_parameters("ideal"), lost)
     with database.reading() as session:
-        told = [event.text for event in events.find(session)]
-    assert messages.push_started(F_push=6.0, duration_s=10.0) in told
-    assert messages.push_without_operator() in told
+        texts = [event.text for event in events.find(session)]
+    assert messages.push_started(F_push=6.0, duration_s=10.0) in texts
+    assert messages.push_without_operator() in texts
 
 
 def test_experiments_with_pushes_are_offered_on_simulated_plants_only(database: Database) -> None:
@@ -108,12 +108,12 @@ def test_experiments_with_pushes_are_offered_on_simulated_plants_only(database: 
 
         assert set(why_not(PlantKind.VIRTUAL_CARD).values()) == set(why_not(PlantKind.SIMULATOR).values()) == {""}
         for kind in (PlantKind.RIG, PlantKind.REPLAY):
-            told = why_not(kind)
-            assert told["compliance"] == plant_without_push()
-            assert told["robustness"] == plant_without_shaft_load()
-            assert told["impact"] == plant_without_obstacles()
+            reasons = why_not(kind)
+            assert reasons["compliance"] == plant_without_push()
+            assert reasons["robustness"] == plant_without_shaft_load()
+            assert reasons["impact"] == plant_without_obstacles()
             beyond = {"compliance", "robustness", "disturbance_battery", "impact"}
-            assert {name for name, why in told.items() if why} == beyond
+            assert {name for name, why in reasons.items() if why} == beyond
 
     stepped(database, load_parameters("ideal"), offered)
 
@@ -180,9 +180,9 @@ def test_an_obstacle_is_set_shown_logged_and_removed_during_operation(database_w
 
     stepped(database_wall, load_parameters("ideal"), session)
     with database_wall.reading() as session_of_database:
-        told = [event.text for event in events.find(session_of_database)]
-    assert f"wall above {Angle(0.05)}, 2e+04 N/m, 1 s/m" in told
-    assert "no wall" in told
+        texts = [event.text for event in events.find(session_of_database)]
+    assert f"wall above {Angle(0.05)}, 2e+04 N/m, 1 s/m" in texts
+    assert "no wall" in texts
 
 
 def test_the_obstacle_of_a_program_replaces_that_of_the_operator_temporarily(database_wall: Database) -> None:

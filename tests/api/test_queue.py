@@ -75,8 +75,8 @@ def test_a_queued_user_experiment_keeps_its_version(off: httpx.Client) -> None:
     text = off.get("/api/experiments/texts/step_battery").raise_for_status().json()["text"]
     own = text.replace("name: step_battery\n", "name: waiting\n", 1)
     for written, version in ((own, 1), (own.replace("title: Step battery", "title: Another"), 2)):
-        kept = off.post("/api/experiments/own", json={"text": written}).raise_for_status().json()
-        assert (kept["name"], kept["version"]) == ("waiting", version)
+        stored = off.post("/api/experiments/own", json={"text": written}).raise_for_status().json()
+        assert (stored["name"], stored["version"]) == ("waiting", version)
         waiting = off.post("/api/experiments/queue", json={"name": "waiting", "settings": {}}).raise_for_status().json()
         assert waiting["items"][-1]["name"] == f"waiting@{version}"
     listed = {one["name"]: one["title"] for one in off.get("/api/experiments").json()["experiments"]}
@@ -117,9 +117,9 @@ def test_every_role_may_check_a_text_and_rejected_texts_are_not_stored(off: http
     for way in ("check", "own"):
         refused = off.post(f"/api/experiments/{way}", json={"text": fast})
         assert refused.status_code == 422
-        told = problem(refused)
-        assert (told["code"], told["line"]) == ("bad_experiment", 23)
-        assert "λ_q: 0.232379 s is outside" in str(told["message"])
+        refusal = problem(refused)
+        assert (refusal["code"], refusal["line"]) == ("bad_experiment", 23)
+        assert "λ_q: 0.232379 s is outside" in str(refusal["message"])
     assert off.get("/api/experiments/own").json() == before
     assert off.get("/api/experiments/schema").raise_for_status().json()["title"] == "Experiment"
     assert off.get("/api/experiments/texts/nowhere").status_code == 404

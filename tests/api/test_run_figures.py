@@ -127,7 +127,7 @@ def test_values_are_taken_from_the_sample_at_or_before_the_time(stored: tuple[ht
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
-    ("params", "status", "told"),
+    ("params", "status", "expected"),
     [
         ({"from": 500.0}, 422, {"quantity": "from", "value": 500.0, "maximum": 119.999, "unit": "s"}),
         ({"from": 3.0, "to": 2.0}, 422, {"quantity": "to", "value": 2.0, "minimum": 3.0, "unit": "s"}),
@@ -136,13 +136,13 @@ def test_values_are_taken_from_the_sample_at_or_before_the_time(stored: tuple[ht
     ],
 )
 def test_an_invalid_range_is_rejected_before_the_first_byte(
-    stored: tuple[httpx.Client, int], kind: str, params: dict[str, Any], status: int, told: dict[str, Any]
+    stored: tuple[httpx.Client, int], kind: str, params: dict[str, Any], status: int, expected: dict[str, Any]
 ) -> None:
     client, run = stored
     response = client.get(f"/api/runs/{run}/{kind}", params=params)
     assert response.status_code == status
     refused = problem(response)
-    assert {name: refused[name] for name in told} == pytest.approx(told)
+    assert {name: refused[name] for name in expected} == pytest.approx(expected)
     assert client.get(f"/api/runs/{run + 1}/{kind}").status_code == 404
 
 

@@ -218,33 +218,33 @@ def test_searches_are_saved_under_names(operator: httpx.Client, viewer: httpx.Cl
 def test_runs_are_compared_by_their_metrics(operator: httpx.Client, played: list[int]) -> None:
     shown = [metrics(operator, run) for run in played]
     asked: dict[str, Any] = {"run": played, "reference": played[1]}
-    told = operator.get("/api/run-comparison", params=asked).raise_for_status().json()
-    assert (told["reference"], [run["id"] for run in told["runs"]]) == (played[1], played)
-    assert [metric["name"] for metric in told["metrics"]] == list(shown[1])
-    for metric in told["metrics"]:
+    comparison = operator.get("/api/run-comparison", params=asked).raise_for_status().json()
+    assert (comparison["reference"], [run["id"] for run in comparison["runs"]]) == (played[1], played)
+    assert [metric["name"] for metric in comparison["metrics"]] == list(shown[1])
+    for metric in comparison["metrics"]:
         first, second = (of_run[metric["name"]]["value"] for of_run in shown)
         values = metric["values"]
         assert [one["value"] for one in values] == [first, second]
         assert values[0]["difference"] == (None if None in (first, second) else first - second)
         assert values[1]["difference"] == (None if second is None else 0.0)
-    assert any(metric["values"][0]["difference"] for metric in told["metrics"])
+    assert any(metric["values"][0]["difference"] for metric in comparison["metrics"])
 
 
 def test_different_settings_are_those_of_the_runs(operator: httpx.Client, played: list[int]) -> None:
-    told = operator.get("/api/run-comparison", params={"run": played}).raise_for_status().json()
+    comparison = operator.get("/api/run-comparison", params={"run": played}).raise_for_status().json()
     shown = [operator.get(f"/api/runs/{run}").raise_for_status().json()["settings"] for run in played]
     each = [{f"{one['meaning']} {one['symbol']}": one["value"] for one in settings} for settings in shown]
     differing = {name: [one[name] for one in each] for name in each[0] if each[0][name] != each[1][name]}
-    compared = {one["name"]: one["values"] for one in told["settings"]}
+    compared = {one["name"]: one["values"] for one in comparison["settings"]}
     texts = compared.pop("text of the experiment, sha256")
     assert len(set(texts)) == 2
     assert compared == {**differing, "experiment.phases[0].parts[0].q_ref": [0.1, 0.2]}
-    assert {one["unit"] for one in told["settings"] if one["name"].startswith("experiment.")} == {"rad"}
+    assert {one["unit"] for one in comparison["settings"] if one["name"].startswith("experiment.")} == {"rad"}
 
 
 def test_differences_and_files_are_those_of_the_samples(operator: httpx.Client, played: list[int]) -> None:
     asked: dict[str, Any] = {"run": played, "signal": "q_ref", "points": 20000, "band": 0.05}
-    told = operator.get("/api/run-comparison/differences", params=asked).raise_for_status().json()
+    comparison = operator.get("/api/run-comparison/differences", params=asked).raise_for_status().json()
     columns = []
     for run in played:
         every = f"/api/runs/{run}/samples?points=20000&signals=q_ref"
@@ -257,7 +257,7 @@ def test_differences_and_files_are_those_of_the_samples(operator: httpx.Client, 
         None if columns[0][k] is None or columns[1].get(k) is None else columns[1][k] - columns[0][k]
         for k in sorted(columns[0])
     ]
-    [found] = told["runs"]
+    [found] = comparison["runs"]
     assert found["minimum"] == apart
     assert any(apart)
     outside = [k for k, value in enumerate(apart) if value is not None and abs(value) > 0.05]
@@ -289,9 +289,11 @@ def test_invalid_comparisons_are_rejected(operator: httpx.Client, played: list[i
 
 def test_the_history_of_a_metric_has_the_value_of_each_run(operator: httpx.Client, played: list[int]) -> None:
     where = f"run >= {played[0]} run <= {played[1]}"
-    told = operator.get("/api/metric-history", params={"kind": "sequence", "where": where}).raise_for_status().json()
-    assert [one["name"] for one in told["metrics"]] == list(metrics(operator, played[1]))
-    for metric in told["metrics"]:
+    metric_history = (
+        operator.get("/api/metric-history", params={"kind": "sequence", "where": where}).raise_for_status().json()
+    )
+    assert [one["name"] for one in metric_history["metrics"]] == list(metrics(operator, played[1]))
+    for metric in metric_history["metrics"]:
         asked = {"kind": "sequence", "where": where, "metric": metric["name"]}
         history = operator.get("/api/metric-history", params=asked).raise_for_status().json()
         values = {run: metrics(operator, run)[metric["name"]]["value"] for run in played}
@@ -358,13 +360,18 @@ def samples(client: httpx.Client, run: int, signals: str, **asked: Any) -> dict[
     return dict(answer.raise_for_status().json())
 
 
-def column(told: dict[str, Any], name: str) -> Any:
-    return np.array([math.nan if value is None else value for value in told["signals"][name]["minimum"]])
+def column(answer: dict[str, Any], name: str) -> Any:
+    return np.array([math.nan if value is None else value for value in answer["signals"][name]["minimum"]])
 
 
 def test_a_derived_signal_is_computed_by_its_formula(operator: httpx.Client, run_formulas: int) -> None:
-    told = put(operator, "F_mean", "(F_A + F_B) / 2", meaning="mean tension").raise_for_status().json()
-    assert (told["name"], told["unit"], told["who"], told["signals"]) == ("F_mean", "N", "operator", ["F_A", "F_B"])
+    answer = put(operator, "F_mean", "(F_A + F_B) / 2", meaning="mean tension").raise_for_status().json()
+    assert (answer["name"], answer["unit"], answer["who"], answer["signals"]) == (
+        "F_mean",
+        "N",
+        "operator",
+        ["F_A", "F_B"],
+    )
     raw = samples(operator, run_formulas, "F_mean,F_A,F_B", **{"from": 1.0, "to": 1.5, "points": 2000})
     assert (raw["raw"], raw["signals"]["F_mean"]["unit"]) == (True, "N")
     np.testing.assert_allclose(column(raw, "F_mean"), (column(raw, "F_A") + column(raw, "F_B")) / 2, rtol=1e-6)
@@ -383,19 +390,19 @@ def test_statistics_of_a_derived_signal_use_every_sample(operator: httpx.Client,
     put(operator, "F_mean", "(F_A + F_B) / 2").raise_for_status()
     asked: dict[str, Any] = {"signals": "F_mean", "from": 1.0, "to": 1.5}
     lines = operator.get(f"/api/runs/{run_formulas}/statistics", params=asked).raise_for_status().text.splitlines()
-    told = json.loads(lines[-1])["result"]["signals"]["F_mean"]
+    statistics = json.loads(lines[-1])["result"]["signals"]["F_mean"]
     raw = column(samples(operator, run_formulas, "F_mean", **{"from": 1.0, "to": 1.501, "points": 2000}), "F_mean")
-    assert (told["unit"], told["values"]) == ("N", 501)
-    assert told["mean"] == pytest.approx(raw.mean(), rel=1e-6)
-    assert (told["minimum"], told["maximum"]) == (raw.min(), raw.max())
+    assert (statistics["unit"], statistics["values"]) == ("N", 501)
+    assert statistics["mean"] == pytest.approx(raw.mean(), rel=1e-6)
+    assert (statistics["minimum"], statistics["maximum"]) == (raw.min(), raw.max())
 
 
 def test_runs_are_compared_by_a_derived_signal(operator: httpx.Client, run_formulas: int, another: int) -> None:
     put(operator, "F_mean", "(F_A + F_B) / 2").raise_for_status()
     asked: dict[str, Any] = {"run": [run_formulas, another], "signal": "F_mean"}
-    told = operator.get("/api/run-comparison/differences", params=asked).raise_for_status().json()
-    assert (told["unit"], told["signal"]) == ("N", "F_mean")
-    assert told["runs"][0]["compared_s"] > 1.0
+    comparison = operator.get("/api/run-comparison/differences", params=asked).raise_for_status().json()
+    assert (comparison["unit"], comparison["signal"]) == ("N", "F_mean")
+    assert comparison["runs"][0]["compared_s"] > 1.0
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet", "mat"])
@@ -415,8 +422,8 @@ def test_exports_append_derived_signals_on_request(operator: httpx.Client, run_f
 def test_changes_and_deletions_of_derived_signals_apply_immediately(operator: httpx.Client, run_formulas: int) -> None:
     put(operator, "twice", "2 * q", "rad").raise_for_status()
     put(operator, "twice", "q + q + 1", "rad").raise_for_status()
-    told = samples(operator, run_formulas, "twice,q", **{"from": 1.0, "to": 1.1})
-    np.testing.assert_allclose(column(told, "twice"), 2 * column(told, "q") + 1, rtol=1e-6)
+    answer = samples(operator, run_formulas, "twice,q", **{"from": 1.0, "to": 1.1})
+    np.testing.assert_allclose(column(answer, "twice"), 2 * column(answer, "q") + 1, rtol=1e-6)
     operator.delete("/api/formulas/twice").raise_for_status()
     assert "twice" not in [one["name"] for one in operator.get("/api/formulas").json()["formulas"]]
     assert operator.get(f"/api/runs/{run_formulas}/samples", params={"signals": "twice"}).status_code == 422
@@ -443,11 +450,11 @@ def test_an_invalid_formula_is_rejected_with_a_message(
 
 def test_a_layout_may_show_a_derived_signal_with_signals_of_its_unit(operator: httpx.Client) -> None:
     put(operator, "F_mean", "(F_A + F_B) / 2").raise_for_status()
-    kept = operator.get("/api/preferences").raise_for_status().json()
+    preferences = operator.get("/api/preferences").raise_for_status().json()
     panel = {"title": "Mean", "signals": ["F_mean", "F_A"], "over": None, "share": 1.0}
     layout = {"version": 1, "name": "Own", "panels": [panel]}
-    operator.put("/api/preferences", json=kept | {"layouts": [layout], "layout": "Own"}).raise_for_status()
-    operator.put("/api/preferences", json=kept).raise_for_status()
+    operator.put("/api/preferences", json=preferences | {"layouts": [layout], "layout": "Own"}).raise_for_status()
+    operator.put("/api/preferences", json=preferences).raise_for_status()
 
 
 def test_a_viewer_can_read_but_not_change_derived_signals(viewer: httpx.Client) -> None:
@@ -549,9 +556,9 @@ def test_the_checklist_covers_pretension_to_report(database: Database) -> None:
     bank = built(database, identified(database, RunKind.ACTUATOR_IDENTIFICATION))
     assert states(database, None)["bank"] == "missing"  # built but not active: to be done, and not out of date
     completed(database, RunKind.TRACKING, bank=bank)
-    told = states(database, bank)
-    assert (told.pop("report"), told.pop("tuning")) == ("missing", "missing")
-    assert set(told.values()) == {"done"}
+    checklist = states(database, bank)
+    assert (checklist.pop("report"), checklist.pop("tuning")) == ("missing", "missing")
+    assert set(checklist.values()) == {"done"}
 
 
 def test_the_tuning_step_is_done_once_saved_for_the_active_bank(database: Database) -> None:
@@ -572,8 +579,8 @@ def test_the_tuning_step_is_done_once_saved_for_the_active_bank(database: Databa
 def test_a_bank_older_than_the_parameters_is_out_of_date(database: Database) -> None:
     bank = built(database, identified(database, RunKind.ACTUATOR_IDENTIFICATION))
     assert states(database, bank)["bank"] == "done"
-    told = states(database, bank, {"r_m": 0.008})
-    assert (told["actuator"], told["bank"]) == ("outdated", "outdated")
+    checklist = states(database, bank, {"r_m": 0.008})
+    assert (checklist["actuator"], checklist["bank"]) == ("outdated", "outdated")
 
 
 def test_a_new_identification_makes_later_steps_out_of_date(database: Database) -> None:

@@ -245,8 +245,8 @@ def test_connected_people_of_one_name_are_distinguished(service: Service, operat
             second = await asyncio.to_thread(signed_in, service, "Eva")
             async with connect(
                 url, additional_headers=cookie_header(cookie_of(second), service), close_timeout=0.1
-            ) as beside:
-                await beside.recv()
+            ) as second_socket:
+                await second_socket.recv()
                 state = await asyncio.to_thread(operator.get, "/api/state")
                 return [one["name"] for one in json.loads(state.text)["people"] if one["name"].startswith("Eva")]
 
@@ -273,9 +273,9 @@ def test_a_new_name_is_requested_once_and_keeps_session_and_control(service: Ser
         assert browser.get("/api/session").json() == named
         # A sign-out without it would keep control until the timeout, and scripts of other tests could send no command.
         browser.delete("/api/control", headers={CONTROL_HEADER: f"{lease['page']}.1"}).raise_for_status()
-        kept = dict(browser.cookies)
+        old_cookies = dict(browser.cookies)
         browser.delete("/api/session").raise_for_status()
-        assert httpx.get(f"{service.url}/api/session", cookies=kept).status_code == 401
+        assert httpx.get(f"{service.url}/api/session", cookies=old_cookies).status_code == 401
 
 
 def test_a_script_cannot_set_a_name(operator: httpx.Client) -> None:
@@ -306,10 +306,10 @@ def test_an_invalid_name_is_rejected(name: str) -> None:
 
 
 def test_all_pages_of_a_person_are_counted_under_the_new_name() -> None:
-    people, somebody, vic = ActiveUsers(), newcomer("1"), newcomer("2", Role.VIEWER)
-    pages = [people.connect(somebody, is_page=is_page) for is_page in (True, True, False)]
+    people, unnamed, vic = ActiveUsers(), newcomer("1"), newcomer("2", Role.VIEWER)
+    pages = [people.connect(unnamed, is_page=is_page) for is_page in (True, True, False)]
     with pages[0], pages[1], pages[2], people.connect(vic, is_page=True):
-        people.rename(somebody, "Ana")
+        people.rename(unnamed, "Ana")
         seen = [(one.name, one.role, one.pages) for one in people.view()]
     assert seen == [("Ana", Role.OPERATOR, 2), ("viewer", Role.VIEWER, 1)]
     assert people.view() == []

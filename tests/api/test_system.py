@@ -91,10 +91,10 @@ def test_a_restore_installs_the_copy_and_retains_the_previous_database(tmp_path:
         assert [run.id for run in runs.find(session)] == [first]
     database.close()
     (before,) = tmp_path.glob("sinew.before-restore-*.db")
-    kept = open_database(tmp_path, f"sqlite:///{before}")
-    with kept.reading() as session:
+    previous = open_database(tmp_path, f"sqlite:///{before}")
+    with previous.reading() as session:
         assert [run.id for run in runs.find(session)] == [second, first]
-    kept.close()
+    previous.close()
 
 
 @pytest.mark.parametrize("bad", ["missing", "text", "cut", "foreign"])

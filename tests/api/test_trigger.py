@@ -33,8 +33,8 @@ def test_a_capture_has_the_requested_samples_around_the_trigger(disarmed: httpx.
     before = len(records(viewer))
     disarmed.put("/api/references", json={"q_ref": 0.0, "S_ref": 10.0}).raise_for_status()
     wait_for(disarmed, "references", {"q_ref": 0.0, "S_ref": 10.0, "in_force": True})
-    told = arm(disarmed, before_s=0.25, after_s=0.5, captures=2).raise_for_status().json()
-    assert (told["phase"], told["captured"], told["says"], told["unit"]) == (
+    armed = arm(disarmed, before_s=0.25, after_s=0.5, captures=2).raise_for_status().json()
+    assert (armed["phase"], armed["captured"], armed["says"], armed["unit"]) == (
         "armed",
         0,
         f"q_ref rising through {Angle(0.1)}",
@@ -75,8 +75,8 @@ def test_an_armed_trigger_uses_the_formula_at_the_time_of_arming(disarmed: httpx
     disarmed.put("/api/formulas/shifted", json=body).raise_for_status()
     disarmed.put("/api/references", json={"q_ref": 0.0, "S_ref": 10.0}).raise_for_status()
     wait_for(disarmed, "references", {"q_ref": 0.0, "S_ref": 10.0, "in_force": True})
-    told = arm(disarmed, signal="shifted", level=2.2, before_s=0.1, after_s=0.1).raise_for_status().json()
-    assert (told["says"], told["unit"]) == (f"shifted rising through {Angle(2.2)}", "rad")
+    armed = arm(disarmed, signal="shifted", level=2.2, before_s=0.1, after_s=0.1).raise_for_status().json()
+    assert (armed["says"], armed["unit"]) == (f"shifted rising through {Angle(2.2)}", "rad")
     disarmed.delete("/api/formulas/shifted").raise_for_status()
     disarmed.put("/api/references", json={"q_ref": 0.2, "S_ref": 10.0}).raise_for_status()
     until_state(viewer, lambda state: state["trigger"]["captured"] == 1, "nothing was captured")
@@ -123,9 +123,9 @@ def test_a_restart_of_the_service_disarms_the_trigger_and_is_logged(tmp_path_fac
     with running_service(folder, params="ideal") as second, client_with(second, "token") as client:
         assert service_state(client) is None
 
-        def told() -> list[str]:
+        def read_entries() -> list[str]:
             entries = client.get("/api/log", params={"words": "trigger"}).json()["entries"]
             return [entry["text"] for entry in entries]
 
         wanted = messages.trigger_disarmed_by_restart(condition="F_A above 45 N", who="operator")
-        assert until(lambda: told() if wanted in told() else None)[0] == wanted
+        assert until(lambda: read_entries() if wanted in read_entries() else None)[0] == wanted

@@ -155,13 +155,13 @@ def test_preferences_belong_to_a_person_and_are_checked(operator: httpx.Client, 
 @pytest.mark.parametrize("lam_motor", [0.05, 0.0854, 0.15])
 def test_the_motor_loop_is_computed_at_every_offered_lambda(off: httpx.Client, lam_motor: float) -> None:
     """The values next to λ_motor in the form of an experiment are those of the sampled loop."""
-    told = off.get("/api/tuning/motor", params={"lam_motor": lam_motor}).raise_for_status().json()
+    answer = off.get("/api/tuning/motor", params={"lam_motor": lam_motor}).raise_for_status().json()
     parameters = load_parameters("ideal")
     expected = motor_robustness(motor_model(parameters, "A"), make_motor_loops(parameters, lam_motor).A)
-    assert told["M_s"] == pytest.approx(expected.M_s, rel=1e-6)
-    assert told["gain_margin"] == pytest.approx(expected.gain_margin, rel=1e-6)
-    assert told["phase_margin_deg"] == pytest.approx(math.degrees(expected.phase_margin), rel=1e-6)
-    assert (told["gain_reduction_margin"] or 0.0) == pytest.approx(expected.gain_reduction, rel=1e-6)
+    assert answer["M_s"] == pytest.approx(expected.M_s, rel=1e-6)
+    assert answer["gain_margin"] == pytest.approx(expected.gain_margin, rel=1e-6)
+    assert answer["phase_margin_deg"] == pytest.approx(math.degrees(expected.phase_margin), rel=1e-6)
+    assert (answer["gain_reduction_margin"] or 0.0) == pytest.approx(expected.gain_reduction, rel=1e-6)
 
 
 def test_margins_of_a_motor_loop_outside_the_range_are_rejected(off: httpx.Client) -> None:

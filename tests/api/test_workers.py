@@ -84,12 +84,12 @@ def run(off: httpx.Client) -> int:
 def test_reports_and_exports_work_after_their_process_is_killed(service: Service, off: httpx.Client, run: int) -> None:
     assert off.get(f"/api/runs/{run}/report.html").is_success
     assert kill_all(service, POLITE) >= 1
-    (told,) = until(
+    (line_text,) = until(
         lambda: [text for text in off.get("/api/state").json()["problems"] if "reports and exports" in text]
     )
     for path in ("report.html", "report.pdf", "data.csv"):
         assert off.get(f"/api/runs/{run}/{path}").status_code == 200
-    assert "was restarted" in told or "is being restarted" in told
+    assert "was restarted" in line_text or "is being restarted" in line_text
     assert off.post("/api/experiments/dry-run", json=SHORT).is_success
 
 
@@ -154,8 +154,8 @@ def test_a_dry_run_has_a_maximum_duration(viewer: httpx.Client) -> None:
         "/api/experiments/dry-run", json={"name": "sequence", "settings": {"segments": f"[{segments}]"}}
     )
     assert refused.status_code == 422
-    told = problem(refused)
-    assert (told["words"], told["value"], told["maximum"], told["unit"]) == (
+    refusal = problem(refused)
+    assert (refusal["words"], refusal["value"], refusal["maximum"], refusal["unit"]) == (
         "duration of a dry run",
         800.0,
         600.0,
@@ -216,7 +216,7 @@ def test_a_dry_run_of_a_viewer_delays_no_report_and_ends_on_disconnect(
 ) -> None:
     since = {pid: processor_ticks(pid) for pid in workers(service, POLITE)}
     (dry_run,) = until(lambda: [pid for pid, ticks in since.items() if processor_ticks(pid) > ticks + 5])
-    told = set(about_dry_runs(off))
+    problems = set(about_dry_runs(off))
     with held(dry_run):  # so that it cannot end before the reports
         assert off.get(f"/api/runs/{reported}/report.html").is_success
         assert off.get(f"/api/runs/{reported}/data.csv").is_success
@@ -233,4 +233,4 @@ def test_a_dry_run_of_a_viewer_delays_no_report_and_ends_on_disconnect(
     assert again.status_code == 200, again.text
     assert again.json()["status"] == "completed"
     assert dry_run not in workers(service, POLITE)
-    assert set(about_dry_runs(off)) <= told  # the intended end of a process is no problem; earlier problems expire
+    assert set(about_dry_runs(off)) <= problems  # the intended end of a process is no problem; earlier problems expire

@@ -97,10 +97,10 @@ def test_an_experiment_starts_with_the_active_tuning_and_prints_it(command: Comm
     with closing(open_database(tmp_path)) as database:
         with database.reading() as session:
             used = runs.find(session, limit=1)[0].settings["loop"]
-        kept = tuning_settings.load_last_tuning(database, parameters)
+        saved = tuning_settings.load_last_tuning(database, parameters)
     assert TuningSettings.from_values(used) == TuningSettings(lam_q=0.7, b=1.0)
-    assert kept is not None
-    assert kept.tuning == TuningSettings(lam_q=0.7, b=0.5)  # the settings of an experiment are not retained
+    assert saved is not None
+    assert saved.tuning == TuningSettings(lam_q=0.7, b=0.5)  # the settings of an experiment are not retained
 
 
 def test_an_experiment_prints_the_lambda_that_replaces_an_unsafe_default(command: Command, tmp_path: Path) -> None:
@@ -142,8 +142,8 @@ def test_a_stored_run_is_listed_shown_and_exported(command: Command, tracked: tu
     assert command("db", "backup", str(folder / "copy.db"), *data).returncode == 0
     assert (folder / "copy.db").stat().st_size > 100_000
     with closing(open_database(folder / "data")) as database, database.reading() as session:
-        (told,) = events.find(session, kind="backup")
-    assert (told.text, told.who) == ("database copied to copy.db", getpass.getuser())
+        (event,) = events.find(session, kind="backup")
+    assert (event.text, event.who) == ("database copied to copy.db", getpass.getuser())
 
 
 @pytest.mark.parametrize(
@@ -404,8 +404,8 @@ def test_only_a_slow_start_prints_a_notice(
 
     monkeypatch.setattr(main, "serve", start)
     monkeypatch.setattr(serve, "NOTICE_DELAY_S", 0.05)
-    told = []
+    noticed = []
     for _ in range(2):
         serve.serve(plant="simulator", data=tmp_path)
-        told.append(messages.service_is_starting() in capsys.readouterr().out)
-    assert told == [True, False]
+        noticed.append(messages.service_is_starting() in capsys.readouterr().out)
+    assert noticed == [True, False]

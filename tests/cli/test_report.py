@@ -105,13 +105,13 @@ def test_verification_compares_all_files_of_a_report(command: Command, tmp_path:
 
     def verified(file: Path = report) -> tuple[int, list[str], dict[str, object]]:
         done = command("report", "verify", str(file), "--json", folder=here)
-        told = json.loads(done.stdout)
-        return done.returncode, [one["name"] for one in told["differences"]], told
+        output = json.loads(done.stdout)
+        return done.returncode, [one["name"] for one in output["differences"]], output
 
-    status, names, told = verified()
-    assert (status, names, told["holds"]) == (0, [], True)
-    assert told["samples"] == str(samples)
-    assert told["checked"] == [str(samples), "run 1 of the data folder", str(metrics)]
+    status, names, output = verified()
+    assert (status, names, output["holds"]) == (0, [], True)
+    assert output["samples"] == str(samples)
+    assert output["checked"] == [str(samples), "run 1 of the data folder", str(metrics)]
 
     as_written = metrics.read_text(encoding="utf-8")
     document = json.loads(as_written)
@@ -135,8 +135,8 @@ def test_verification_compares_all_files_of_a_report(command: Command, tmp_path:
 
     assert command("db", "check", folder=here).returncode == 0
     change_a_sample(here, 1, "q", 1e-5)
-    status, names, told = verified()
-    assert (status, told["samples"]) == (1, str(samples))
+    status, names, output = verified()
+    assert (status, output["samples"]) == (1, str(samples))
     assert names == ["run 1 of the data folder, samples of q from 1 s to 2 s"]
     done = command("report", "verify", str(report), folder=here)
     assert f"computed from {samples}; also compared: run 1 of the data folder" in " ".join(done.stderr.split())
@@ -152,8 +152,8 @@ def test_samples_without_digests_are_compared_with_their_summary(command: Comman
     with closing(sqlite3.connect(tmp_path / "sinew.db")) as database, database:
         database.execute("update chunk set sha256 = ''")
     unknown = command("db", "check", "--json", folder=tmp_path)
-    told = json.loads(unknown.stdout)
-    assert (unknown.returncode, told["whole"], len(told["not_compared"])) == (0, True, 1)
+    output = json.loads(unknown.stdout)
+    assert (unknown.returncode, output["whole"], len(output["not_compared"])) == (0, True, 1)
     change_a_sample(tmp_path, 1, "q", 3.0)  # beyond the largest value in its summary
     assert command("db", "check", folder=tmp_path).returncode == 1
 
@@ -170,9 +170,9 @@ def test_the_report_of_a_killed_command_is_verified(command: Command, tmp_path: 
         assert json.loads(alive.stdout)["end_state"] == "running"
         playing.kill()
     assert command("runs", "report", "2", str(out), folder=here).returncode == 0
-    told = json.loads((out / "metrics.json").read_text(encoding="utf-8"))
-    assert (told["end_state"], told["complete"]) == ("service_died", False)
-    assert "s were executed" in told["verdict"]
+    metrics = json.loads((out / "metrics.json").read_text(encoding="utf-8"))
+    assert (metrics["end_state"], metrics["complete"]) == ("service_died", False)
+    assert "s were executed" in metrics["verdict"]
     held = command("report", "verify", str(out / "report.html"), folder=here)
     assert (held.returncode, "is verified: every number" in held.stdout) == (0, True), held.stderr
     assert command("report", "series", "1", "2", "--to", str(series), folder=here).returncode == 0
@@ -244,14 +244,14 @@ def make_older(folder: Path) -> None:
     with closing(sqlite3.connect(folder / "sinew.db")) as database, database:
         for run, text in database.execute("select run_id, fields from recording").fetchall():
             fields = json.loads(text)
-            kept = [place for place, name in enumerate(fields) if name not in ADDED_LATER]
-            assert len(kept) == len(fields) - len(ADDED_LATER)
-            words = json.dumps([fields[place] for place in kept])
+            retained = [place for place, name in enumerate(fields) if name not in ADDED_LATER]
+            assert len(retained) == len(fields) - len(ADDED_LATER)
+            words = json.dumps([fields[place] for place in retained])
             database.execute("update recording set fields = ? where run_id = ?", (words, run))
             for column in ("samples", "summary"):
                 chunks = database.execute(f"select first_tick, {column} from chunk where run_id = ?", (run,)).fetchall()
                 for first_tick, packed in chunks:
-                    fewer = pack_table(np.ascontiguousarray(unpack(packed, len(fields))[:, kept]))
+                    fewer = pack_table(np.ascontiguousarray(unpack(packed, len(fields))[:, retained]))
                     database.execute(
                         f"update chunk set {column} = ?, sha256 = '' where run_id = ? and first_tick = ?",
                         (fewer, run, first_tick),
@@ -286,9 +286,9 @@ def test_a_report_of_an_older_run_is_verified_only_after_a_new_evaluation(comman
     assert remedy in pdf
     for file in (report, out / "report.pdf"):
         for folder in (here, tmp_path / "elsewhere"):  # by the stored samples, and by data.csv alone
-            status, told = verified(file, folder)
-            assert (status, told["holds"], told["differences"]) == (2, None, [])
-            assert [remedy in one for one in told["left_out"]] == [True]
+            status, output = verified(file, folder)
+            assert (status, output["holds"], output["differences"]) == (2, None, [])
+            assert [remedy in one for one in output["left_out"]] == [True]
     assert command("report", "sign", str(report), folder=here).returncode == 2
     assert command("report", "series", "1", "2", "--to", str(series), folder=here).returncode == 0
     text = series.read_text(encoding="utf-8").partition("<main>")[0]
@@ -301,8 +301,8 @@ def test_a_report_of_an_older_run_is_verified_only_after_a_new_evaluation(comman
     assert remedy not in pdf
     for file in (report, out / "report.pdf"):
         for folder in (here, tmp_path / "elsewhere"):
-            status, told = verified(file, folder)
-            assert (status, told["holds"], told["left_out"]) == (0, True, []), told
+            status, output = verified(file, folder)
+            assert (status, output["holds"], output["left_out"]) == (0, True, []), output
     assert command("report", "sign", str(report), folder=here).returncode == 0
     assert verified(report)[0] == 0
 
@@ -317,8 +317,8 @@ def test_a_signature_proves_the_origin_of_a_report(command: Command, tmp_path: P
 
     def verified(*words: str, folder: Path = elsewhere, file: Path = report) -> tuple[int, Any, dict[str, Any]]:
         done = command("report", "verify", str(file), "--json", *words, folder=folder)
-        told = json.loads(done.stdout)
-        return done.returncode, told["holds"], told["signature"]
+        output = json.loads(done.stdout)
+        return done.returncode, output["holds"], output["signature"]
 
     assert verified() == (0, True, {"state": "none", "key": None, "fingerprint": None, "name": None})
     assert not elsewhere.exists()
@@ -510,8 +510,8 @@ def test_the_command_in_a_report_reproduces_an_identification(
     for key, line in zip(("G_q", "G_S"), lines, strict=True):
         found = command(*shlex.split(line)[1:], "--json")
         assert found.returncode == 0, found.stderr
-        told = json.loads(found.stdout)
-        assert told["parameters"] == pytest.approx(stored[key]["parameters"], rel=1e-4)
+        output = json.loads(found.stdout)
+        assert output["parameters"] == pytest.approx(stored[key]["parameters"], rel=1e-4)
 
 
 # A plan that would block the interpreter, with valid digests: rejected by every reader.

@@ -83,8 +83,8 @@ def test_formulas_are_additional_columns_of_an_export(command: Command, tmp_path
         run = recorded(session)
         steps = [asdict(step) for step in parse_derived_signal("F_mean", "N", "(F_A + F_B) / 2").steps]
         formulas.save(session, "F_mean", "(F_A + F_B) / 2", steps, "N", "", "Ana")
-    told = command("runs", "export", str(run), str(file), "--formula", "F_mean", folder=folder)
-    assert told.returncode == 0, told.stderr
+    printed = command("runs", "export", str(run), str(file), "--formula", "F_mean", folder=folder)
+    assert printed.returncode == 0, printed.stderr
     rows = list(csv.DictReader(line for line in file.read_text().splitlines() if not line.startswith("#")))
     assert rows
     for row in rows:

@@ -141,8 +141,8 @@ def test_the_wiring_that_the_loop_has_read_is_the_valid_one(tmp_path: Path) -> N
         for wired, proven, blocked in ((known.wired, True, False), ("of another file", False, True)):
             parts.supervisor._take(Ready(granted, "a virtual card", wired))
             assert parts.supervisor.started_with.directions_proven is proven
-            told = (await bring_up.view()).steps[0].blocked
-            assert (messages.wiring_has_changed() in told) is blocked
+            reason = (await bring_up.view()).steps[0].blocked
+            assert (messages.wiring_has_changed() in reason) is blocked
 
     try:
         stepped(database, IDEAL, work)

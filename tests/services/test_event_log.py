@@ -67,9 +67,9 @@ def test_events_wait_in_order_while_the_database_fails(
         return last
 
     last = asyncio.run(happen())
-    kept = stored(database)
-    assert [event.tick for event in kept] == list(range(1, 30))
-    assert all(event.at <= last for event in kept)  # the time of the event, not of its storage
+    stored_events = stored(database)
+    assert [event.tick for event in stored_events] == list(range(1, 30))
+    assert all(event.at <= last for event in stored_events)  # the time of the event, not of its storage
 
 
 def test_events_above_the_bound_are_counted(database: Database) -> None:

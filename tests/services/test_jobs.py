@@ -58,7 +58,7 @@ def test_consecutive_runs_match_their_predicted_duration_and_range(tmp_path: Pat
     async def ordered(parts: Parts) -> None:
         assert isinstance(await parts.supervisor.send(SetMode(Mode.PRETENSION)), Accepted)
         await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
-        told = await parts.ordered_runs.predict_identification(ORDER, asyncio.to_thread)
+        prediction = await parts.ordered_runs.predict_identification(ORDER, asyncio.to_thread)
         began = parts.supervisor.ring.count
         seen: list[TaskView] = []
         first = await parts.ordered_runs.start_identification(ORDER, OPERATOR.name)
@@ -69,7 +69,7 @@ def test_consecutive_runs_match_their_predicted_duration_and_range(tmp_path: Pat
         await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
         took_s = (parts.supervisor.ring.count - began) / 1000.0
         # The service checks ten times a second whether a run has ended, and whether the next one can start.
-        assert told.duration_s == pytest.approx(took_s, abs=0.6)
+        assert prediction.duration_s == pytest.approx(took_s, abs=0.6)
         for run in (first, first + 1):
             shown = [task for task in seen if task.run == run]
             elapsed = [task.elapsed_s for task in shown]
@@ -83,7 +83,7 @@ def test_consecutive_runs_match_their_predicted_duration_and_range(tmp_path: Pat
         with database.reading() as session:
             ends = [read_envelope(session, run, 1, ("q",)) for run in (first, first + 1)]
         furthest = max(float(envelope.maximum["q"].max()) for envelope in ends)
-        assert told.q_high - 0.06 < furthest < told.q_high
+        assert prediction.q_high - 0.06 < furthest < prediction.q_high
         view = parts.identifications.load_identification(first)
         with database.session() as session:
             entries = [BankEntry(8.24, MODEL, view.estimate), BankEntry(12.43, MODEL)]
@@ -199,12 +199,12 @@ def test_the_stage_of_an_actuator_identification_matches_its_samples(tmp_path: P
         if abs(at - jumps[0]) > 5 and abs(at - arrived) > 5:
             stage = Stage.EXCITING if at > jumps[0] else Stage.SETTLING if at > arrived else Stage.TRAVELLING
             assert task.part.doing is stage
-    told = line(planned, "theta_A_ref")
+    predicted = line(planned, "theta_A_ref")
     at = np.minimum(np.rint(np.array(planned.t) / T_s).astype(int) - 1, columns["u_A"].size - 1)
-    beside = np.abs(told - columns["theta_A_ref"][at])
+    difference = np.abs(predicted - columns["theta_A_ref"][at])
     # except for a jump that is one tick apart, the reference differs only by the trim of the force loop
-    assert np.mean(beside > 1.0) < 0.3
-    assert np.median(beside) < 0.2
+    assert np.mean(difference > 1.0) < 0.3
+    assert np.median(difference) < 0.2
     assert [part.title for part in planned.parts] == [
         f"20 N, {stage}" for stage in (Stage.TRAVELLING, Stage.SETTLING, Stage.EXCITING)
     ]
@@ -237,11 +237,11 @@ def test_the_stage_of_a_motor_identification_matches_its_samples(tmp_path: Path)
         assert str(task.part.doing if task.part.doing in FREE else Stage.TRAVELLING) in near
     titles = {task.part.number: task.part.title for task in seen.played(seen.run) if task.part}
     assert titles == {1: "3 V", 2: "−3 V", 3: "6 V", 4: "−6 V"}
-    told = line(planned, "u_A")
+    predicted = line(planned, "u_A")
     whole_s = columns["u_A"].size * T_s
     for volts in (3.0, -3.0, 6.0, -6.0):
         driven = np.flatnonzero((columns["u_A"] == volts) & free) * T_s
-        asked = np.array(planned.t)[told == volts]
+        asked = np.array(planned.t)[predicted == volts]
         assert asked[0] == pytest.approx(driven[0], abs=0.05 * whole_s)
         assert asked[-1] == pytest.approx(driven[-1], abs=0.05 * whole_s)
 
@@ -581,10 +581,10 @@ def test_progress_of_a_dry_run_is_shown_to_its_person_until_disconnect() -> None
         dry_runs = DryRuns(HalfwayWorker(lambda _cause: None))
         assert not (await dry_runs.progress(VIEWER)).under_way
         playing = asyncio.ensure_future(dry_runs.play(load_parameters("ideal"), order, (), VIEWER, is_disconnected))
-        while (told := await dry_runs.progress(VIEWER)).doing is not RunPhase.PROGRAM:
+        while (progress := await dry_runs.progress(VIEWER)).doing is not RunPhase.PROGRAM:
             await asyncio.sleep(0.01)
-        assert (told.under_way, told.played_s) == (True, 3.0)
-        assert told.duration_s == order.plan.program().duration_s
+        assert (progress.under_way, progress.played_s) == (True, 3.0)
+        assert progress.duration_s == order.plan.program().duration_s
         assert not (await dry_runs.progress(OTHER)).under_way
         left.set()
         with refused(RequestRejectedError, "computation_cancelled"):

@@ -96,8 +96,8 @@ def test_pushes_obstacles_and_tuning_are_taken_from_the_events_of_the_run(databa
     pushes = [
         (mark.t, float(force), float(time_s))
         for mark in marks
-        if (told := re.fullmatch(r"push of (\S+) N for (\S+) s", mark.text))
-        for force, time_s in [told.groups()]
+        if (match := re.fullmatch(r"push of (\S+) N for (\S+) s", mark.text))
+        for force, time_s in [match.groups()]
     ]
     assert len(pushes) == 2
     repeated = [(at_s, part["F_push"], part["duration_s"]) for at_s, part in parts if part["do"] == "push"]
@@ -176,8 +176,8 @@ async def moved_while_pushed(parts: Parts) -> None:
 def test_events_that_cannot_be_repeated_are_reported(database: Database) -> None:
     _, experiment, marks = made(database, moved_while_pushed)
     moved = next(mark.t for mark in marks if mark.text.startswith(f"q_ref {Angle(0.1)}"))
-    told = next(text for text in experiment.left_out if text.startswith("push of 5 N"))
-    begins, ends = (float(number) for number in re.findall(r"(\S+) s\b", told))
+    line_text = next(text for text in experiment.left_out if text.startswith("push of 5 N"))
+    begins, ends = (float(number) for number in re.findall(r"(\S+) s\b", line_text))
     assert begins == pytest.approx(moved, abs=LATE_S)
     assert ends - begins == pytest.approx(PART_MIN_TICKS * T_s)
     notes = (mark.text for mark in marks if mark.kind == "note")

@@ -61,9 +61,9 @@ def restarted(monkeypatch: pytest.MonkeyPatch) -> list[Setup]:
     return setups
 
 
-def applied_with(parts: Parts, heard: list[PlantParameters], base: PlantParameters = IDEAL) -> ParameterService:
+def applied_with(parts: Parts, received: list[PlantParameters], base: PlantParameters = IDEAL) -> ParameterService:
     events = EventBus()
-    events.subscribe(ParametersApplied, lambda applied: heard.append(applied.parameters))
+    events.subscribe(ParametersApplied, lambda applied: received.append(applied.parameters))
     return ParameterService(parts.actuator, parts.supervisor, parts.database, parts.tuning_store, base, events)
 
 
@@ -73,13 +73,13 @@ def test_loop_tuning_and_state_use_the_applied_parameters_until_undo(
     found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
     with database.session() as session:
         bank = banks.add(session, "bench", [BankEntry(10.55, MODEL)], "Ana")
-    heard: list[PlantParameters] = []
+    received: list[PlantParameters] = []
 
     async def work(parts: Parts) -> None:
         live_state = parts.live_state
         live_state.tuning = make_active_tuning(IDEAL, TuningSettings(lam_q=0.8, lam_S=0.6), bank)
         parts.tuning_store.save(live_state.tuning, "Ana")
-        applied = applied_with(parts, heard)
+        applied = applied_with(parts, received)
         proposal = applied.build_view(found.id).proposal
         assert proposal is not None
 
@@ -97,7 +97,7 @@ def test_loop_tuning_and_state_use_the_applied_parameters_until_undo(
         assert file.changes == []
         then = live_state.parameters
         assert (then.select_identified("A").K_m, then.select_identified("B").K_m) == (2.3, 2.4)
-        assert heard == [then]
+        assert received == [then]
         assert live_state.tuning.parameters == then
         assert (live_state.tuning.settings.lam_q, live_state.tuning.settings.lam_S, live_state.tuning.bank) == (
             0.8,
@@ -229,8 +229,8 @@ def test_applied_parameters_survive_a_failed_loop_start_and_can_be_undone(
     found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
 
     async def work(parts: Parts) -> None:
-        heard: list[PlantParameters] = []
-        applied = applied_with(parts, heard)
+        received: list[PlantParameters] = []
+        applied = applied_with(parts, received)
 
         async def dies(supervisor: Stepped, _purpose: str) -> None:
             supervisor.dead = True
@@ -247,7 +247,7 @@ def test_applied_parameters_survive_a_failed_loop_start_and_can_be_undone(
         then = parts.live_state.parameters
         newest = applied.build_view().versions[0]
         assert (newest.number, newest.digest) == (1, applied_parameters.AppliedVersion(1, then).digest)
-        assert heard == [then]
+        assert received == [then]
         assert IDEAL.with_identified(parts.supervisor.setup.identified) == then
         assert parts.supervisor.setup.tuning == parts.live_state.tuning.build_command()
 

@@ -85,12 +85,12 @@ def test_operator_pauses_before_the_next_start() -> None:
 
 
 def test_experiment_removed_during_its_refusal_leaves_the_queue_unchanged() -> None:
-    asked, told = asyncio.Event(), asyncio.Event()
+    asked, reported = asyncio.Event(), asyncio.Event()
 
     async def start(request: ExperimentRequest, _who: str) -> int:
         if request.settings:
             asked.set()
-            await told.wait()
+            await reported.wait()
             raise RequestRejectedError(ErrorCode.UNKNOWN, "there is no bank 99")
         return 5
 
@@ -101,7 +101,7 @@ def test_experiment_removed_during_its_refusal_leaves_the_queue_unchanged() -> N
         queue.handle_run_end(5, EndState.COMPLETED)
         await asked.wait()
         await queue.remove(queue.view().items[0].id)
-        told.set()
+        reported.set()
         await refused(queue)
         view = queue.view()
         assert (view.items, view.running) == ([], False)

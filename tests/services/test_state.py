@@ -130,8 +130,8 @@ def test_measured_values_are_not_shown_as_references(
     sample: dict[str, float] | None, shown: tuple[float, float | None, bool]
 ) -> None:
     q_ref, S_ref, in_force = shown
-    told = read_references(None if sample is None else {**SAMPLE, **sample})
-    assert told == ReferencesView(q_ref=q_ref, S_ref=S_ref, in_force=in_force)
+    references = read_references(None if sample is None else {**SAMPLE, **sample})
+    assert references == ReferencesView(q_ref=q_ref, S_ref=S_ref, in_force=in_force)
 
 
 def test_all_values_of_a_state_are_of_one_sample(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -230,8 +230,8 @@ def test_reset_starts_a_new_loop_after_an_internal_error(tmp_path: Path, monkeyp
     monkeypatch.setattr(Supervisor, "restart", restart)
     stepped(database, load_parameters("ideal"), work)
     with database.reading() as session:
-        told = [event.text for event in events.find(session, limit=100)]
+        texts = [event.text for event in events.find(session, limit=100)]
     database.close()
     assert len(started) == 1
-    assert "control loop restarted" in told
-    assert any("ZeroDivisionError" in text for text in told)
+    assert "control loop restarted" in texts
+    assert any("ZeroDivisionError" in text for text in texts)

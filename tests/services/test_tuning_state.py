@@ -98,8 +98,8 @@ def test_default_uses_the_nearest_lambda_in_range(tmp_path: Path) -> None:
     assert message.endswith(f"λ_q 0.5 → {lam_q:g} s")
     assert (saved["lam_q"], saved["who"], saved["moved"]) == (lam_q, None, message)
     with closing(open_database(tmp_path)) as database, database.reading() as session:
-        told = [event.text for event in events.between(session, datetime.min.replace(tzinfo=UTC), None)]
-    assert message in told
+        texts = [event.text for event in events.between(session, datetime.min.replace(tzinfo=UTC), None)]
+    assert message in texts
 
 
 def test_default_saved_tuning_fits_the_active_tuning(database: Database, tmp_path: Path) -> None:
@@ -212,13 +212,15 @@ def test_temporary_tuning_is_used_stored_and_reported_and_then_restored(database
     assert during == [asked]
     with database.reading() as session:
         stored = runs.get(session, run)
-        told = [event.text for event in events.between(session, stored.started_at, None)]
+        texts = [event.text for event in events.between(session, stored.started_at, None)]
     assert TuningSettings.from_values(stored.settings["loop"]) == asked
     assert stored.bank_id is None
     declared = {item["name"]: item["value"] for item in stored.settings["declared"]}
     assert {name: declared[name] for name in ASKED} == ASKED
     given_back = "λ_q 0.7 → 0.55 s, λ_S 0.6 → 0.45 s, b 1 → 0, bank geometry → 1, interpolate yes → no"
-    assert messages.tuning_after_run(difference=f"{given_back}, motion time-optimal → lambda, U_plan 6 → 8.5 V") in told
+    assert (
+        messages.tuning_after_run(difference=f"{given_back}, motion time-optimal → lambda, U_plan 6 → 8.5 V") in texts
+    )
     source = load_source(database, run)
     assert source.columns["lam_q"] == pytest.approx(0.7)
     facts = {fact.label: fact.text for fact in build_report(source).facts}
@@ -274,8 +276,8 @@ def test_failed_restore_is_reported_until_it_succeeds(database: Database, active
         await started(parts, active_bank)
         await parts.ordered_runs.start_experiment(sequence(SHORT, lam_q=0.7), WHO)
         parts.supervisor.refuses = why
-        told = await until(True, parts)
-        assert told == [
+        shown_problems = await until(True, parts)
+        assert shown_problems == [
             messages.tuning_not_restored(
                 tuning=messages.tuning_of_operator(), difference="λ_q 0.7 → 0.55 s", reason=why, retry_s=RETRY_S
             )
@@ -288,9 +290,9 @@ def test_failed_restore_is_reported_until_it_succeeds(database: Database, active
 
         await parts.actuator.tuning_service.start_trial(TrialRequest(lam_q=0.8, duration_s=1.0), WHO)
         parts.supervisor.refuses = why
-        told = await until(True, parts)
+        shown_problems = await until(True, parts)
         before = messages.tuning_before_trial()
-        assert told[0] == messages.tuning_not_restored(
+        assert shown_problems[0] == messages.tuning_not_restored(
             tuning=before, difference="λ_q 0.8 → 0.55 s", reason=why, retry_s=RETRY_S
         )
         parts.supervisor.refuses = ""
@@ -455,11 +457,11 @@ def test_undo_and_redo_of_each_part_of_a_tuning(database: Database, bank_walk: B
 
     stepped(database, IDEAL, work)
     with database.reading() as session:
-        told = [event.text for event in events.find(session, limit=100)]
-    assert messages.tuning_undone(difference="λ_q 0.61 → 0.5 s") in told
-    assert messages.tuning_redone(difference="λ_q 0.5 → 0.61 s") in told
-    assert messages.tuning_undone(difference="b 0.25 → 0") in told
-    assert messages.tuning_undone(difference="interpolate yes → no") in told
+        texts = [event.text for event in events.find(session, limit=100)]
+    assert messages.tuning_undone(difference="λ_q 0.61 → 0.5 s") in texts
+    assert messages.tuning_redone(difference="λ_q 0.5 → 0.61 s") in texts
+    assert messages.tuning_undone(difference="b 0.25 → 0") in texts
+    assert messages.tuning_undone(difference="interpolate yes → no") in texts
 
 
 def test_undo_and_redo_of_all_changes(database: Database, bank_walk: Bank) -> None:
