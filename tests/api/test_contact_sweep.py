@@ -313,14 +313,16 @@ def zeros_off() -> PlantParameters:
 def bias_of_springs(parameters: PlantParameters, S: np.ndarray) -> np.ndarray:
     """Return the bias [N] of the identified springs at the true equilibrium by identified stiffness, without zeros."""
     true_A, true_B = parameters.make_dynamics().spring_A, parameters.make_dynamics().spring_B
-    told_A, told_B = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
+    identified_A, identified_B = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
     held = np.linspace(5.0, 47.0, 800)
     x_A, x_B = (np.array([spring_elongation(spring, F) for F in held]) for spring in (true_A, true_B))
     stiff = parameters.geometry.r_j**2 * np.array(
-        [spring_slope(told_A, a) + spring_slope(told_B, b) for a, b in zip(x_A, x_B, strict=True)]
+        [spring_slope(identified_A, a) + spring_slope(identified_B, b) for a, b in zip(x_A, x_B, strict=True)]
     )
-    said = np.array([tendon_tension(told_B, b) - tendon_tension(told_A, a) for a, b in zip(x_A, x_B, strict=True)])
-    between: np.ndarray = np.interp(S, stiff, said)
+    difference = np.array(
+        [tendon_tension(identified_B, b) - tendon_tension(identified_A, a) for a, b in zip(x_A, x_B, strict=True)]
+    )
+    between: np.ndarray = np.interp(S, stiff, difference)
     return between
 
 
@@ -332,14 +334,14 @@ class Truth:
         self._geometry, self._plant = parameters.geometry, plant
 
     async def at_rest(self, parts: Parts) -> float:
-        said = []
+        errors = []
         for _ in range(50):
             await parts.supervisor.advance(0.02)
             row, x = parts.supervisor.ring.newest(), self._plant.x
             assert row is not None
             # measured less accurately: the zero, and an encoder step that the mean over a move lacks
-            said.append((row[INDEX["theta_A"]] - x.theta_A, row[INDEX["theta_B"]] - x.theta_B))
-        off_A, off_B = np.mean(said, axis=0)
+            errors.append((row[INDEX["theta_A"]] - x.theta_A, row[INDEX["theta_B"]] - x.theta_B))
+        off_A, off_B = np.mean(errors, axis=0)
         spring_A, spring_B = self._springs
         r_m, r_j, x = self._geometry.r_m, self._geometry.r_j, self._plant.x
         F_A = tendon_tension(spring_A, r_m * (x.theta_A + off_A) - r_j * x.q)

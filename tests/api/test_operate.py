@@ -267,7 +267,7 @@ def test_a_refusal_has_text_units_and_field(
     expected: str,
 ) -> None:
     """No code name, no other unit, no unnecessary number; radians if the person chose them."""
-    refusal = refuse_and_read(off, method, path, body)
+    refusal = read_refusal(off, method, path, body)
     message = str(refusal["message"])
     assert message.startswith(expected), message
     path_told = refusal["path"]
@@ -278,7 +278,7 @@ def test_a_refusal_has_text_units_and_field(
     assert all(len(re.sub(r"e.*|\D", "", number).lstrip("0")) <= 6 for number in NUMBER.findall(message)), message
 
     angle_unit("rad")
-    in_radians = refuse_and_read(off, method, path, body)
+    in_radians = read_refusal(off, method, path, body)
     assert {**in_radians, "message": ""} == {**refusal, "message": ""}, "what programs read is in SI for everybody"
     assert "°" not in str(in_radians["message"])
     degrees, radians = (
@@ -293,7 +293,7 @@ def test_a_refusal_has_text_units_and_field(
         assert degrees == radians
 
 
-def refuse_and_read(client: httpx.Client, method: str, path: str, body: dict[str, Any]) -> dict[str, object]:
+def read_refusal(client: httpx.Client, method: str, path: str, body: dict[str, Any]) -> dict[str, object]:
     answer = client.request(method, f"/api/{path}", json=body)
     assert answer.status_code == 422, answer.text
     return problem(answer)

@@ -19,7 +19,7 @@ from backend.cli import main, messages
 from backend.cli.experiments import current_user
 from backend.cli.rig import AbandonedError, Terminal
 from backend.commissioning import messages as step_messages
-from backend.commissioning import status as standing
+from backend.commissioning import status as commissioning_status
 from backend.commissioning.procedure import StepFinding
 from backend.commissioning.procedures import START_N
 from backend.commissioning.session import OperatorDialog, open_session
@@ -118,12 +118,12 @@ def done(data: Path, *steps: StepId, wiring: Wiring = WIRING) -> None:
     with closing(open_database(data)) as database:
         for step in steps:
             found = as_said if step in (StepId.TARE, StepId.CALIBRATE) else ()
-            standing.store_result(database, step, wiring, StepFinding(True, "well", (), found), "Ada")
+            commissioning_status.store_result(database, step, wiring, StepFinding(True, "well", (), found), "Ada")
 
 
 def stored_results(data: Path) -> dict[str, StoredStepResult]:
     with closing(open_database(data)) as database:
-        return standing.load_newest_results(database)
+        return commissioning_status.load_newest_results(database)
 
 
 def sinew(

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import plant
-from backend.commissioning import status as standing
+from backend.commissioning import status as commissioning_status
 from backend.commissioning.messages import abandoned_after_motor_test
 from backend.commissioning.procedure import StepFinding
 from backend.commissioning.session import DriveLockout
@@ -49,7 +49,7 @@ VIRTUAL = PlantChoice(PlantKind.VIRTUAL_CARD)
 def test_a_step_cannot_be_cancelled_while_its_result_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither a person nor the end of the service cancels it: the loop may be restarting with the result."""
     database = open_database(tmp_path)
-    release, keep = threading.Event(), standing.store_result
+    release, keep = threading.Event(), commissioning_status.store_result
 
     def slowly(*arguments: Any) -> StoredStepResult:
         assert release.wait(60.0)
@@ -57,7 +57,9 @@ def test_a_step_cannot_be_cancelled_while_its_result_is_stored(tmp_path: Path, m
 
     async def work(parts: Parts) -> None:
         parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL)
-        parts.supervisor.started_with = standing.find_completed_commissioning(database, parts.supervisor.setup.plant)
+        parts.supervisor.started_with = commissioning_status.find_completed_commissioning(
+            database, parts.supervisor.setup.plant
+        )
         bring_up = CommissioningService(
             parts.actuator, parts.supervisor, database, IDEAL, DriveLockout(database, VIRTUAL)
         )
@@ -70,9 +72,9 @@ def test_a_step_cannot_be_cancelled_while_its_result_is_stored(tmp_path: Path, m
         await asyncio.sleep(0.0)
         release.set()
         await closing_down
-        assert standing.load_newest_results(database)[StepId.WIRING_TEST].who == "Ada"
+        assert commissioning_status.load_newest_results(database)[StepId.WIRING_TEST].who == "Ada"
 
-    monkeypatch.setattr(standing, "store_result", slowly)
+    monkeypatch.setattr(commissioning_status, "store_result", slowly)
     try:
         stepped(database, IDEAL, work)
     finally:
@@ -84,10 +86,10 @@ def test_a_changed_wiring_file_is_rejected_by_every_step_and_starts_unproven(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     database, file = open_database(tmp_path), tmp_path / "rig.toml"
-    said = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
-    file.write_text(said, encoding="utf-8")
+    source_text = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
+    file.write_text(source_text, encoding="utf-8")
     for step in (StepId.WIRING_TEST, StepId.DIRECTION):
-        standing.store_result(database, step, load_wiring(str(file)), StepFinding(True, "well"), "Ada")
+        commissioning_status.store_result(database, step, load_wiring(str(file)), StepFinding(True, "well"), "Ada")
     started: list[bool] = []
 
     async def restart(supervisor: Supervisor, _purpose: str) -> None:
@@ -96,7 +98,7 @@ def test_a_changed_wiring_file_is_rejected_by_every_step_and_starts_unproven(
 
     async def work(parts: Parts) -> None:
         choice = PlantChoice(PlantKind.VIRTUAL_CARD, str(file))
-        parts.supervisor.started_with = standing.find_completed_commissioning(database, choice)
+        parts.supervisor.started_with = commissioning_status.find_completed_commissioning(database, choice)
         parts.supervisor.setup = replace(
             parts.supervisor.setup, plant=choice, commissioning_results=parts.supervisor.started_with
         )
@@ -106,7 +108,7 @@ def test_a_changed_wiring_file_is_rejected_by_every_step_and_starts_unproven(
         assert (await bring_up.view()).steps[0].blocked == ""
         parts.supervisor.dead = True
         await parts.actuator.reset("Ada")
-        file.write_text(said.replace("gain = { value = 1.0", "gain = { value = -1.0", 1), encoding="utf-8")
+        file.write_text(source_text.replace("gain = { value = 1.0", "gain = { value = -1.0", 1), encoding="utf-8")
         parts.supervisor.dead = False
         assert (await bring_up.view()).steps[0].blocked == messages.wiring_has_changed()
         with refused(RequestRejectedError, "wiring_has_changed"):
@@ -128,10 +130,10 @@ def test_the_wiring_that_the_loop_has_read_is_the_valid_one(tmp_path: Path) -> N
     """The file was edited during the start of the loop, and edited back."""
     database = open_database(tmp_path)
     wiring = load_wiring(VIRTUAL.wiring)
-    standing.store_result(database, StepId.DIRECTION, wiring, StepFinding(True, "well"), "Ada")
+    commissioning_status.store_result(database, StepId.DIRECTION, wiring, StepFinding(True, "well"), "Ada")
 
     async def work(parts: Parts) -> None:
-        known = standing.find_completed_commissioning(database, VIRTUAL)
+        known = commissioning_status.find_completed_commissioning(database, VIRTUAL)
         parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL, commissioning_results=known)
         parts.supervisor.started_with = known
         bring_up = CommissioningService(
@@ -156,8 +158,8 @@ def test_a_cancelled_direction_step_leaves_the_directions_unproven(
     database = open_database(tmp_path)
     wiring = load_wiring(VIRTUAL.wiring)
     for step in (StepId.WIRING_TEST, StepId.ZERO, StepId.DIRECTION):
-        standing.store_result(database, step, wiring, StepFinding(True, "well"), "Ada")
-    known = standing.load_commissioning_results(database, wiring)
+        commissioning_status.store_result(database, step, wiring, StepFinding(True, "well"), "Ada")
+    known = commissioning_status.load_commissioning_results(database, wiring)
     assert known.directions_proven
     # wired differently from the file, so that the proof matters
     true = replace(wiring, load_cell_A=replace(wiring.load_cell_A, slope=10.5))
@@ -212,7 +214,7 @@ def test_a_step_cannot_begin_during_the_start_of_a_run(tmp_path: Path, monkeypat
     database, wiring = open_database(tmp_path), load_wiring(VIRTUAL.wiring)
     cells = tuple(CellCalibration(tendon, 10.0, 0.0, "calibrated") for tendon in "AB")
     for step in (StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.ZERO, StepId.DIRECTION):
-        standing.store_result(database, step, wiring, StepFinding(True, "well", (), cells), "Ada")
+        commissioning_status.store_result(database, step, wiring, StepFinding(True, "well", (), cells), "Ada")
     asked, release = threading.Event(), threading.Event()
 
     def slowly(*arguments: Any) -> Run:
@@ -221,7 +223,7 @@ def test_a_step_cannot_begin_during_the_start_of_a_run(tmp_path: Path, monkeypat
         return create_run(*arguments)
 
     async def work(parts: Parts) -> None:
-        known = standing.load_commissioning_results(database, wiring)
+        known = commissioning_status.load_commissioning_results(database, wiring)
         parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL, commissioning_results=known)
         parts.supervisor.started_with = known
         bring_up = CommissioningService(

@@ -263,15 +263,15 @@ def test_a_changed_parameter_file_is_reported_now_and_at_the_next_start(
 ) -> None:
     """The loop reads the file at each start: it would use other numbers than the service."""
     file = tmp_path / "mine.toml"
-    said = (Path(plant.__file__).parent / "parameters" / "ideal.toml").read_text(encoding="utf-8")
-    file.write_text(said, encoding="utf-8")
+    source_text = (Path(plant.__file__).parent / "parameters" / "ideal.toml").read_text(encoding="utf-8")
+    file.write_text(source_text, encoding="utf-8")
     mine, found = load_parameters(file), stored(database, motors((2.3, 0.21), (2.4, 0.23)))
 
     async def work(parts: Parts) -> None:
         parts.supervisor.setup = replace(parts.supervisor.setup, parameters=str(file))
         applied = applied_with(parts, [], mine)
         await applied.apply(found.id, "Ana")
-        file.write_text(said.replace("value = 2.86", "value = 2.87"), encoding="utf-8")
+        file.write_text(source_text.replace("value = 2.86", "value = 2.87"), encoding="utf-8")
         assert load_parameters(file) != mine
         with refused(RequestRejectedError, "parameter_file_has_changed"):
             await applied.undo(1, "Ana")
