@@ -1,4 +1,4 @@
-"""A loop on the simulator that tests step by hand: samples kept, commands answered at once."""
+"""A loop on the simulator that tests step directly: it stores the samples and acknowledges commands at once."""
 
 import pickle
 
@@ -20,7 +20,7 @@ _WOUND_UP: dict[bytes, bytes] = {}
 
 
 class Samples:
-    """Keeps every row."""
+    """Stores every row."""
 
     def __init__(self) -> None:
         self.rows: list[NDArray[np.float64]] = []
@@ -54,7 +54,7 @@ class BenchTop:
         self.events += self.loop.drain_events()
 
     def wind_up(self) -> None:
-        """Reach pretension. The same bench in the same state does it in the same way: it is stepped once a session."""
+        """Reach pretension. It is deterministic for one bench and state, so each session steps it once."""
         if self._plant_is_given:  # the test holds that one, and would be left with it
             self._wind_up()
             return

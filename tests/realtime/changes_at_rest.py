@@ -1,7 +1,7 @@
-"""Changes of mode, law, bank and tuning drawn by chance while the joint rests, and what each of them moves.
+"""Random changes of mode, law, bank and tuning at rest, and the motion that each causes.
 
-Feedback linearization is not among the laws: on encoders with counts its voltages never rest (9 V peak to peak on
-`lab`), so nothing can be said of a change to it.
+Feedback linearization is not among the laws: with encoder counts its voltages never rest (9 V peak to
+peak on `lab`), so a change to it cannot be judged.
 """
 
 import math
@@ -31,10 +31,10 @@ _VOLTAGES = [INDEX["u_A"], INDEX["u_B"]]
 
 
 class Moved(NamedTuple):
-    """What a change moved within the ticks after it: ``change`` by name, in which mode and at which budget [V] before.
+    """The effect of a change within the ticks after it: ``change`` by name, with the mode and voltage limit before.
 
-    ``u`` [V]: largest distance of a voltage from where it was; ``jump`` [V]: largest from one tick to the next;
-    ``counts``: largest distance of the joint from where it was, in counts of its encoder.
+    ``u`` [V]: largest distance of a voltage from its old value; ``jump`` [V]: largest from one tick to the next;
+    ``counts``: largest distance of the joint from its old position, in counts of its encoder.
     """
 
     change: str
@@ -68,7 +68,7 @@ class Session:
             self.run(10)
 
     def changes(self, number: int, places: int) -> list[Moved]:
-        """Make so many changes at each of so many places, the first of which is that of the pretension."""
+        """Make ``number`` changes at each of ``places`` references, the first of which is that of the pretension."""
         self.pretension()
         moved = []
         for place in range(places):
@@ -82,7 +82,7 @@ class Session:
         return moved
 
     def _learn(self) -> None:
-        """Take what the outside force reads here off from now on, as the sweep of Touch does."""
+        """Measure the bias of the external force, as the calibration on the page does."""
         rows = self._rows(1000)
         S, F = float(rows[:, INDEX["S"]].mean()), float(rows[:, INDEX["F_ext_hat"]].mean())
         F += float(np.interp(S, *np.array(self._bias).T)) if self._bias else 0.0
@@ -108,7 +108,7 @@ class Session:
         self.order(SetReferences(q_ref, S_ref))
 
     def _change(self, *, at_pretension: bool) -> Moved:
-        """Make one change and return what it moved."""
+        """Make one change and return its effect."""
         mode, u_plan = self._loop.mode, self._tuning.u_plan
         names = ["lam_q", "lam_S", "lam_motor", "b", "bank", "motion", "k_ext", "all"]
         names += {
@@ -174,13 +174,12 @@ class Session:
         return self._rows(ticks)[:, _VOLTAGES]
 
     def order(self, command: Command) -> None:
-        """Carry out a command, which must not be refused."""
+        """Execute a command that must be accepted."""
         self._loop.handle(0, command)
         refused = [event.reason for event in self._loop.drain_events() if isinstance(event, Refused)]
         assert not refused, (command, refused)
 
     def run(self, ticks: int) -> None:
-        """Let the loop tick."""
         while ticks > 0:
             ticks -= self._loop.run(min(1000, ticks))
             self._loop.drain_events()
@@ -193,6 +192,6 @@ class Session:
 def changes_at_rest(
     plant: PlantParameters, seed: int, *, number: int, places: int, budgets: tuple[float, ...]
 ) -> list[Moved]:
-    """Return what each change of a session moved; the same seed gives the same session."""
+    """Return the effects of the changes of a session; the same seed gives the same session."""
     with closing(Session(plant, seed, budgets)) as session:
         return session.changes(number, places)

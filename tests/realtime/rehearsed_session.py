@@ -1,4 +1,4 @@
-"""Rehearse in a fresh process, then ask everything of a loop; print what was compiled or loaded only then."""
+"""Rehearse in a fresh process, send every command to a loop, and print the functions compiled or loaded later."""
 
 import dataclasses
 import sys
@@ -54,7 +54,7 @@ def specialised() -> set[tuple[str, str]]:
 
 
 def ask(loop: Loop, commands: Sequence[Command]) -> None:
-    """Give one command after the other, each when the loop has come to rest again."""
+    """Send the commands in order, each when the loop is at rest again."""
     for command in commands:
         loop.handle(0, command)
         refused = [event.reason for event in loop.drain_events() if isinstance(event, Refused)]

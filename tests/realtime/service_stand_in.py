@@ -1,4 +1,4 @@
-"""A service that starts the loop, winds it up, tells where to find its ring, and waits to be killed."""
+"""A service that starts the loop, pretensions it, prints where to find its ring buffer, and waits to be killed."""
 
 import asyncio
 import os

@@ -1,4 +1,4 @@
-"""The loop on a card: faults, its clock, its guard."""
+"""The loop on a card: faults, its clock and its watchdog."""
 
 import asyncio
 import itertools
@@ -178,7 +178,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
     opened.close()
 
 
-def test_everything_that_only_a_card_has_is_tried() -> None:
+def test_every_card_fault_has_a_case() -> None:
     assert {case[0].kind for case in CASES} >= set(ONLY_OF_A_CARD)
 
 
@@ -244,8 +244,8 @@ def test_swapped_motors_are_stopped_before_the_joint_runs_away(database: Databas
     asyncio.run(session())
 
 
-def test_a_mended_card_goes_on_after_a_reset(database: Database) -> None:
-    """Also after its watchdog has cut the drives meanwhile."""
+def test_a_repaired_card_works_again_after_reset(database: Database) -> None:
+    """Also after the watchdog has disabled the drives in the meantime."""
 
     async def session() -> None:
         bench = Session(database)
@@ -328,7 +328,7 @@ def test_the_cards_clock_paces_the_loop(
     service.close()
 
 
-def test_without_a_clock_at_the_card_this_machine_keeps_the_time_and_says_so(ideal: PlantParameters) -> None:
+def test_the_system_clock_paces_a_card_without_a_clock_and_is_reported(ideal: PlantParameters) -> None:
     plant = VirtualRig(HARDWARE, Simulator(ideal, 0), has_clock=False)
     plant.open()
     assert not plant.paces_loop
@@ -355,7 +355,7 @@ class Shown(Card):
 
 
 @pytest.mark.parametrize(("armed", "drive_enabled"), [*itertools.product((True, False), repeat=2)])
-def test_a_watchdog_that_stands_still_is_lost_where_it_has_drives_to_take_away(
+def test_a_stalled_watchdog_is_lost_only_while_armed_with_enabled_drives(
     armed: bool, drive_enabled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now_s = [100.0]

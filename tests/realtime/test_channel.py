@@ -1,4 +1,4 @@
-"""What is sent arrives as it was; what is malformed is refused with its number and the reason."""
+"""Messages arrive unchanged; malformed messages are rejected with their number and the reason."""
 
 import dataclasses
 import json
@@ -64,7 +64,7 @@ def is_finite(value: Any) -> bool:
 @given(message=COMMANDS, sequence=SEQUENCES)
 @example(message=commands.SimulateManualInput(ManualInput(F_limit=math.inf)), sequence=0)
 @settings(max_examples=200, deadline=None)
-def test_commands_arrive_as_they_were_or_are_refused(message: Any, sequence: int) -> None:
+def test_commands_are_decoded_unchanged_or_rejected(message: Any, sequence: int) -> None:
     parts = dataclasses.asdict(message)
     try:
         packet = encode(message, sequence)
@@ -80,14 +80,14 @@ def test_commands_arrive_as_they_were_or_are_refused(message: Any, sequence: int
 
 @given(message=EVENTS, sequence=SEQUENCES)
 @settings(max_examples=200, deadline=None)
-def test_events_arrive_as_they_were(message: Any, sequence: int) -> None:
+def test_events_are_decoded_unchanged(message: Any, sequence: int) -> None:
     if is_finite(dataclasses.asdict(message)):
         assert decode_from_loop(encode(message, sequence)) == (sequence, message)
 
 
 @pytest.mark.parametrize("cause", [*Cause, *HomingEnd, *Fault])
-def test_a_cause_arrives_as_what_it_was(cause: Cause | HomingEnd | Fault) -> None:
-    """Not as another enum's word, nor as text: what decides hangs on it."""
+def test_the_type_of_a_cause_survives_the_channel(cause: Cause | HomingEnd | Fault) -> None:
+    """Not a member of another enum, nor a string: decisions depend on the type."""
     _, changed = decode_from_loop(encode(commands.ModeChanged(1, Mode.RUN, Mode.OFF, cause)))
     assert isinstance(changed, commands.ModeChanged)
     assert changed.cause is cause
@@ -113,13 +113,13 @@ def packet(**changes: Any) -> bytes:
         (packet(kind="SetMode", body={"mode": "warp"}), "mode: Input should be 'off'"),
     ],
 )
-def test_malformed_commands_are_refused_by_number(bad: bytes, reason: str) -> None:
+def test_malformed_commands_are_rejected_with_their_number(bad: bytes, reason: str) -> None:
     with pytest.raises(ChannelError, match=reason) as refusal:
         decode_to_loop(bad)
     assert (refusal.value.sequence, refusal.value.message.code) == (7, "packet_not_valid")
 
 
-def test_noise_is_refused_without_a_number() -> None:
+def test_random_bytes_are_rejected_without_a_number() -> None:
     with pytest.raises(ChannelError) as refusal:
         decode_to_loop(b"\xff\x00noise")
     assert refusal.value.sequence == 0
@@ -134,7 +134,7 @@ def ends() -> Any:
     other.close()
 
 
-def test_packets_keep_order_and_borders_until_the_end(ends: tuple[Channel, Channel]) -> None:
+def test_packets_keep_their_order_and_boundaries(ends: tuple[Channel, Channel]) -> None:
     ours, theirs = ends
     assert theirs.receive() is None
     for sequence in range(50):
@@ -150,7 +150,7 @@ def test_packets_keep_order_and_borders_until_the_end(ends: tuple[Channel, Chann
         theirs.send(encode(Shutdown()))
 
 
-def test_sender_never_waits_for_a_reader_that_does_not_read(ends: tuple[Channel, Channel]) -> None:
+def test_the_sender_never_waits_for_a_blocked_reader(ends: tuple[Channel, Channel]) -> None:
     ours, theirs = ends
     sent = 0
     while ours.send(encode(Accepted(sent, 0), sent)):
@@ -162,7 +162,7 @@ def test_sender_never_waits_for_a_reader_that_does_not_read(ends: tuple[Channel,
     assert ours.send(encode(Shutdown()))
 
 
-def test_a_packet_is_never_longer_than_a_tick_can_take(ends: tuple[Channel, Channel]) -> None:
+def test_packets_never_exceed_the_limit_of_a_control_step(ends: tuple[Channel, Channel]) -> None:
     ours, theirs = ends
     segment = Segment(
         -1.0471975511965976e-100,
@@ -202,7 +202,7 @@ def test_a_packet_is_never_longer_than_a_tick_can_take(ends: tuple[Channel, Chan
     assert parts.whole(3, message) == longest
 
 
-def test_a_program_of_which_a_part_never_came_is_refused() -> None:
+def test_a_program_with_a_missing_packet_is_rejected() -> None:
     segment = Segment(duration_s=0.1, q_ref=0.0, S_ref=10.0)
     sent = packets(RunProgram(Program(Law.CASCADE, (segment,) * 30)), 2)
     parts = ProgramParts()
@@ -215,7 +215,7 @@ def test_a_program_of_which_a_part_never_came_is_refused() -> None:
         parts.whole(2, rest)
 
 
-def test_a_part_too_many_is_refused() -> None:
+def test_a_surplus_packet_of_a_program_is_rejected() -> None:
     segment = Segment(duration_s=0.1, q_ref=0.0, S_ref=10.0)
     *parts_sent, last = packets(RunProgram(Program(Law.CASCADE, (segment,) * MAX_SEGMENTS)), 2)
     parts, (_, rest) = ProgramParts(), decode_to_loop(last)
@@ -232,7 +232,7 @@ def test_a_part_too_many_is_refused() -> None:
         parts.whole(2, rest)
 
 
-def test_too_many_segments_and_too_long_a_packet_are_refused_with_their_number() -> None:
+def test_oversized_programs_and_packets_are_rejected_with_their_number() -> None:
     segment = Segment(duration_s=0.1, q_ref=0.0, S_ref=10.0)
     with pytest.raises(OutOfRangeError) as caught:
         packets(RunProgram(Program(Law.CASCADE, (segment,) * (MAX_SEGMENTS + 1))), 2)

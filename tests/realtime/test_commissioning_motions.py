@@ -1,4 +1,4 @@
-"""Motions of the bring-up: homing and the trial of a motor."""
+"""Motions of the commissioning: homing and the direction test of a motor."""
 
 import asyncio
 import math
@@ -77,7 +77,7 @@ class Bench:
             self.ends.append(event.cause)
 
     def homed(self, position: float, hand: ManualInput | None = None) -> NDArray[np.float64]:
-        """Play it to its end, with a ``hand`` once the tendons are taut; return the samples [n, fields] of the way."""
+        """Run homing, with the action ``hand`` once the tendons are taut; return its samples [n, fields]."""
 
         async def play() -> None:
             assert not isinstance(answer := await self.loop.send(Home(position)), Refused), answer
@@ -97,7 +97,7 @@ class Bench:
 
 
 @pytest.mark.parametrize(("position", "start"), [(0.5, -0.2), (-0.4, 0.1), (0.5, 0.52)])
-def test_the_zero_is_where_the_switch_is(tuning: SetTuning, position: float, start: float) -> None:
+def test_homing_sets_the_zero_at_the_end_switch(tuning: SetTuning, position: float, start: float) -> None:
     entries = {"end_switch": {"position": position}}
     bench = Bench(tuning, start, entries, entries)
     way = bench.homed(position)
@@ -140,7 +140,7 @@ SURPRISES: list[tuple[str, dict[str, Any], dict[str, Any], ManualInput | None, H
 @pytest.mark.parametrize(
     ("declared", "true", "hand", "end"), [case[1:] for case in SURPRISES], ids=[case[0] for case in SURPRISES]
 )
-def test_a_surprise_ends_it_at_zero_volts_with_its_name(
+def test_unexpected_events_end_homing_at_zero_volts_with_the_reason(
     tuning: SetTuning, declared: dict[str, Any], true: dict[str, Any], hand: ManualInput | None, end: HomingEnd
 ) -> None:
     bench = Bench(tuning, 0.15, declared, true)
@@ -157,10 +157,8 @@ FAR = {"end_switch": {"position": -0.4}}
 
 
 @pytest.mark.parametrize("known", [False, True], ids=["no zero is known", "a zero is known"])
-def test_a_loop_that_was_started_far_from_the_middle_homes_from_where_the_joint_has_been_turned(
-    tuning: SetTuning, known: bool
-) -> None:
-    """The joint stood at 1.3 rad, and on its way reads -1.7 rad, its range being 1.57 rad in either direction."""
+def test_homing_from_outside_the_range_works_only_before_the_joint_is_zeroed(tuning: SetTuning, known: bool) -> None:
+    """The joint is at 1.3 rad and reads -1.7 rad during homing; its range is 1.57 rad in either direction."""
     bench = Bench(tuning, 1.3, FAR, FAR)
     asyncio.run(bench.loop.send(SimulateManualInput(ManualInput(q=0.0, theta_A=0.0, theta_B=0.0))))
     asyncio.run(bench.loop.advance(3.0))
@@ -177,7 +175,7 @@ def test_a_loop_that_was_started_far_from_the_middle_homes_from_where_the_joint_
     assert newest[INDEX["q"]] == pytest.approx(bench.simulator.x.q, abs=2.0 * COUNT_RAD)
 
 
-def test_a_stop_on_that_way_can_be_reset_where_the_joint_stands(tuning: SetTuning) -> None:
+def test_a_stop_during_such_homing_can_be_reset_at_the_current_position(tuning: SetTuning) -> None:
     bench = Bench(tuning, 1.3, FAR, FAR)
     asyncio.run(bench.loop.send(SimulateManualInput(ManualInput(q=0.0, theta_A=0.0, theta_B=0.0))))
     asyncio.run(bench.loop.advance(3.0))
@@ -201,7 +199,7 @@ def test_a_stop_on_that_way_can_be_reset_where_the_joint_stands(tuning: SetTunin
     bench.loop.close()
 
 
-def test_it_is_not_begun_before_it_is_safe(tuning: SetTuning) -> None:
+def test_homing_is_rejected_until_it_is_safe(tuning: SetTuning) -> None:
     bench = Bench(tuning, 0.0, AT, AT | {"encoder_A": {"direction": -1.0}})
 
     def refused(position: float = 0.4) -> str:
@@ -226,7 +224,7 @@ def test_it_is_not_begun_before_it_is_safe(tuning: SetTuning) -> None:
     ("command", "mode"),
     [(SetMode(Mode.STOPPING), Mode.OFF), (Stop(Fault.OPERATOR_LOST, hard=False), Mode.TRIPPED), (Stop(), Mode.TRIPPED)],
 )
-def test_a_stop_on_the_way_is_zero_volts_at_once(tuning: SetTuning, command: SetMode | Stop, mode: Mode) -> None:
+def test_a_stop_during_homing_sets_zero_volts_at_once(tuning: SetTuning, command: SetMode | Stop, mode: Mode) -> None:
     bench = Bench(tuning, 0.0, AT, AT)
     asyncio.run(bench.loop.send(Home(0.4)))
     asyncio.run(bench.loop.advance(0.5))
@@ -239,7 +237,7 @@ def test_a_stop_on_the_way_is_zero_volts_at_once(tuning: SetTuning, command: Set
     assert not rows[:, [INDEX["u_A"], INDEX["u_B"]]].any()
 
 
-def test_what_takes_too_long_is_given_up_at_its_time(tuning: SetTuning, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_homing_aborts_at_its_time_limit(tuning: SetTuning, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("backend.realtime.commissioning_motions.TIME_MAX_S", 0.5)
     bench = Bench(tuning, 0.1, AT, AT)
     way = bench.homed(0.4)
@@ -253,7 +251,7 @@ PARAMETERS_TRIAL = load_parameters("ideal")
 
 
 def tried(tuning: SetTuning) -> SimulatedLoop:
-    """Return a loop on the virtual card in the middle of a trial of motor A."""
+    """Return a loop on the virtual card during the direction test of motor A."""
     loop = SimulatedLoop(make_plant(PlantChoice(PlantKind.VIRTUAL_CARD), PARAMETERS_TRIAL, 0), PARAMETERS_TRIAL, tuning)
     asyncio.run(loop.advance(0.01))
     assert isinstance(asyncio.run(loop.send(TryMotor("A"))), Accepted)
@@ -277,7 +275,7 @@ def value(loop: SimulatedLoop, signal: str) -> float:
         (Stop(), Mode.TRIPPED),
     ],
 )
-def test_a_trial_that_is_ended_goes_to_zero_volts_without_braking(
+def test_an_aborted_direction_test_sets_zero_volts_without_braking(
     tuning: SetTuning, command: SetMode | Stop, mode: Mode
 ) -> None:
     loop = tried(tuning)
@@ -291,7 +289,7 @@ def test_a_trial_that_is_ended_goes_to_zero_volts_without_braking(
     loop.close()
 
 
-def test_nothing_but_a_stop_is_granted_while_a_motor_is_tried(tuning: SetTuning) -> None:
+def test_only_stops_are_accepted_during_a_direction_test(tuning: SetTuning) -> None:
     loop = tried(tuning)
     refused = asyncio.run(loop.send(SetMode(Mode.PRETENSION)))
     assert isinstance(refused, Refused)
@@ -299,7 +297,7 @@ def test_nothing_but_a_stop_is_granted_while_a_motor_is_tried(tuning: SetTuning)
     loop.close()
 
 
-def test_a_trial_that_proved_nothing_leaves_the_directions_unproven(tuning: SetTuning) -> None:
+def test_a_failed_direction_test_leaves_the_directions_unproven(tuning: SetTuning) -> None:
     loop = tried(tuning)
     asyncio.run(loop.send(SetMode(Mode.STOPPING)))
     asyncio.run(loop.advance(0.01))
@@ -310,7 +308,7 @@ def test_a_trial_that_proved_nothing_leaves_the_directions_unproven(tuning: SetT
 
 
 @pytest.mark.parametrize("silent", ["q", "theta_A", "theta_B", "F_A", "F_B"])
-def test_a_reading_that_is_no_number_ends_the_way_out(silent: str) -> None:
+def test_a_nan_reading_ends_the_outward_motion(silent: str) -> None:
     m = Measurement(0.0, 0.0, 0.0, 2.0, 2.0, math.nan, 0.0, 0.0)
     gains = build_cascade_tuning(
         build_tuning_command(PARAMETERS_TRIAL, LoopSettings(), None), collect_plant_knowledge(PARAMETERS_TRIAL)
@@ -323,8 +321,8 @@ def test_a_reading_that_is_no_number_ends_the_way_out(silent: str) -> None:
     assert max(after) <= rising[-1]
 
 
-def test_a_motor_returns_with_the_voltages_of_its_way_out_and_rests_before_the_end() -> None:
-    """Nothing moves here, so that the way out ends at the largest voltage, after a second."""
+def test_a_motor_returns_with_its_outward_voltages_and_rests_before_the_end() -> None:
+    """The motor does not move here, so the outward motion ends at the largest voltage, after one second."""
     m = Measurement(0.0, 0.0, 0.0, 2.0, 2.0, math.nan, 0.0, 0.0)
     gains = build_cascade_tuning(
         build_tuning_command(PARAMETERS_TRIAL, LoopSettings(), None), collect_plant_knowledge(PARAMETERS_TRIAL)
@@ -342,7 +340,7 @@ def test_a_motor_returns_with_the_voltages_of_its_way_out_and_rests_before_the_e
 
 
 @pytest.mark.parametrize("silent", ["F_A", "F_B"])
-def test_a_tension_that_is_no_number_ends_the_trial_of_the_safety_module(silent: str) -> None:
+def test_a_nan_tension_ends_the_test_of_the_safety_module(silent: str) -> None:
     m = Measurement(0.0, 0.0, 0.0, 10.0, 10.0, math.nan, 0.0, 1.0)
     gains = build_cascade_tuning(
         build_tuning_command(PARAMETERS_TRIAL, LoopSettings(), None), collect_plant_knowledge(PARAMETERS_TRIAL)

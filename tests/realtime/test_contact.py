@@ -1,4 +1,4 @@
-"""Contacts that are felt, contacts of programs, and pushes that are rejected."""
+"""Detected contacts, contacts in programs, and disturbance rejection."""
 
 import math
 from dataclasses import replace
@@ -56,7 +56,7 @@ LAB = {8.0: -0.25, 10.0: -0.49, 12.0: -0.85, 14.0: -1.22, 15.0: -1.37}
 
 
 def armed() -> BenchTop:
-    """In run at 0.3 rad and 12 N·m/rad, with the bias learned: how the zeros were found moves it as a whole."""
+    """In run at 0.3 rad and 12 N·m/rad, with the bias measured: errors of the zeros shift the estimate."""
     bench = BenchTop(load_parameters("lab"))
     bench.run(run=7)
     bench.send(SetReferences(0.3, 12.0))
@@ -72,7 +72,7 @@ def told(bench: BenchTop, kind: type[_E]) -> list[_E]:
     return [event for event in bench.events if isinstance(event, kind)]
 
 
-def test_the_row_has_the_outside_force_less_what_was_learned() -> None:
+def test_samples_hold_the_external_force_minus_the_bias() -> None:
     bench = armed()
     bench.advance(0.2)
     assert bench.column("F_ext_hat", last=200) == pytest.approx(0.0, abs=0.25)
@@ -86,7 +86,7 @@ def test_the_row_has_the_outside_force_less_what_was_learned() -> None:
     assert bench.loop.mode is Mode.RUN  # nothing is reacted to
 
 
-def test_nothing_is_known_before_the_motors_have_their_zeros() -> None:
+def test_the_external_force_is_unknown_until_the_motors_are_zeroed() -> None:
     bench = BenchTop(load_parameters("lab"))
     bench.advance(0.01)
     assert np.all(np.isnan(bench.column("F_ext_hat")))
@@ -97,7 +97,7 @@ def test_nothing_is_known_before_the_motors_have_their_zeros() -> None:
 
 
 @pytest.mark.parametrize("F_push", [5.0, -5.0])
-def test_the_joint_gives_way_in_the_tick_in_which_a_contact_is_felt(F_push: float) -> None:
+def test_the_contact_reaction_starts_in_the_tick_of_the_detection(F_push: float) -> None:
     bench = armed()
     begun = len(bench.samples.rows)
     bench.send(ApplyPush(F_push, 4.0))
@@ -121,7 +121,7 @@ def test_the_joint_gives_way_in_the_tick_in_which_a_contact_is_felt(F_push: floa
     assert np.all(bench.column("run", last=2000) == 7)
 
 
-def test_until_a_mode_is_chosen_again_references_are_refused_and_then_it_feels_anew() -> None:
+def test_references_are_rejected_after_a_contact_until_a_mode_is_selected() -> None:
     bench = armed()
     bench.send(ApplyPush(5.0, 0.5))
     bench.advance(2.0)
@@ -142,7 +142,7 @@ def test_until_a_mode_is_chosen_again_references_are_refused_and_then_it_feels_a
     assert len(told(bench, ContactDetected)) == 2
 
 
-def test_a_contact_ends_a_program_whose_run_holds_what_came_of_it() -> None:
+def test_a_contact_ends_the_program_and_its_run_records_the_reaction() -> None:
     bench = armed()
     segments = (Segment(1.0, 0.3, 12.0), Segment(1.0, 0.3, 12.0, 6.0), Segment(5.0, 0.3, 12.0))
     assert isinstance(bench.send(RunProgram(Program(Law.CASCADE, segments), 8)), Accepted)
@@ -160,7 +160,7 @@ def test_a_contact_ends_a_program_whose_run_holds_what_came_of_it() -> None:
     assert int(bench.column("limits", last=1)[0]) & Limit.CONTACT
 
 
-def test_fast_moves_are_no_contact() -> None:
+def test_fast_motions_cause_no_contact() -> None:
     bench = armed()
     for q_ref, S_ref in ((-1.0, 8.0), (1.0, 15.0), (0.0, 10.0)):
         bench.send(SetReferences(q_ref, S_ref))
@@ -169,7 +169,7 @@ def test_fast_moves_are_no_contact() -> None:
     assert np.max(np.abs(bench.column("F_ext_hat", last=4000))) < 0.7
 
 
-def test_a_stop_goes_before_a_contact() -> None:
+def test_a_stop_takes_precedence_over_a_contact() -> None:
     bench = armed()
     bench.send(ApplyPush(5.0, 2.0))
     bench.advance(0.1)
@@ -189,7 +189,9 @@ def test_a_stop_goes_before_a_contact() -> None:
         (ConfigureContactDetection(tuple((8.0 + 0.1 * k, 0.0) for k in range(65)), 0.0), "64"),
     ],
 )
-def test_what_is_out_of_range_is_refused_and_what_was_stays(command: ConfigureContactDetection, words: str) -> None:
+def test_invalid_contact_settings_are_rejected_and_the_old_ones_remain(
+    command: ConfigureContactDetection, words: str
+) -> None:
     bench = armed()
     refused = bench.send(command)
     assert isinstance(refused, Refused)
@@ -200,7 +202,7 @@ def test_what_is_out_of_range_is_refused_and_what_was_stays(command: ConfigureCo
 
 
 @pytest.mark.parametrize("bias", [((10.0, 0.1), (8.0, 0.2)), ((8.0, math.nan),)])
-def test_a_bias_that_makes_no_sense_is_refused_and_what_was_stays(bias: tuple[tuple[float, float], ...]) -> None:
+def test_an_invalid_bias_is_rejected_and_the_old_one_remains(bias: tuple[tuple[float, float], ...]) -> None:
     bench = armed()
     refused = bench.send(ConfigureContactDetection(bias, 0.0))
     assert isinstance(refused, Refused)
@@ -210,7 +212,7 @@ def test_a_bias_that_makes_no_sense_is_refused_and_what_was_stays(bias: tuple[tu
     assert len(told(bench, ContactDetected)) == 1
 
 
-def test_a_wall_that_a_program_has_put_up_stays_until_its_run_has_ended() -> None:
+def test_an_obstacle_of_a_program_remains_until_its_run_has_ended() -> None:
     bench = armed()
     segments = (Segment(1.0, 0.3, 12.0, wall=1), Segment(3.0, 0.8, 12.0))
     program = Program(Law.CASCADE, segments, walls=(Obstacle(1.0, 0.5, 5e3, 0.0),))
@@ -228,7 +230,7 @@ def test_a_wall_that_a_program_has_put_up_stays_until_its_run_has_ended() -> Non
 
 
 def hit(v: float, contact_N: float) -> tuple[float, float, BenchTop]:
-    """Peak [N] and impulse [N·s] of half a second from the touch of a wall at ``v`` [rad/s], at 15 N·m/rad."""
+    """Peak [N] and impulse [N·s] in the half second after the contact with a wall at ``v`` [rad/s], at 15 N·m/rad."""
     lab = load_parameters("lab")
     bench = BenchTop(lab, make_tuning_command(lab, TuningParameters(), u_plan=8.5))
     bench.run()
@@ -250,7 +252,7 @@ def hit(v: float, contact_N: float) -> tuple[float, float, BenchTop]:
     return float(pressed.max()), float(pressed.sum()) * 1e-3, bench
 
 
-def test_giving_way_takes_a_third_of_the_impulse_and_something_of_the_peak() -> None:
+def test_the_contact_reaction_reduces_the_impulse_by_a_third_and_the_peak() -> None:
     for v in (0.2, 0.6):
         peak, impulse, _ = hit(v, 0.0)
         softer_peak, softer_impulse, bench = hit(v, FROM_N)
@@ -259,7 +261,7 @@ def test_giving_way_takes_a_third_of_the_impulse_and_something_of_the_peak() -> 
         assert len(told(bench, ContactDetected)) == 1
 
 
-def test_giving_way_saves_a_stiff_joint_from_a_trip() -> None:
+def test_the_contact_reaction_prevents_a_trip_of_a_stiff_joint() -> None:
     _, _, bench = hit(1.2, 0.0)
     assert bench.loop.mode is Mode.TRIPPED
     _, _, bench = hit(1.2, FROM_N)
@@ -291,7 +293,7 @@ PRESSED, BACK = 3000, 5000
 
 
 def played(program: Program, seconds: float = 0.0) -> tuple[BenchTop, int]:
-    """The bench after a program, or so long into it; the tick in which it begins."""
+    """Return the bench during or after a program, and the tick in which the program begins."""
     bench = BenchTop(LAB_PROGRAM, make_tuning_command(LAB_PROGRAM, TuningParameters(), u_plan=8.5))
     bench.wind_up()
     begun = len(bench.samples.rows)
@@ -300,13 +302,13 @@ def played(program: Program, seconds: float = 0.0) -> tuple[BenchTop, int]:
     return bench, begun
 
 
-def gives_way(bench: BenchTop, begun: int) -> NDArray[np.int64]:
+def reacts(bench: BenchTop, begun: int) -> NDArray[np.int64]:
     return np.flatnonzero(bench.column("limits")[begun:].astype(int) & Limit.CONTACT)
 
 
-def test_the_joint_gives_way_from_the_tick_in_which_it_is_felt_until_its_part_is_over() -> None:
+def test_the_reaction_lasts_from_the_detection_to_the_end_of_its_segment() -> None:
     bench, begun = played(HITS)
-    reacting = gives_way(bench, begun)
+    reacting = reacts(bench, begun)
     estimate = np.abs(bench.column("F_ext_hat")[begun:])
     over = PRESSED + int(np.argmax(estimate[PRESSED:] > FROM_N))
     assert reacting[0] == over
@@ -319,7 +321,7 @@ def test_the_joint_gives_way_from_the_tick_in_which_it_is_felt_until_its_part_is
     assert F_wall.sum() < 0.5 * np.abs(never.column("F_wall")).sum()
 
 
-def test_the_program_goes_on_in_time_as_one_run() -> None:
+def test_the_program_continues_on_schedule_after_the_reaction_in_one_run() -> None:
     bench, begun = played(HITS)
     never, _ = played(NEVER)
     ended, plainly = told(bench, RunEnded)[-1], told(never, RunEnded)[-1]
@@ -335,7 +337,7 @@ def test_the_program_goes_on_in_time_as_one_run() -> None:
 
 
 def test_the_position_loop_is_closed_again_after_the_reaction() -> None:
-    """A push of 2 N in the rest of the program moves the joint, and the loop brings it back."""
+    """A push of 2 N in the remaining program moves the joint, and the position loop returns it."""
     pushed = replace(HITS, segments=(*PARTS[:-1], replace(PARTS[-1], duration_s=4.0, F_push=2.0)))
     bench, begun = played(pushed)
     end = told(bench, RunEnded)[-1].tick
@@ -344,17 +346,17 @@ def test_the_position_loop_is_closed_again_after_the_reaction() -> None:
     assert np.abs(q[-200:]).max() < 0.003
 
 
-def test_no_voltage_jumps_where_it_gives_way_or_goes_on() -> None:
+def test_the_voltages_have_no_jump_at_start_and_end_of_the_reaction() -> None:
     bench, begun = played(HITS)
     for name in ("u_A", "u_B"):
         u = bench.column(name)[begun:]
-        first = gives_way(bench, begun)[0]
+        first = reacts(bench, begun)[0]
         step = 8.5 / 10  # of a plan, whose voltages are averaged over 10 ms; twice that from full to full reverse
         assert abs(u[first] - u[first - 1]) < 2.0 * step
         assert abs(u[BACK] - u[BACK - 1]) < step + 0.05
 
 
-def test_what_the_operator_has_learned_is_in_force_before_and_after_it() -> None:
+def test_the_operators_bias_is_active_before_and_after_the_program() -> None:
     bench = BenchTop(LAB_PROGRAM, make_tuning_command(LAB_PROGRAM, TuningParameters(), u_plan=8.5))
     bench.run()
     bench.send(SetReferences(0.0, 12.0))
@@ -368,12 +370,12 @@ def test_what_the_operator_has_learned_is_in_force_before_and_after_it() -> None
     estimate = bench.column("F_ext_hat")[begun:]
     assert estimate[:2900] == pytest.approx(before, abs=0.5)
     assert estimate[3010:3500] == pytest.approx(0.0, abs=0.3)
-    assert gives_way(bench, begun).size
+    assert reacts(bench, begun).size
     bench.advance(6.0)
     assert bench.column("F_ext_hat", last=1)[0] < -3.0  # 5 N are taken off again
 
 
-def test_a_contact_in_another_part_is_none() -> None:
+def test_a_contact_in_a_segment_without_detection_is_ignored() -> None:
     unlike = (
         *PARTS[:1],
         Segment(1.0, 0.23, 12.0, shape=Shape.RAMP),
@@ -382,12 +384,12 @@ def test_a_contact_in_another_part_is_none() -> None:
         PARTS[4],
     )
     bench, begun = played(replace(HITS, segments=unlike, contact_detections=(ContactDetection(calibrates_bias=True),)))
-    assert gives_way(bench, begun).size == 0
+    assert reacts(bench, begun).size == 0
     assert np.abs(bench.column("F_wall")).max() > FROM_N
 
 
 @pytest.mark.parametrize("why", ["nothing was learned", "it was learned while a hand moved the joint"])
-def test_where_it_is_not_known_what_nothing_reads_it_is_hit_without_reaction(why: str) -> None:
+def test_without_a_bias_a_program_hits_the_obstacle_without_reaction(why: str) -> None:
     first = PARTS[0]
     contact_detections: tuple[ContactDetection, ...] = (ContactDetection(FROM_N), ContactDetection())
     before: tuple[Segment, ...] = (first,)
@@ -396,11 +398,11 @@ def test_where_it_is_not_known_what_nothing_reads_it_is_hit_without_reaction(why
         before, contact_detections = (replace(first, duration_s=0.01), shaken), HITS.contact_detections
     bench, begun = played(replace(HITS, segments=(*before, *PARTS[1:]), contact_detections=contact_detections))
     assert np.abs(bench.column("F_ext_hat")[begun + 3010 :]).max() > FROM_N
-    assert gives_way(bench, begun).size == 0
+    assert reacts(bench, begun).size == 0
     assert told(bench, RunEnded)[-1].completed
 
 
-def test_an_operators_reaction_ends_a_program_for_good_and_is_told_of_before() -> None:
+def test_the_operators_reaction_ends_programs_and_rejects_those_with_their_own() -> None:
     bench = BenchTop(LAB_PROGRAM, make_tuning_command(LAB_PROGRAM, TuningParameters(), u_plan=8.5))
     bench.run()
     bench.send(SetReferences(0.0, 12.0))
@@ -423,27 +425,27 @@ def test_an_operators_reaction_ends_a_program_for_good_and_is_told_of_before() -
     assert bench.loop.mode is Mode.COMPLIANCE
 
 
-def test_what_was_changed_in_the_part_that_is_over_is_in_force_behind_it() -> None:
+def test_changes_of_the_aborted_segment_are_active_in_the_next_one() -> None:
     parts = (*PARTS[:2], replace(PARTS[2], tuning=1, wall=2), *PARTS[3:])
     slower = make_tuning_command(LAB_PROGRAM, TuningParameters(0.8, 0.6))
     bench, begun = played(replace(HITS, segments=parts, tunings=(slower,), walls=(WALL, None)), 5.01)
-    assert gives_way(bench, begun)[0] < 4000
+    assert reacts(bench, begun)[0] < 4000
     assert told(bench, TuningChanged)[-1].lam_q == 0.8
     assert told(bench, WallChanged)[-1].wall is None
     assert bench.column("lam_q", last=1)[0] == 0.8
 
 
-def test_a_part_that_ends_the_program_ends_it_in_time() -> None:
+def test_a_reaction_in_the_last_segment_ends_the_program_on_schedule() -> None:
     bench, begun = played(replace(HITS, segments=PARTS[:3]))
     ended = told(bench, RunEnded)[-1]
     assert ended.completed
     assert ended.tick - begun == pytest.approx(BACK, abs=2)
-    assert gives_way(bench, begun)[-1] == pytest.approx(BACK, abs=2)
+    assert reacts(bench, begun)[-1] == pytest.approx(BACK, abs=2)
 
 
-def test_a_stop_while_it_gives_way_is_a_stop_and_nothing_of_it_is_left() -> None:
+def test_a_stop_during_the_reaction_clears_the_reaction() -> None:
     bench, begun = played(HITS, 4.5)
-    assert gives_way(bench, begun).size
+    assert reacts(bench, begun).size
     bench.send(Stop())
     bench.advance(2.0)
     assert bench.loop.mode is Mode.TRIPPED
@@ -464,7 +466,7 @@ def test_a_stop_while_it_gives_way_is_a_stop_and_nothing_of_it_is_left() -> None
         ),
     ],
 )
-def test_what_is_out_of_range_is_refused_before_anything_moves(program: Program, words: str) -> None:
+def test_out_of_range_contact_detection_is_rejected_before_motion(program: Program, words: str) -> None:
     bench = BenchTop(LAB_PROGRAM, make_tuning_command(LAB_PROGRAM, TuningParameters(), u_plan=8.5))
     bench.wind_up()
     refused = bench.send(RunProgram(program, 8))
@@ -484,7 +486,7 @@ def test_what_is_out_of_range_is_refused_before_anything_moves(program: Program,
         (replace(HITS, law=Law.SINGLE_LOOP), "law_without_contact_reaction", {"law": Law.SINGLE_LOOP}),
     ],
 )
-def test_what_makes_no_sense_is_refused_before_anything_moves(
+def test_inconsistent_contact_detection_is_rejected_before_motion(
     program: Program, code: str, values: dict[str, object]
 ) -> None:
     bench = BenchTop(LAB_PROGRAM, make_tuning_command(LAB_PROGRAM, TuningParameters(), u_plan=8.5))
@@ -499,7 +501,7 @@ def test_what_makes_no_sense_is_refused_before_anything_moves(
 
 
 def held(name: str, lam_q: float, S: float = 10.0) -> tuple[BenchTop, SetTuning]:
-    """In run at 0 rad, at rest, nothing learned."""
+    """In run at 0 rad, at rest, without a measured bias."""
     parameters = load_parameters(name)
     tuning = make_tuning_command(parameters, TuningParameters(lam_q, 0.345), u_plan=8.5)
     bench = BenchTop(parameters, tuning)
@@ -510,7 +512,7 @@ def held(name: str, lam_q: float, S: float = 10.0) -> tuple[BenchTop, SetTuning]
 
 
 def learned(name: str, lam_q: float, k_ext: float, S: float = 10.0) -> tuple[BenchTop, SetTuning]:
-    """The same with the bias learned there, and pushes rejected."""
+    """The same with the bias measured there, and disturbance rejection active."""
     bench, tuning = held(name, lam_q, S)
     assert isinstance(
         bench.send(ConfigureContactDetection(((S, float(np.mean(bench.column("F_ext_hat", last=500)))),))), Accepted
@@ -529,8 +531,8 @@ def back_s(bench: BenchTop, F_push: float, seconds: float) -> float:
 
 
 @pytest.mark.parametrize("k_ext", [0.0, 0.7, 1.0])
-def test_the_joint_is_back_when_the_forecast_says_so(k_ext: float) -> None:
-    """Nonlinear springs, a simulator of its own method and the whole loop, against the linear model."""
+def test_the_joint_returns_at_the_forecast_time(k_ext: float) -> None:
+    """Compares nonlinear springs, an independent simulator and the whole loop with the linear model."""
     bench, tuning = learned("ideal", 1.0, k_ext)
     known = build_cascade_tuning(tuning, collect_plant_knowledge(load_parameters("ideal")))
     forecast = forecast_push(load_parameters("ideal"), known, 10.0, 1.0)
@@ -539,8 +541,8 @@ def test_the_joint_is_back_when_the_forecast_says_so(k_ext: float) -> None:
 
 
 @pytest.mark.parametrize("name", ["lab", "lab-stick"])
-def test_with_friction_and_counts_too_the_position_loop_has_no_more_to_do_than_what_is_left_to_it(name: str) -> None:
-    """That is 0.3 N that are not answered, and half a count of the encoder in what was learned at rest."""
+def test_with_friction_and_counts_the_position_loop_only_corrects_the_remainder(name: str) -> None:
+    """The remainder is 0.3 N that are not compensated, and half an encoder count in the bias measured at rest."""
     parameters = load_parameters(name)
     bench, _ = learned(name, 2.0, 1.0)
     left_N = UNSEEN_F + 10.0 * 0.5 * parameters.sensors.joint_step / parameters.geometry.r_j
@@ -552,7 +554,7 @@ def test_with_friction_and_counts_too_the_position_loop_has_no_more_to_do_than_w
         bench.advance(6.0)
 
 
-def test_at_rest_nothing_is_moved_by_it() -> None:
+def test_disturbance_rejection_moves_nothing_at_rest() -> None:
     bench, _ = learned("lab", 1.0, 1.0)
     bench.advance(3.0)
     plain, _ = held("lab", 1.0)
@@ -561,7 +563,7 @@ def test_at_rest_nothing_is_moved_by_it() -> None:
         np.testing.assert_array_equal(bench.column(name, last=3000), plain.column(name, last=3000))
 
 
-def test_it_takes_what_was_learned() -> None:
+def test_disturbance_rejection_subtracts_the_bias() -> None:
     bench, tuning = held("lab", 1.0)
     refused = bench.send(replace(tuning, k_ext=0.7))
     assert isinstance(refused, Refused)
@@ -575,7 +577,7 @@ def test_it_takes_what_was_learned() -> None:
     assert isinstance(bench.send(ConfigureContactDetection(())), Accepted)
 
 
-def test_what_it_takes_is_not_forgotten_under_it() -> None:
+def test_the_bias_cannot_be_cleared_during_disturbance_rejection() -> None:
     bench, tuning = learned("lab", 1.0, 0.7)
     refused = bench.send(ConfigureContactDetection(()))
     assert isinstance(refused, Refused)
@@ -583,7 +585,7 @@ def test_what_it_takes_is_not_forgotten_under_it() -> None:
     assert isinstance(bench.send(tuning), Accepted)
 
 
-def test_with_zeros_found_anew_pushes_are_the_position_loop_s_again() -> None:
+def test_new_zeros_switch_disturbance_rejection_off() -> None:
     bench, tuning = learned("ideal", 1.0, 1.0)
     tunings = bench.loop._mode_manager.tunings
     assert tunings.gains.disturbance_feedforward.k_ext == 1.0
@@ -594,7 +596,7 @@ def test_with_zeros_found_anew_pushes_are_the_position_loop_s_again() -> None:
 
 
 @pytest.mark.parametrize("u_plan", [0.0, 8.5])
-def test_it_comes_and_goes_under_a_push_without_a_bump(u_plan: float) -> None:
+def test_disturbance_rejection_switches_without_a_bump_under_a_push(u_plan: float) -> None:
     bench, tuning = learned("ideal", 1.0, 0.0)
     for after_s in (0.1, 0.4, 1.5):
         tuning = replace(tuning, u_plan=u_plan, k_ext=0.0)
@@ -611,7 +613,7 @@ def test_it_comes_and_goes_under_a_push_without_a_bump(u_plan: float) -> None:
     assert bench.loop.mode is Mode.RUN
 
 
-def test_with_the_position_loop_open_it_does_nothing_and_closing_it_is_smooth() -> None:
+def test_disturbance_rejection_is_inactive_with_an_open_loop_and_closes_smoothly() -> None:
     closed = {}
     for k_ext in (0.0, 1.0):
         bench, _ = learned("ideal", 1.0, k_ext)
@@ -630,7 +632,7 @@ def test_with_the_position_loop_open_it_does_nothing_and_closing_it_is_smooth() 
     assert max(abs(off), abs(off_rejected)) < 1e-4
 
 
-def test_it_gives_way_to_a_contact_as_ever() -> None:
+def test_the_contact_reaction_works_during_disturbance_rejection() -> None:
     ways = []
     for k_ext in (0.0, 1.0):
         bench, _ = learned("lab", 1.0, k_ext)
@@ -644,7 +646,7 @@ def test_it_gives_way_to_a_contact_as_ever() -> None:
 
 
 @pytest.mark.parametrize("name", ["ideal", "lab"])
-def test_random_pushes_neither_trip_nor_slacken(name: str) -> None:
+def test_random_pushes_cause_neither_a_trip_nor_slack(name: str) -> None:
     bench, _ = learned(name, 1.0, 1.0)
     random = np.random.default_rng(16)
     for _ in range(30):
@@ -665,7 +667,7 @@ def test_random_pushes_neither_trip_nor_slacken(name: str) -> None:
         assert F[10_000:].max() < 50.0
 
 
-def test_each_program_begins_without_the_contact_detection_of_the_one_before() -> None:
+def test_a_program_does_not_inherit_contact_detection_from_the_previous_one() -> None:
     contact = Mock()
     disturbances = ProgramDisturbances(Mock(), [], contact)
     program = Mock(walls=())

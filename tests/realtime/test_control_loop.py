@@ -64,7 +64,7 @@ def test_pretension_finds_the_zero_of_incremental_encoders(ideal: PlantParameter
     assert np.max(np.abs(np.diff(bench.column("u_A")))) < 0.2
 
 
-def test_moves_that_are_not_legal_are_refused_with_the_legal_ones(ideal: PlantParameters) -> None:
+def test_invalid_mode_changes_are_rejected_with_the_valid_ones(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     for mode in Mode:
         if mode in LEGAL[Mode.OFF]:
@@ -85,7 +85,7 @@ def test_run_waits_for_pretension(ideal: PlantParameters) -> None:
     assert_reason(answer.reason, "mode_requires_taut_tendons", mode=Mode.RUN, tension_N=10.0)
 
 
-def test_entering_run_does_not_move_the_voltages(lab: PlantParameters) -> None:
+def test_entering_run_does_not_change_the_voltages(lab: PlantParameters) -> None:
     bench = BenchTop(lab)
     bench.run(run=7)
     bench.advance(0.2)
@@ -95,7 +95,7 @@ def test_entering_run_does_not_move_the_voltages(lab: PlantParameters) -> None:
     assert set(bench.column("run", last=200)) == {7.0}
 
 
-def test_references_out_of_bounds_change_nothing(ideal: PlantParameters) -> None:
+def test_references_beyond_their_bounds_change_nothing(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.run()
     bench.advance(0.05)
@@ -112,7 +112,7 @@ def test_references_out_of_bounds_change_nothing(ideal: PlantParameters) -> None
     assert (bench.column("q_ref")[-1], bench.column("S_ref")[-1]) == before
 
 
-def test_moving_lambda_at_rest_moves_no_voltage(ideal: PlantParameters) -> None:
+def test_a_change_of_lambda_at_rest_does_not_change_the_voltages(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal, make_tuning_command(ideal, TuningParameters(lam_q=0.6)))
     bench.run()
     bench.send(SetReferences(0.5, 10.0))
@@ -125,7 +125,7 @@ def test_moving_lambda_at_rest_moves_no_voltage(ideal: PlantParameters) -> None:
     assert bench.column("lam_q", last=2).tolist() == [0.6, 0.45]
 
 
-def test_gains_that_are_no_numbers_are_refused_whole(ideal: PlantParameters) -> None:
+def test_a_tuning_with_nan_gains_is_rejected_as_a_whole(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     good = make_tuning_command(ideal, TuningParameters(lam_q=0.6))
     broken = SetTuning(**{**vars(good), "motor_A": good.motor_A.__class__(math.nan, 1.0, 1.0, 1.0)})
@@ -135,7 +135,7 @@ def test_gains_that_are_no_numbers_are_refused_whole(ideal: PlantParameters) -> 
     assert bench.column("lam_q")[-1] == TuningParameters().lam_q
 
 
-def test_whole_numbers_are_gains_as_well(ideal: PlantParameters) -> None:
+def test_gains_may_be_integers(ideal: PlantParameters) -> None:
     voltages = []
     for number in (float, int):
         bench = BenchTop(ideal)
@@ -189,7 +189,7 @@ def test_program_plays_steps_ramps_and_sines(ideal: PlantParameters) -> None:
     assert [event.completed for event in ended] == [True]
 
 
-def test_program_with_a_reference_out_of_bounds_never_starts(ideal: PlantParameters) -> None:
+def test_a_program_with_a_reference_beyond_its_bounds_never_starts(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.wind_up()
     answer = bench.send(RunProgram(Program(Law.CASCADE, (Segment(1.0, 0.0, 10.0), Segment(1.0, 2.0, 10.0)))))
@@ -197,7 +197,7 @@ def test_program_with_a_reference_out_of_bounds_never_starts(ideal: PlantParamet
     assert bench.loop.mode is Mode.PRETENSION
 
 
-def test_samples_follow_the_table_and_count_every_tick(ideal: PlantParameters) -> None:
+def test_samples_follow_the_field_table_and_count_every_tick(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.run()
     bench.advance(0.1)
@@ -207,7 +207,7 @@ def test_samples_follow_the_table_and_count_every_tick(ideal: PlantParameters) -
     assert changes == [(Mode.OFF, Mode.PRETENSION), (Mode.PRETENSION, Mode.RUN)]
 
 
-def test_same_seed_gives_the_same_samples_to_the_last_bit(lab: PlantParameters) -> None:
+def test_the_same_seed_gives_bit_identical_samples(lab: PlantParameters) -> None:
     def record() -> np.ndarray:
         bench = BenchTop(lab)
         bench.run()
@@ -231,17 +231,17 @@ def watched(failing: set[int], ticks: int) -> list[Event]:
     return events
 
 
-def test_a_failure_is_told_and_its_end_after_a_thousand_good_ticks() -> None:
+def test_a_failure_is_reported_and_its_end_after_a_thousand_good_ticks() -> None:
     assert watched({5}, 1005) == [PlantFailing(5, "it broke in tick 5")]
     assert watched({5}, 3000) == [PlantFailing(5, "it broke in tick 5"), PlantAnswers(1005)]
 
 
-def test_one_that_fails_now_and_then_is_told_of_once() -> None:
+def test_intermittent_failures_are_reported_once() -> None:
     now_and_then = set(range(0, 10_000, 1000))
     assert watched(now_and_then, 10_999) == [PlantFailing(0, "it broke in tick 0"), PlantAnswers(10_000)]
 
 
-def test_a_plant_that_never_fails_is_not_spoken_of() -> None:
+def test_a_plant_without_failures_is_not_reported() -> None:
     assert watched(set(), 3000) == []
 
 
@@ -252,7 +252,7 @@ def rig_and_card(parameters: PlantParameters) -> VirtualRig:
     return VirtualRig(load_wiring("pcie-6323"), Simulator(parameters, 0))
 
 
-def test_a_rig_whose_first_reading_fails_is_left_with_its_drives_off(ideal: PlantParameters, tuning: SetTuning) -> None:
+def test_a_rig_whose_first_reading_fails_keeps_its_drives_off(ideal: PlantParameters, tuning: SetTuning) -> None:
     rig = rig_and_card(ideal)
     rig.inject(InjectedFault(InjectedFaultKind.BUFFER_OVERRUN))
     with pytest.raises(PlantError, match="-200222"):
@@ -266,7 +266,7 @@ def test_a_rig_whose_first_reading_fails_is_left_with_its_drives_off(ideal: Plan
     assert not rig.card_state().drive_enabled
 
 
-def test_a_tuning_that_says_nothing_leaves_the_drives_off(ideal: PlantParameters, tuning: SetTuning) -> None:
+def test_a_tuning_without_bank_entries_leaves_the_drives_off(ideal: PlantParameters, tuning: SetTuning) -> None:
     rig = rig_and_card(ideal)
     with pytest.raises(ValueError) as caught:  # noqa: PT011  # its message has a code
         Loop(rig, ideal, Samples(), replace(tuning, entries=()))
@@ -274,8 +274,8 @@ def test_a_tuning_that_says_nothing_leaves_the_drives_off(ideal: PlantParameters
     assert not rig.card_state().drive_enabled
 
 
-def test_a_plant_that_fails_half_way_into_opening_is_closed(ideal: PlantParameters, tuning: SetTuning) -> None:
-    """A plant of a package may not do so by itself."""
+def test_a_plant_that_fails_during_opening_is_closed(ideal: PlantParameters, tuning: SetTuning) -> None:
+    """A plant from a package may not close itself."""
 
     class HalfOpen(Simulator):
         def open(self) -> None:
@@ -288,7 +288,7 @@ def test_a_plant_that_fails_half_way_into_opening_is_closed(ideal: PlantParamete
     assert not card.drives_on
 
 
-def test_a_first_angle_that_is_no_number_does_not_take_the_velocity_with_it(ideal: PlantParameters) -> None:
+def test_a_nan_in_the_first_angle_does_not_spoil_the_velocity(ideal: PlantParameters) -> None:
     class Late(Simulator):
         first = True
 

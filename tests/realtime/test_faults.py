@@ -66,7 +66,7 @@ def lab() -> PlantParameters:
 
 @dataclass(frozen=True)
 class Case:
-    """``broken`` leads to ``fault``; ``began`` finds the tick of the cause in the samples, else it is the injection."""
+    """``broken`` leads to ``fault``; ``began`` finds the tick of the cause in the samples, by default the injection."""
 
     fault: Fault
     broken: InjectedFault
@@ -116,7 +116,7 @@ STEPPED_OTHERWISE = {
 
 
 def moving(parameters: PlantParameters, card: Card | None = None) -> BenchTop:
-    """A joint on its way over most of its range, a tenth of a second after the step."""
+    """A joint in motion over most of its range, a tenth of a second after the step."""
     bench = BenchTop(parameters, plant=Simulator(parameters, card=card))
     bench.run()
     bench.advance(0.2)
@@ -134,12 +134,12 @@ def until_tripped(bench: BenchTop, ticks: int) -> None:
     assert bench.loop.mode is Mode.TRIPPED
 
 
-def test_every_fault_is_tried() -> None:
+def test_every_fault_has_a_case() -> None:
     assert {case.fault for case in CASES} | STEPPED_OTHERWISE | FOUND_ELSEWHERE == set(FAULTS)
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.fault}-{case.broken.kind}-{case.broken.sensor}")
-def test_an_injected_fault_stops_in_its_documented_time(lab: PlantParameters, case: Case) -> None:
+def test_an_injected_fault_stops_the_loop_in_its_documented_time(lab: PlantParameters, case: Case) -> None:
     bench = moving(lab)
     injected = len(bench.samples.rows)
     assert isinstance(bench.send(Inject(case.broken)), Accepted)
@@ -161,9 +161,7 @@ def test_an_injected_fault_stops_in_its_documented_time(lab: PlantParameters, ca
 @pytest.mark.parametrize(
     "kind", [InjectedFaultKind.READ_ERROR, InjectedFaultKind.WRITE_ERROR, InjectedFaultKind.NO_NUMBER]
 )
-def test_a_fault_that_lasts_is_told_when_it_begins_and_when_it_ends(
-    lab: PlantParameters, kind: InjectedFaultKind
-) -> None:
+def test_a_lasting_fault_is_reported_at_its_start_and_end(lab: PlantParameters, kind: InjectedFaultKind) -> None:
     bench = moving(lab)
     bench.events.clear()
     bench.send(Inject(InjectedFault(kind)))
@@ -190,7 +188,7 @@ def test_a_fault_that_lasts_is_told_when_it_begins_and_when_it_ends(
     assert [type(event) for event in told if isinstance(event, PlantFailing | PlantAnswers)] == expected
 
 
-def test_a_write_error_while_tripped_is_known(lab: PlantParameters) -> None:
+def test_a_write_error_while_tripped_is_reported(lab: PlantParameters) -> None:
     bench = moving(lab)
     bench.send(Stop())
     bench.advance(0.1)
@@ -202,7 +200,7 @@ def test_a_write_error_while_tripped_is_known(lab: PlantParameters) -> None:
     assert isinstance(bench.send(Reset()), Refused)
 
 
-def test_a_hard_stop_overtakes_a_soft_one_while_the_plant_fails(lab: PlantParameters) -> None:
+def test_a_hard_stop_replaces_a_soft_stop_while_the_plant_fails(lab: PlantParameters) -> None:
     bench = moving(lab)
     bench.send(Stop(Fault.OPERATOR_LOST, hard=False))
     bench.advance(0.01)
@@ -214,7 +212,7 @@ def test_a_hard_stop_overtakes_a_soft_one_while_the_plant_fails(lab: PlantParame
     assert bench.column("u_A")[-1] == bench.column("u_B")[-1] == 0.0
 
 
-def test_a_plant_that_fails_now_and_then_is_told_of_once(lab: PlantParameters) -> None:
+def test_an_intermittent_plant_failure_is_reported_once(lab: PlantParameters) -> None:
     bench = moving(lab)
     for _ in range(200):
         bench.send(Inject(InjectedFault(InjectedFaultKind.READ_ERROR)))
@@ -225,7 +223,7 @@ def test_a_plant_that_fails_now_and_then_is_told_of_once(lab: PlantParameters) -
     assert sum(isinstance(event, Stopped) for event in bench.events) == 1
 
 
-def test_an_injection_that_lasts_keeps_the_fault_and_a_mended_plant_goes_on(lab: PlantParameters) -> None:
+def test_a_lasting_injection_keeps_the_fault_until_the_plant_is_repaired(lab: PlantParameters) -> None:
     for kind in (InjectedFaultKind.NO_NUMBER, InjectedFaultKind.READ_ERROR):
         bench = moving(lab)
         bench.send(Inject(InjectedFault(kind)))
@@ -240,8 +238,8 @@ def test_an_injection_that_lasts_keeps_the_fault_and_a_mended_plant_goes_on(lab:
         assert bench.loop.mode is Mode.RUN
 
 
-def test_doubtful_encoders_are_zeroed_anew(lab: PlantParameters) -> None:
-    """A tendon that slipped for good: the next pretension finds the zeros where they are now."""
+def test_implausible_encoders_are_zeroed_again(lab: PlantParameters) -> None:
+    """After a permanent slip of a tendon, the next pretension finds the new zeros."""
     bench = moving(lab)
     bench.send(Inject(InjectedFault(InjectedFaultKind.DRIFT_DOWN, Sensor.THETA_A)))
     until_tripped(bench, 1000)
@@ -252,7 +250,7 @@ def test_doubtful_encoders_are_zeroed_anew(lab: PlantParameters) -> None:
     assert bench.column("S")[-1] == pytest.approx(bench.column("S_true")[-1], abs=0.1)
 
 
-def test_stop_is_zero_volts_in_at_most_two_ticks_from_any_motion(lab: PlantParameters) -> None:
+def test_stop_sets_zero_volts_within_two_ticks_from_any_motion(lab: PlantParameters) -> None:
     bench = moving(lab)
     arrived = len(bench.samples.rows)
     bench.send(Stop())
@@ -262,7 +260,7 @@ def test_stop_is_zero_volts_in_at_most_two_ticks_from_any_motion(lab: PlantParam
     assert u[:, arrived + documented_ms(Fault.STOP_PRESSED) - 1 :].max() == 0.0
 
 
-def test_deadlines_missed_in_a_row_stop_in_the_next_tick_and_fewer_do_not(lab: PlantParameters) -> None:
+def test_consecutive_missed_deadlines_stop_in_the_next_tick_and_fewer_do_not(lab: PlantParameters) -> None:
     bench = moving(lab)
     allowed = round(Simulator.unattended_max_s * 1000)
     overruns = 0
@@ -276,7 +274,7 @@ def test_deadlines_missed_in_a_row_stop_in_the_next_tick_and_fewer_do_not(lab: P
 
 
 @pytest.mark.live  # the card's watchdog is a process of its own, on a clock of its own
-def test_an_expired_watchdog_cuts_the_drives_until_reset(lab: PlantParameters) -> None:
+def test_an_expired_watchdog_disables_the_drives_until_reset(lab: PlantParameters) -> None:
     moving(lab)  # compiles the step, which takes longer than the watchdog waits
     card = Card.create()
     bench = moving(lab, card)
@@ -297,7 +295,7 @@ def test_an_expired_watchdog_cuts_the_drives_until_reset(lab: PlantParameters) -
 
 
 @pytest.mark.live  # the card's watchdog is a process of its own, on a clock of its own
-def test_a_dead_watchdog_is_a_trip_and_the_drives_stay_off(lab: PlantParameters) -> None:
+def test_a_dead_watchdog_trips_and_the_drives_stay_off(lab: PlantParameters) -> None:
     moving(lab)  # compiles the step, which takes longer than the watchdog waits
     card = Card.create()
     bench = moving(lab, card)
@@ -322,7 +320,7 @@ def test_a_dead_watchdog_is_a_trip_and_the_drives_stay_off(lab: PlantParameters)
     bench.loop.close()
 
 
-def test_samples_stay_numbers_after_a_reading_that_was_none(lab: PlantParameters) -> None:
+def test_samples_are_finite_again_after_a_nan_reading(lab: PlantParameters) -> None:
     bench = moving(lab)
     bench.send(Inject(InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.Q)))
     bench.advance(0.01)
@@ -387,7 +385,7 @@ def test_a_fault_is_one_sentence_with_units(
     assert WITHOUT_UNIT.findall(told) == []
 
 
-def test_a_stop_that_was_pressed_says_no_more_than_that(lab: PlantParameters) -> None:
+def test_the_message_of_a_pressed_stop_has_no_details(lab: PlantParameters) -> None:
     bench = moving(lab)
     bench.send(Stop())
     bench.advance(0.01)
@@ -395,7 +393,7 @@ def test_a_stop_that_was_pressed_says_no_more_than_that(lab: PlantParameters) ->
     assert describe_fault(stopped.fault, stopped.detail) == EXPLANATIONS[Fault.STOP_PRESSED].message
 
 
-def test_a_reading_that_is_no_number_is_told_without_a_unit(lab: PlantParameters) -> None:
+def test_a_nan_reading_is_reported_without_a_unit(lab: PlantParameters) -> None:
     tripped = CLEAR._replace(kind=TRIPPED)
     seen = FaultDetectionState(*(len(FaultDetectionState._fields) * [None]))  # type: ignore[arg-type]
     m = NOT_MEASURED._replace(F_B=12.0)
@@ -408,7 +406,7 @@ def test_a_reading_that_is_no_number_is_told_without_a_unit(lab: PlantParameters
 
 
 class Written(Simulator):
-    """Keeps what was written last."""
+    """Stores the last command written."""
 
     last = MotorCommand(0.0, 0.0)
 
@@ -464,7 +462,7 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize("spoil", MISTAKES, ids=["nan", "inf", "beyond A", "beyond B", "exception", "no motion"])
-def test_a_mistake_in_the_step_is_a_trip_before_a_voltage_is_written(
+def test_an_exception_in_the_step_trips_before_a_voltage_is_written(
     moving_invariants: BenchTop, spoil: Callable[[BenchTop], None]
 ) -> None:
     spoil(moving_invariants)
@@ -483,14 +481,14 @@ def test_a_mistake_in_the_step_is_a_trip_before_a_voltage_is_written(
     assert moving_invariants.loop.mode is Mode.TRIPPED
 
 
-def test_a_loop_that_is_tripped_without_a_fault_is_not_reset(moving_invariants: BenchTop) -> None:
+def test_a_loop_tripped_without_a_fault_rejects_reset(moving_invariants: BenchTop) -> None:
     trips_without_a_fault(moving_invariants)
     moving_invariants.advance(0.001)
     assert (moving_invariants.loop.fault, last(moving_invariants)) == (Fault.INTERNAL_ERROR, MotorCommand(0.0, 0.0))
     assert isinstance(moving_invariants.send(Reset()), Refused)
 
 
-def test_a_mistake_after_another_trip_takes_its_place_so_that_reset_starts_a_new_loop(
+def test_an_internal_error_replaces_an_earlier_trip_so_reset_starts_a_new_loop(
     moving_invariants: BenchTop,
 ) -> None:
     moving_invariants.send(Stop(Fault.STOP_PRESSED))
@@ -503,7 +501,7 @@ def test_a_mistake_after_another_trip_takes_its_place_so_that_reset_starts_a_new
     assert told == [Fault.STOP_PRESSED, Fault.INTERNAL_ERROR]
 
 
-def test_a_command_that_fails_is_refused_and_trips(
+def test_a_command_that_raises_is_rejected_and_trips(
     moving_invariants: BenchTop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: object) -> None:
@@ -517,7 +515,7 @@ def test_a_command_that_fails_is_refused_and_trips(
     assert (moving_invariants.loop.fault, last(moving_invariants)) == (Fault.INTERNAL_ERROR, MotorCommand(0.0, 0.0))
 
 
-def test_a_ring_that_another_process_spoils_is_a_trip(lab: PlantParameters) -> None:
+def test_a_ring_buffer_corrupted_by_another_process_trips(lab: PlantParameters) -> None:
     bench = BenchTop(lab, plant=Written(lab))
     ring = bench.loop._ring = Ring.create(1000)
     bench.run()
@@ -534,7 +532,7 @@ def test_a_ring_that_another_process_spoils_is_a_trip(lab: PlantParameters) -> N
     ring.close()
 
 
-def test_every_move_between_modes_leaves_a_consistent_machine(lab: PlantParameters) -> None:
+def test_every_mode_change_keeps_the_invariants(lab: PlantParameters) -> None:
     bench = BenchTop(lab)
     bench.run()
     for mode in (Mode.PRETENSION, Mode.RUN, Mode.STOPPING):
@@ -560,7 +558,7 @@ def pushed_bench() -> BenchTop:
     return bench
 
 
-def test_tension_floor_is_flagged_while_it_lifts_the_stiffness(pushed_bench: BenchTop) -> None:
+def test_the_tension_floor_is_flagged_while_it_raises_the_stiffness(pushed_bench: BenchTop) -> None:
     flags, S, S_ref = (pushed_bench.column(name, last=6000) for name in ("limits", "S", "S_ref"))
     at_floor = (flags.astype(int) & Limit.TENSION_FLOOR) != 0
     assert np.all(at_floor[1000:3000])
@@ -568,15 +566,15 @@ def test_tension_floor_is_flagged_while_it_lifts_the_stiffness(pushed_bench: Ben
     assert not np.any(at_floor[-1000:])
 
 
-def test_governor_is_flagged_while_it_moves_the_references(pushed_bench: BenchTop) -> None:
+def test_the_governor_is_flagged_while_it_changes_the_references(pushed_bench: BenchTop) -> None:
     flags, S_ref, governed = (pushed_bench.column(name, last=10_000) for name in ("limits", "S_ref", "S_ref_gov"))
     held_back = (flags.astype(int) & Limit.GOVERNOR) != 0
     assert np.array_equal(held_back, governed != S_ref)
     assert 0 < np.count_nonzero(held_back) < 1000
 
 
-def test_a_joint_beyond_its_limit_is_told_with_the_limit_that_it_has() -> None:
-    """In degrees too, in which most people read it: the bound is 90, not what three decimals of a radian make of it."""
+def test_a_joint_limit_fault_states_the_exact_limit() -> None:
+    """In degrees too: the bound is 90, not a value from three decimals of a radian."""
     checks = FaultDescriber(load_parameters("ideal"))
     fault, seen = checks.find_static_fault(Measurement(math.radians(-91.25), 0.0, 0.0, 20.0, 20.0, 10.0, 0.0, 0.0))
     assert fault is Fault.JOINT_LIMIT
@@ -585,6 +583,6 @@ def test_a_joint_beyond_its_limit_is_told_with_the_limit_that_it_has() -> None:
     assert float(told.removeprefix("q = ").removesuffix("°")) == pytest.approx(-91.25, abs=5e-4)
 
 
-def test_a_clipped_voltage_is_flagged_at_its_own_motor_and_no_other_flag_with_it() -> None:
+def test_a_clipped_voltage_sets_only_the_flag_of_its_motor() -> None:
     flags = [make_voltage_limit_flags(A, B) for A in (False, True) for B in (False, True)]
     assert flags == [0, Limit.VOLTAGE_B, Limit.VOLTAGE_A, Limit.VOLTAGE_A | Limit.VOLTAGE_B]

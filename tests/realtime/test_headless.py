@@ -1,4 +1,4 @@
-"""Headless stepping, and what each column of a sample holds."""
+"""Headless stepping, and the content of each column of a sample."""
 
 import asyncio
 from collections.abc import Callable
@@ -71,7 +71,7 @@ async def pretension(headless: SimulatedLoop) -> None:
     raise AssertionError("pretension was never reached")
 
 
-def test_a_program_plays_to_its_end_and_its_samples_carry_its_run(make: Make) -> None:
+def test_a_program_runs_to_its_end_and_its_samples_hold_its_run_number(make: Make) -> None:
     async def session() -> None:
         headless = make()
         events: list[object] = []
@@ -90,7 +90,7 @@ def test_a_program_plays_to_its_end_and_its_samples_carry_its_run(make: Make) ->
     asyncio.run(session())
 
 
-def test_refusals_and_stops_are_answered(make: Make) -> None:
+def test_rejections_and_stops_are_acknowledged(make: Make) -> None:
     async def session() -> None:
         headless = make()
         events: list[object] = []
@@ -129,7 +129,7 @@ def test_advance_is_exact_and_calls_each_batch_before_the_ring_overflows(make: M
     asyncio.run(session())
 
 
-def test_the_same_session_repeats_to_the_last_bit(make: Make) -> None:
+def test_the_same_session_is_bit_identical(make: Make) -> None:
     async def session() -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
         headless = make()
         await headless.send(SetMode(Mode.PRETENSION))
@@ -141,7 +141,7 @@ def test_the_same_session_repeats_to_the_last_bit(make: Make) -> None:
     np.testing.assert_array_equal(asyncio.run(session()), asyncio.run(session()))
 
 
-def test_reaching_the_pretension_is_told_once_and_motion_is_granted_from_then_on(make: Make) -> None:
+def test_reached_pretension_is_reported_once_and_enables_motion(make: Make) -> None:
     async def session() -> None:
         headless = make()
         told: list[object] = []
@@ -157,18 +157,18 @@ def test_reaching_the_pretension_is_told_once_and_motion_is_granted_from_then_on
     asyncio.run(session())
 
 
-def test_pretension_is_reached_again_after_a_stop_let_the_tendons_go(make: Make) -> None:
+def test_pretension_is_reached_again_after_a_stop_released_the_tendons(make: Make) -> None:
     async def session() -> None:
         headless = make()
         told: list[object] = []
         headless.listen(lambda event: told.append(event) if isinstance(event, PretensionReached) else None)
 
-        def told_so_often(times: int) -> bool:
+        def count_reports(times: int) -> bool:
             return len(told) == times
 
         for times in (1, 2):
             assert isinstance(await headless.send(SetMode(Mode.PRETENSION)), Accepted)
-            await headless.advance_until(partial(told_so_often, times), timeout_s=30.0)
+            await headless.advance_until(partial(count_reports, times), timeout_s=30.0)
             await headless.send(Stop())
             await headless.advance_until(lambda: slack(headless.ring), timeout_s=60.0)
             assert isinstance(await headless.send(Reset()), Accepted)
@@ -181,7 +181,7 @@ def test_pretension_is_reached_again_after_a_stop_let_the_tendons_go(make: Make)
 
 
 class Witness(Simulator):
-    """Keeps what it said and what it was told, tick by tick, with a card that reads other numbers every time."""
+    """Records each reading and command per tick, with a card that reads different values each time."""
 
     def __init__(self, parameters: PlantParameters) -> None:
         super().__init__(parameters)
@@ -230,20 +230,20 @@ def session() -> Session:
 
 
 @pytest.mark.parametrize("name", ["q", "F_A", "F_B", "S_true", "F_push", "F_wall"])
-def test_what_is_measured_is_what_the_plant_said(session: Session, name: str) -> None:
+def test_measured_columns_hold_the_readings_of_the_plant(session: Session, name: str) -> None:
     said = [getattr(m, name) for m in session.plant.said[-1000:]]  # one more was said at the start, before a tick
     np.testing.assert_array_equal(session.column(name)[-1000:], said)
 
 
-def test_stiffness_is_not_known_before_the_first_pretension(session: Session) -> None:
-    """Nobody knows where the motors are until then."""
+def test_stiffness_is_unknown_before_the_first_pretension(session: Session) -> None:
+    """The motor positions are unknown until then."""
     S = session.column("S")
     assert np.isnan(S[0])
     assert np.isfinite(S[session.begun :]).all()
 
 
 @pytest.mark.parametrize("side", ["A", "B"])
-def test_motors_count_from_where_they_were_wound_up(session: Session, side: str) -> None:
+def test_motor_angles_are_relative_to_the_pretensioned_position(session: Session, side: str) -> None:
     said = np.array([getattr(m, f"theta_{side}") for m in session.plant.said[-4000:]])
     counted = session.column(f"theta_{side}")[-4000:]
     assert np.ptp(counted) > 0.5
@@ -252,20 +252,20 @@ def test_motors_count_from_where_they_were_wound_up(session: Session, side: str)
 
 
 @pytest.mark.parametrize("name", ["u_A", "u_B"])
-def test_a_voltage_is_what_the_plant_was_told(session: Session, name: str) -> None:
+def test_voltage_columns_hold_the_voltages_written_to_the_plant(session: Session, name: str) -> None:
     told = [getattr(command, name) for command in session.plant.told]
     np.testing.assert_array_equal(session.column(name), told)
     assert np.ptp(told) > 0.5
 
 
 @pytest.mark.parametrize("name", RawReading._fields)
-def test_what_the_card_said_is_kept_as_it_was(session: Session, name: str) -> None:
+def test_raw_columns_hold_the_readings_of_the_card_unchanged(session: Session, name: str) -> None:
     rows = len(session.bench.samples.rows)
     read = [getattr(Witness.card(tick + 1), name) for tick in range(rows)]  # it is asked after the write
     np.testing.assert_array_equal(session.column(name), read)
 
 
-def test_references_are_those_commanded_and_the_governed_are_on_their_way(session: Session) -> None:
+def test_reference_columns_hold_commanded_and_governed_references(session: Session) -> None:
     for name, after in (("q_ref", 0.4), ("S_ref", 12.0)):
         asked, governed = session.column(name), session.column(f"{name}_gov")
         assert set(asked[session.begun :]) == {after}
@@ -273,7 +273,7 @@ def test_references_are_those_commanded_and_the_governed_are_on_their_way(sessio
         assert governed[-1] == pytest.approx(after, abs=1e-9)
 
 
-def test_speed_and_stiffness_are_those_of_the_joint(session: Session) -> None:
+def test_speed_and_stiffness_columns_describe_the_joint(session: Session) -> None:
     moving = slice(session.begun, session.middle + 1000)
     q, q_dot = session.column("q")[moving], session.column("q_dot")[moving]
     assert np.sum(q_dot) * 1e-3 == pytest.approx(q[-1] - q[0], abs=0.02)
@@ -281,7 +281,7 @@ def test_speed_and_stiffness_are_those_of_the_joint(session: Session) -> None:
     assert np.mean(session.column("S")[-500:]) == pytest.approx(12.0, abs=0.05)
 
 
-def test_the_clock_the_run_and_the_tuning_are_those_in_force(session: Session) -> None:
+def test_time_run_and_tuning_columns_hold_the_active_values(session: Session) -> None:
     rows = len(session.bench.samples.rows)
     np.testing.assert_array_equal(session.column("tick"), np.arange(rows))
     assert session.column("t") == pytest.approx(np.arange(rows) * 1e-3, abs=1e-12)
@@ -294,21 +294,21 @@ def test_the_clock_the_run_and_the_tuning_are_those_in_force(session: Session) -
     assert set(session.column("fault")) == {FAULT_CODE[Fault.NONE]}
 
 
-def test_lateness_and_overruns_are_those_of_the_tick(session: Session) -> None:
+def test_lateness_and_overrun_columns_hold_the_values_of_the_tick(session: Session) -> None:
     late = np.zeros(len(session.bench.samples.rows))
     late[session.begun : session.middle] = 2e-5
     np.testing.assert_array_equal(session.column("lateness_s"), late)
     np.testing.assert_array_equal(session.column("overruns"), np.where(np.arange(late.size) < session.begun, 0, 2))
 
 
-def test_a_limit_that_acts_has_its_bit(session: Session) -> None:
+def test_an_active_limit_sets_its_bit(session: Session) -> None:
     limits = session.column("limits").astype(int)
     governed = limits[session.begun] & Limit.GOVERNOR
     assert governed
     assert limits[-1] == 0
 
 
-def test_a_fault_has_its_number_once_it_is_latched() -> None:
+def test_a_latched_fault_writes_its_number() -> None:
     bench = BenchTop(load_parameters("lab"))
     bench.run()
     bench.send(Stop())
@@ -317,7 +317,7 @@ def test_a_fault_has_its_number_once_it_is_latched() -> None:
     assert bench.column("mode")[-1] == MODE_CODE[Mode.TRIPPED]
 
 
-def test_no_column_is_left_out_here() -> None:
+def test_every_column_is_covered() -> None:
     seen = "tick t mode run q q_ref q_ref_gov q_dot S S_ref S_ref_gov S_true theta_A theta_A_ref theta_B theta_B_ref"
     seen += " F_A F_B u_A u_B F_push F_ext_hat F_wall V_A V_B n_q n_A n_B"
     seen += " lam_q lam_S bank_entry limits fault lateness_s overruns"

@@ -1,4 +1,4 @@
-"""The heartbeat goes on whatever Python's lock is kept for, and ends with what it stands for."""
+"""The heartbeat continues while the GIL is held, and ends with its event loop."""
 
 import select
 import sys
@@ -50,7 +50,7 @@ def wait_for_a_beat(channel: Channel) -> None:
     assert beats(channel) >= 1
 
 
-def test_it_beats_while_python_s_lock_is_kept(ends: tuple[Channel, Channel]) -> None:
+def test_the_heartbeat_continues_while_the_gil_is_held(ends: tuple[Channel, Channel]) -> None:
     service, loop = ends
     with beating(HeartbeatSender(service)):
         wait_for_a_beat(loop)
@@ -65,8 +65,8 @@ def test_it_beats_while_python_s_lock_is_kept(ends: tuple[Channel, Channel]) -> 
             sys.setswitchinterval(before)
 
 
-def test_it_beats_no_faster_than_it_says(ends: tuple[Channel, Channel]) -> None:
-    """It sleeps between two beats at least as long: a machine that is busy makes fewer of them, never more."""
+def test_the_heartbeat_is_not_faster_than_its_period(ends: tuple[Channel, Channel]) -> None:
+    """It sleeps at least one period between heartbeats: a busy machine makes fewer of them, never more."""
     service, loop = ends
     begun = time.monotonic()
     with beating(HeartbeatSender(service)):
@@ -76,8 +76,8 @@ def test_it_beats_no_faster_than_it_says(ends: tuple[Channel, Channel]) -> None:
     assert 1 <= count <= passed_s / HEARTBEAT_S
 
 
-def test_the_last_beat_is_no_older_than_the_wait_for_it(ends: tuple[Channel, Channel]) -> None:
-    """Beats at all parts of a second: what is taken of the clock is all of its time, not the second alone."""
+def test_the_time_of_the_last_heartbeat_is_recent(ends: tuple[Channel, Channel]) -> None:
+    """Heartbeats at all parts of a second: the time includes the whole seconds, not only the fraction."""
     service, loop = ends
     with beating(HeartbeatSender(service)) as heart:
         for _ in range(5):
@@ -88,7 +88,7 @@ def test_the_last_beat_is_no_older_than_the_wait_for_it(ends: tuple[Channel, Cha
             time.sleep(0.17)
 
 
-def test_it_ends_when_told_and_pauses_when_told(ends: tuple[Channel, Channel]) -> None:
+def test_the_heartbeat_ends_and_pauses_on_command(ends: tuple[Channel, Channel]) -> None:
     service, loop = ends
     with beating(HeartbeatSender(service)) as heart:
         wait_for_a_beat(loop)
@@ -99,7 +99,7 @@ def test_it_ends_when_told_and_pauses_when_told(ends: tuple[Channel, Channel]) -
         assert not select.select([loop], [], [], 4 * HEARTBEAT_S)[0]
 
 
-def test_it_falls_silent_with_an_event_loop_that_does_not_show_itself(
+def test_the_heartbeat_stops_when_the_event_loop_hangs(
     ends: tuple[Channel, Channel], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     service, loop = ends

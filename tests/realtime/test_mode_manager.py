@@ -23,7 +23,7 @@ from tests.realtime.changes_at_rest import Moved, Session, changes_at_rest
 # Stops and trips of the loop on the simulator: zero volts, latched, braked where there is time.
 
 
-def test_hard_stop_is_zero_volts_in_the_next_tick_and_latched(ideal: PlantParameters) -> None:
+def test_a_hard_stop_sets_zero_volts_in_the_next_tick_and_latches(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.run()
     bench.send(SetReferences(1.0, 12.0))
@@ -61,7 +61,7 @@ def test_hard_stop_works_from_every_mode(ideal: PlantParameters, mode: Mode) -> 
 
 @pytest.mark.parametrize("name", ["ideal", "lab"])
 @pytest.mark.parametrize("moving_s", [0.3, 0.6, 0.9])
-def test_soft_stop_brakes_under_tension_before_it_lets_go(name: str, moving_s: float) -> None:
+def test_a_soft_stop_brakes_under_tension_before_it_releases_the_tendons(name: str, moving_s: float) -> None:
     bench = BenchTop(load_parameters(name))
     bench.run()
     bench.send(SetReferences(1.2, 12.0))
@@ -119,7 +119,7 @@ def test_plant_error_ends_in_zero_volts(ideal: PlantParameters) -> None:
     assert bench.loop.fault is Fault.PLANT_ERROR
 
 
-def test_sensor_without_a_number_trips(ideal: PlantParameters) -> None:
+def test_a_nan_sensor_reading_trips(ideal: PlantParameters) -> None:
     class Blind(Simulator):
         blind = False
 
@@ -136,7 +136,7 @@ def test_sensor_without_a_number_trips(ideal: PlantParameters) -> None:
     assert bench.column("u_A")[-1] == 0.0
 
 
-def test_the_end_of_the_service_is_a_soft_stop_that_says_by_what(ideal: PlantParameters) -> None:
+def test_the_end_of_the_service_is_a_soft_stop_with_its_cause(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.run()
     bench.send(SetReferences(0.9, 11.0))
@@ -156,7 +156,7 @@ MOTIONS = {"lambda": (0.0,), "time-optimal": (8.5,), "both": (0.0, 8.5, 3.0)}
 
 
 def require_still(moved: list[Moved]) -> None:
-    """Neither in one tick nor in 2.5 s does a voltage move by 0.1 V, nor the joint by more than a count."""
+    """Check that no voltage changes by 0.1 V and the joint by at most one count, in one tick and in 2.5 s."""
     for change in moved:
         assert change.u <= 0.1, change
         assert change.counts <= 1.01, change
@@ -164,14 +164,14 @@ def require_still(moved: list[Moved]) -> None:
 
 @pytest.mark.parametrize("name", ["lab", "lab-stick"])
 @pytest.mark.parametrize("motion", list(MOTIONS))
-def test_changes_at_rest_move_nothing(name: str, motion: str) -> None:
+def test_changes_at_rest_cause_no_motion(name: str, motion: str) -> None:
     plant = load_parameters(name)
     require_still(changes_at_rest(plant, 7, number=6, places=2, budgets=MOTIONS[motion]))
 
 
 @pytest.mark.parametrize("name", ["lab", "lab-stick"])
 @pytest.mark.parametrize("motion", list(MOTIONS))
-def test_200_changes_at_rest_move_nothing(name: str, motion: str) -> None:
+def test_200_changes_at_rest_cause_no_motion(name: str, motion: str) -> None:
     plant = load_parameters(name)
     moved = [
         change
@@ -185,7 +185,7 @@ def test_200_changes_at_rest_move_nothing(name: str, motion: str) -> None:
 @pytest.mark.parametrize("u_plan", [0.0, 8.5])
 @pytest.mark.parametrize("ticks", [0, 60, 700])
 def test_a_soft_stop_changes_the_voltages_gradually(u_plan: float, ticks: int) -> None:
-    """At rest it lets them go by less than half a volt at once, in a move no faster than a move changes them."""
+    """At rest it releases them in steps below half a volt; in motion, in steps no larger than those of a motion."""
     session = Session(load_parameters("lab"), 1, (u_plan,))
     session.pretension()
     session.order(SetMode(Mode.RUN))
@@ -232,7 +232,7 @@ def stated_V() -> float:
 
 
 def moving_in(session: Session, mode: Mode) -> None:
-    """Let the joint or the motors begin a large move in a mode."""
+    """Start a large motion of the joint or the motors in a mode."""
     session.pretension()
     session.run(3000)
     match mode:
@@ -255,7 +255,7 @@ def moving_in(session: Session, mode: Mode) -> None:
 
 
 def largest_steps(plant: str, before: Mode, after: Mode, moments: range) -> Iterator[float]:
-    """Largest step of a voltage [V] in the change, made so many ticks into the move, in both motions."""
+    """Largest step of a voltage [V] in the change, made after so many ticks of the motion, in both motions."""
     for u_plan in (0.0, 8.5):
         for ticks in moments:
             with closing(Session(load_parameters(plant), ticks, (u_plan,))) as session:
@@ -286,5 +286,5 @@ def test_every_change_keeps_the_bound(plant: str, before: Mode, after: Mode) -> 
     require_bound(plant, before, after, range(15, 700, 40))
 
 
-def test_the_bound_is_no_larger_than_it_has_to_be() -> None:
+def test_the_bound_is_tight() -> None:
     assert max(largest_steps("ideal", Mode.RUN, Mode.COMPLIANCE, range(490, 520, 10))) > 0.8 * stated_V()

@@ -1,4 +1,4 @@
-"""Deadlines are absolute, late ones are reported, missed ones are skipped and counted: on a clock of our own."""
+"""Deadlines are absolute, late ones are reported, missed ones are skipped and counted: on a simulated clock."""
 
 import os
 import signal
@@ -39,7 +39,7 @@ def test_deadlines_do_not_drift_with_late_wake_ups() -> None:
     assert pacer.overruns == 0
 
 
-def test_late_within_the_period_ticks_at_once_and_skips_nothing() -> None:
+def test_lateness_below_one_period_skips_no_tick() -> None:
     clock = Clock()
     pacer = Pacer(0.001, clock.now_ns, clock.sleep_until)
     clock.ns += 1_700_000
@@ -50,7 +50,7 @@ def test_late_within_the_period_ticks_at_once_and_skips_nothing() -> None:
     assert clock.slept_until == [7 * MS]
 
 
-def test_missed_deadlines_are_skipped_not_made_up_for() -> None:
+def test_missed_deadlines_are_skipped() -> None:
     clock = Clock()
     pacer = Pacer(0.001, clock.now_ns, clock.sleep_until)
     clock.ns += 301_200_000
@@ -74,7 +74,7 @@ def test_ticks_and_overruns_account_for_all_time(work_ns: list[int]) -> None:
     assert 0 <= clock.ns - start_ns - periods * MS < MS
 
 
-def test_real_clock_is_never_early_and_survives_signals() -> None:
+def test_the_real_clock_is_never_early_and_survives_signals() -> None:
     received = []
     before = signal.signal(signal.SIGUSR1, lambda *_: received.append(time.monotonic()))
     try:
@@ -90,7 +90,7 @@ def test_real_clock_is_never_early_and_survives_signals() -> None:
         signal.signal(signal.SIGUSR1, before)
 
 
-def test_grants_are_reported_as_the_kernel_sees_them() -> None:
+def test_reported_privileges_match_the_kernel() -> None:
     read_end, write_end = os.pipe()
     child = os.fork()
     if child == 0:

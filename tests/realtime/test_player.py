@@ -1,4 +1,4 @@
-"""The player of a recording: which sample each tick shows, what it is told, and that it trips nothing."""
+"""Replay of a recording: the sample of each tick, the commands, and no trips."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -38,7 +38,7 @@ SAMPLES = 200
 
 
 class Played:
-    """A player and the ring that it writes; ``told`` is what it has told so far."""
+    """A player and the ring buffer that it writes; ``told`` holds its events so far."""
 
     def __init__(self, folder: Path, **columns: np.ndarray) -> None:
         ticks = np.arange(float(SAMPLES))
@@ -79,7 +79,7 @@ def played(tmp_path: Path) -> Iterator[Played]:
     made.ring.close()
 
 
-def test_each_tick_shows_a_sample_with_its_voltages_and_the_end_is_where_it_stands(played: Played) -> None:
+def test_each_tick_shows_one_sample_with_its_voltages_until_the_last_sample(played: Played) -> None:
     played.advance(SAMPLES + 50)
     assert played.shown == [*range(SAMPLES), *[SAMPLES - 1] * 50]
     assert played.column("u_A") == pytest.approx([shown / 20.0 for shown in played.shown], rel=1e-6)
@@ -92,7 +92,7 @@ def test_each_tick_shows_a_sample_with_its_voltages_and_the_end_is_where_it_stan
 
 
 @pytest.mark.parametrize("speed", [0.25, 0.3, 1.0, 2.5, 4.0])
-def test_what_it_tells_says_which_sample_every_tick_shows(played: Played, speed: float) -> None:
+def test_player_events_identify_the_sample_of_every_tick(played: Played, speed: float) -> None:
     assert isinstance(played.say(PlayRecording(speed=speed)), Accepted)
     played.advance(40)
     played.say(PlayRecording(sample=20))
@@ -104,7 +104,7 @@ def test_what_it_tells_says_which_sample_every_tick_shows(played: Played, speed:
         assert shown == int(min(told.sample + gone, SAMPLES - 1))
 
 
-def test_it_pauses_goes_on_and_goes_where_it_is_sent(played: Played) -> None:
+def test_the_player_pauses_resumes_and_seeks(played: Played) -> None:
     played.advance(10)
     played.say(PlayRecording(playing=False))
     played.advance(5)
@@ -115,7 +115,7 @@ def test_it_pauses_goes_on_and_goes_where_it_is_sent(played: Played) -> None:
     assert played.shown == [*range(10), *[10] * 5, 100, 100, 100, 101, 102]
 
 
-def test_after_its_end_it_is_played_from_the_beginning(played: Played) -> None:
+def test_the_player_restarts_after_the_end(played: Played) -> None:
     played.say(PlayRecording(sample=SAMPLES - 1))
     played.advance(3)
     played.say(PlayRecording(playing=True))
@@ -130,7 +130,7 @@ def test_after_its_end_it_is_played_from_the_beginning(played: Played) -> None:
     (PlayRecording(speed=4.5), "speed_out_of_range"),
     (PlayRecording(playing=False, sample=5, speed=float("inf")), "speed_out_of_range"),
 ])  # fmt: skip
-def test_an_order_that_cannot_be_is_refused_whole(played: Played, order: PlayRecording, code: str) -> None:
+def test_an_impossible_command_is_rejected_as_a_whole(played: Played, order: PlayRecording, code: str) -> None:
     played.advance(3)
     answer = played.say(order)
     assert isinstance(answer, Refused)
@@ -142,7 +142,7 @@ def test_an_order_that_cannot_be_is_refused_whole(played: Played, order: PlayRec
 @pytest.mark.parametrize(
     "command", [SetMode(Mode.PRETENSION), SetMode(Mode.OFF), SetReferences(0.1, 9.0), ApplyPush(1.0, 1.0), Reset()]
 )
-def test_what_makes_no_sense_is_refused_with_the_reason_and_changes_nothing(played: Played, command: Command) -> None:
+def test_invalid_commands_are_rejected_with_the_reason_and_change_nothing(played: Played, command: Command) -> None:
     played.advance(5)
     answer = played.say(command)
     assert isinstance(answer, Refused)
@@ -152,7 +152,7 @@ def test_what_makes_no_sense_is_refused_with_the_reason_and_changes_nothing(play
     assert set(played.column("mode")) == {0.0}
 
 
-def test_stop_pauses_and_tells_so_in_the_same_tick_without_a_fault(played: Played) -> None:
+def test_stop_pauses_and_is_reported_in_the_same_tick_without_a_fault(played: Played) -> None:
     played.advance(10)
     assert isinstance(played.say(Stop()), Accepted)
     played.advance(5)
@@ -177,13 +177,13 @@ def test_a_trip_and_a_lost_sensor_of_the_recording_are_shown_and_trip_nothing(tm
     played.ring.close()
 
 
-def test_columns_that_the_file_lacks_are_not_made_up(played: Played) -> None:
+def test_columns_missing_in_the_file_are_nan(played: Played) -> None:
     played.advance(1)
     row = dict(zip(NAMES, played.ring.read(0, 1)[1][0].tolist(), strict=True))
     assert all(np.isnan(row[name]) for name in ("S", "S_ref", "q_ref", "q_dot", "F_ext_hat", "lam_q"))
 
 
-def test_the_loop_process_plays_in_its_ticks_and_a_silent_service_does_not_trip_it(played: Played) -> None:
+def test_the_control_loop_replays_in_its_ticks_and_ignores_a_silent_service(played: Played) -> None:
     service, theirs = channel_pair()
     worker = Worker(Replay(played.recording), played.loop, Channel(theirs))
     now_ns = 0

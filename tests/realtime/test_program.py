@@ -1,4 +1,4 @@
-"""Programs that the loop plays: identification, tunings, baseline laws."""
+"""Programs of the loop: identification, tunings, baseline laws."""
 
 import math
 from collections.abc import Callable
@@ -51,7 +51,7 @@ from tests.reasons import assert_reason
 # What a program begins with, as arrays and numbers for the compiled tick: held against a count by hand.
 
 
-def test_voltage_steps_begin_on_the_way_to_the_centre_at_rest_with_the_first() -> None:
+def test_voltage_steps_start_with_the_motion_to_the_centre_or_at_rest_with_the_first() -> None:
     room = motion_primitives.VoltageMargin(3.0, 3.5, 2.0, 12.0)
     up = VoltageStep(theta_start=-0.5, u=2.5, duration_s=0.25, travel_rad=1.5)
     down = VoltageStep(theta_start=0.75, u=-2.5, duration_s=0.1, travel_rad=2.0)
@@ -114,7 +114,7 @@ def test_voltage_steps_run_free_from_rest_and_stay_within_the_motors_range(name:
     assert bench.loop.is_pretension_done
 
 
-def test_steps_centre_the_joint_before_the_tendons_are_let_loose(ideal: PlantParameters) -> None:
+def test_the_joint_is_centred_before_the_tendons_are_slackened(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.run()
     bench.send(SetReferences(1.0, 10.0))
@@ -147,7 +147,7 @@ def test_slack_is_a_fault_again_after_the_steps(ideal: PlantParameters) -> None:
 
 
 @pytest.mark.parametrize("leave", [SetMode(Mode.PRETENSION), Stop(hard=False), Stop()], ids=["back", "soft", "hard"])
-def test_leaving_a_step_midway_is_safe(ideal: PlantParameters, leave: SetMode | Stop) -> None:
+def test_aborting_a_voltage_step_is_safe(ideal: PlantParameters, leave: SetMode | Stop) -> None:
     bench = BenchTop(ideal)
     bench.wind_up()
     bench.send(RunProgram(STEPS))
@@ -163,7 +163,7 @@ def test_leaving_a_step_midway_is_safe(ideal: PlantParameters, leave: SetMode | 
     assert max(bench.column("F_A").max(), bench.column("F_B").max()) < 14.0
 
 
-def test_sweep_moves_both_tensions_evenly_and_leaves_the_joint(ideal: PlantParameters) -> None:
+def test_a_sweep_moves_both_tensions_evenly_and_not_the_joint(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.wind_up()
     identified = identify(bench, SWEEP)
@@ -175,7 +175,7 @@ def test_sweep_moves_both_tensions_evenly_and_leaves_the_joint(ideal: PlantParam
     assert np.all(np.diff(bench.column("theta_A_ref")[identified][-6000:-3001]) > 0.0)
 
 
-def test_programs_out_of_bounds_start_nothing(ideal: PlantParameters) -> None:
+def test_programs_beyond_their_bounds_are_rejected(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.wind_up()
     for program, said in (
@@ -191,7 +191,7 @@ def test_programs_out_of_bounds_start_nothing(ideal: PlantParameters) -> None:
         assert bench.loop.mode is Mode.PRETENSION
 
 
-def test_programs_without_parts_start_nothing(ideal: PlantParameters) -> None:
+def test_programs_without_segments_are_rejected(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.wind_up()
     for law, code in (
@@ -205,14 +205,14 @@ def test_programs_without_parts_start_nothing(ideal: PlantParameters) -> None:
         assert bench.loop.mode is Mode.PRETENSION
 
 
-def test_a_program_takes_as_long_as_its_parts() -> None:
+def test_the_duration_of_a_program_is_the_sum_of_its_segments() -> None:
     assert SWEEP.duration_s == pytest.approx(1.0 + 3.0 + 3.0)
     around_each = 1.2 + ZERO_VOLTS_S + STEP_BRAKING_S
     assert STEPS.duration_s == pytest.approx(2.0 * around_each + 2.0 + 0.4)
 
 
-def test_motors_that_are_there_already_stand_for_all_of_the_time_of_settling() -> None:
-    """Twice, at the joint's centre and where the step starts: here the same place, to which no way leads."""
+def test_motors_already_in_position_rest_for_the_whole_settling_time() -> None:
+    """Twice, at the joint's centre and at the start of the step: here the same position, so neither requires motion."""
     program = Program(Law.MOTOR_STEPS, settle_s=0.02, steps=(VoltageStep(0.0, 1.0, 0.1, travel_rad=1.0),))
     tuning = make_cascade_tuning(load_parameters("ideal"), TuningParameters())
     carry = MotorLoopState(pid.at_rest_motor_pair(tuning.motors, 0.0, 0.0, 0.0, 0.0), tuning.motors, 0.0, 0.0)
@@ -235,7 +235,7 @@ SEGMENTS = (Segment(0.3, 0.0, 10.0), Segment(0.4, 0.1, 10.0, tuning=1), Segment(
 WOUND_UP = 5900
 
 
-class OnTheBench:
+class BenchRunner:
     def __init__(self) -> None:
         self.ring = Ring.create(1 << 14)
         self.loop = Loop(Simulator(LAB, seed=1), LAB, self.ring, OPERATORS)
@@ -260,8 +260,8 @@ class OnTheBench:
         return self.send(RunProgram(Program(law, SEGMENTS, tunings=(SLOWER,)), run=3))
 
 
-def test_samples_show_each_tuning_for_as_long_as_it_is_in_force() -> None:
-    bench = OnTheBench()
+def test_samples_show_each_tuning_while_it_is_active() -> None:
+    bench = BenchRunner()
     assert isinstance(bench.play(), Accepted)
     changes = bench.tick(1100)
     _, rows, _ = bench.ring.read(WOUND_UP, 2000)
@@ -276,8 +276,8 @@ def test_samples_show_each_tuning_for_as_long_as_it_is_in_force() -> None:
 @pytest.mark.parametrize(
     "ending", [SetMode(Mode.STOPPING), SetMode(Mode.PRETENSION), Stop(), Stop(hard=False)], ids=repr
 )
-def test_the_operators_tuning_is_back_however_the_program_ends(ending: Command) -> None:
-    bench = OnTheBench()
+def test_the_operators_tuning_is_restored_after_every_end_of_the_program(ending: Command) -> None:
+    bench = BenchRunner()
     bench.play()
     assert [change.number for change in bench.tick(400)] == [1]
     assert bench.lam_q() == 0.9
@@ -286,11 +286,11 @@ def test_the_operators_tuning_is_back_however_the_program_ends(ending: Command) 
     assert bench.lam_q() == 0.5
 
 
-def test_what_follows_is_as_if_the_tuning_had_never_been_another() -> None:
-    """With the motors wound up anew after a reset: no gain of the program has stayed anywhere."""
+def test_temporary_tunings_have_no_effect_after_the_program() -> None:
+    """Includes a new pretension after a reset: no gain of the program remains."""
 
     def after(tunings: bool) -> NDArray[np.float64]:
-        bench = OnTheBench()
+        bench = BenchRunner()
         if tunings:
             bench.play()
             bench.tick(400)
@@ -303,8 +303,8 @@ def test_what_follows_is_as_if_the_tuning_had_never_been_another() -> None:
     np.testing.assert_array_equal(after(True), after(False))
 
 
-def test_an_operator_cannot_change_what_the_program_changes() -> None:
-    bench = OnTheBench()
+def test_an_operator_cannot_change_a_tuning_that_the_program_overrides() -> None:
+    bench = BenchRunner()
     bench.play()
     bench.tick(100)
     answer = bench.send(SLOWER)
@@ -314,16 +314,16 @@ def test_an_operator_cannot_change_what_the_program_changes() -> None:
     assert isinstance(bench.send(SLOWER), Accepted)
 
 
-def test_a_law_without_these_gains_refuses_them() -> None:
-    bench = OnTheBench()
+def test_a_law_rejects_gains_that_it_does_not_have() -> None:
+    bench = BenchRunner()
     answer = bench.play(Law.SINGLE_LOOP)
     assert isinstance(answer, Refused)
     assert_reason(answer.reason, "law_with_fixed_gains", law=Law.SINGLE_LOOP)
     assert bench.loop.mode is Mode.PRETENSION
 
 
-def test_a_segment_that_wants_a_tuning_that_is_not_there_is_refused_before_anything_moves() -> None:
-    bench = OnTheBench()
+def test_a_segment_with_an_unknown_tuning_is_rejected_before_motion() -> None:
+    bench = BenchRunner()
     answer = bench.send(RunProgram(Program(Law.CASCADE, SEGMENTS)))
     assert isinstance(answer, Refused)
     assert_reason(answer.reason, "unknown_tuning", number=1, count=0)
@@ -348,7 +348,7 @@ def played(law: Law) -> BenchTop:
 
 
 @pytest.mark.parametrize("law", list(BASELINES))
-def test_program_moves_the_joint_as_the_offline_loop_does(law: Law) -> None:
+def test_a_program_moves_the_joint_like_the_offline_loop(law: Law) -> None:
     bench = played(law)
     q, S = bench.column("q", last=8000), bench.column("S", last=8000)
     run, tuning_of = OFFLINE[law]
@@ -360,7 +360,7 @@ def test_program_moves_the_joint_as_the_offline_loop_does(law: Law) -> None:
 
 
 @pytest.mark.parametrize("law", list(BASELINES))
-def test_pretension_takes_over_without_a_jump(law: Law) -> None:
+def test_the_change_to_pretension_has_no_jump(law: Law) -> None:
     bench = played(law)
     bench.advance(1.0)
     assert (bench.loop.mode, bench.loop.fault) == (Mode.PRETENSION, Fault.NONE)
@@ -369,7 +369,7 @@ def test_pretension_takes_over_without_a_jump(law: Law) -> None:
     assert min(bench.column("F_A", last=1000).min(), bench.column("F_B", last=1000).min()) > 8.0
 
 
-def test_gains_are_fixed_while_a_baseline_plays() -> None:
+def test_gains_are_fixed_while_a_baseline_law_runs() -> None:
     bench = BenchTop(IDEAL)
     bench.wind_up()
     bench.send(RunProgram(Program(Law.SINGLE_LOOP, SEGMENTS_BASELINES)))
@@ -380,7 +380,7 @@ def test_gains_are_fixed_while_a_baseline_plays() -> None:
     assert bench.column("lam_q", last=1)[0] == TuningParameters().lam_q
 
 
-def test_a_lambda_without_gains_is_refused_before_anything_moves() -> None:
+def test_a_lambda_without_gains_is_rejected_before_motion() -> None:
     bench = BenchTop(IDEAL, make_tuning_command(IDEAL, TuningParameters(lam_q=2.5)))
     bench.wind_up()
     answer = bench.send(RunProgram(Program(Law.SINGLE_LOOP, SEGMENTS_BASELINES)))
@@ -389,6 +389,6 @@ def test_a_lambda_without_gains_is_refused_before_anything_moves() -> None:
     assert bench.loop.mode is Mode.PRETENSION
 
 
-def test_motor_references_are_not_invented() -> None:
+def test_motor_references_are_nan_for_laws_without_them() -> None:
     bench = played(Law.SINGLE_LOOP)
     assert all(math.isnan(value) for value in bench.column("theta_A_ref", last=100))

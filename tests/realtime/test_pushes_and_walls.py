@@ -1,4 +1,4 @@
-"""Simulated pushes and walls in the loop."""
+"""Simulated pushes and obstacles in the loop."""
 
 import math
 import re
@@ -53,15 +53,15 @@ def controlled(parameters: PlantParameters, mode: Mode, q_ref: float = 0.0) -> B
     return bench
 
 
-def test_with_the_joint_loop_open_geometry_alone_takes_the_joint_to_q_ref(ideal: PlantParameters) -> None:
+def test_geometry_alone_moves_the_joint_to_q_ref_with_an_open_joint_loop(ideal: PlantParameters) -> None:
     bench = controlled(ideal, Mode.COMPLIANCE)
     bench.send(SetReferences(0.4, S_REF))
     bench.advance(2.0)
     assert bench.column("q", last=1)[0] == pytest.approx(0.4, abs=2e-3)
 
 
-def test_a_push_moves_the_joint_as_statics_say_and_only_a_closed_loop_brings_it_back(ideal: PlantParameters) -> None:
-    """At rest the springs carry the push: τ = r_j F = S (q − q_ref), whatever q_ref (equation 14)."""
+def test_a_push_moves_the_joint_by_statics_and_only_a_closed_loop_returns_it(ideal: PlantParameters) -> None:
+    """At rest the springs bear the push: τ = r_j F = S (q − q_ref), for every q_ref (equation 14)."""
     for F_push in (6.0, -9.0):
         bench = controlled(ideal, Mode.COMPLIANCE, q_ref=0.3)
         bench.send(ApplyPush(F_push, 4.0))
@@ -80,7 +80,7 @@ def test_a_push_moves_the_joint_as_statics_say_and_only_a_closed_loop_brings_it_
         assert bench.column("F_push", last=1)[0] == F_push
 
 
-def test_a_push_is_let_go_when_its_time_is_over(ideal: PlantParameters) -> None:
+def test_a_push_ends_after_its_duration(ideal: PlantParameters) -> None:
     bench = controlled(ideal, Mode.COMPLIANCE)
     bench.send(ApplyPush(5.0, 0.7))
     bench.advance(2.0)
@@ -98,7 +98,7 @@ def test_a_push_is_let_go_when_its_time_is_over(ideal: PlantParameters) -> None:
     [Stop(), Stop(hard=False), SetMode(Mode.PRETENSION), SetMode(Mode.STOPPING)],
     ids=["stop", "lost", "pretension", "soft stop"],
 )
-def test_a_push_is_let_go_with_the_mode(ideal: PlantParameters, leave: Stop | SetMode) -> None:
+def test_a_push_ends_with_its_mode(ideal: PlantParameters, leave: Stop | SetMode) -> None:
     bench = controlled(ideal, Mode.COMPLIANCE)
     bench.send(ApplyPush(5.0, 9.0))
     bench.advance(0.2)
@@ -110,7 +110,7 @@ def test_a_push_is_let_go_with_the_mode(ideal: PlantParameters, leave: Stop | Se
     ]
 
 
-def test_a_push_of_zero_lets_go_at_once_and_a_new_one_takes_the_place_of_the_old(ideal: PlantParameters) -> None:
+def test_a_push_of_zero_ends_the_push_and_a_new_push_replaces_the_old_one(ideal: PlantParameters) -> None:
     bench = controlled(ideal, Mode.COMPLIANCE)
     bench.send(ApplyPush(5.0, 9.0))
     bench.advance(0.1)
@@ -126,7 +126,7 @@ def test_a_push_of_zero_lets_go_at_once_and_a_new_one_takes_the_place_of_the_old
     assert bench.column("F_push", last=1)[0] == 0.0
 
 
-def test_a_push_is_refused_where_no_hand_may_push(ideal: PlantParameters) -> None:
+def test_a_push_is_rejected_in_modes_without_pushes(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.wind_up()
     refused = bench.send(ApplyPush(5.0, 1.0))
@@ -155,7 +155,7 @@ def test_a_compliance_program_starts_from_pretension_only(ideal: PlantParameters
 
 
 class Pushed(Simulator):
-    """A simulator that tells what it is pushed with [N]."""
+    """A simulator that records the pushes that it receives [N]."""
 
     force = 0.0
 
@@ -164,7 +164,7 @@ class Pushed(Simulator):
         super().push(F_push)
 
 
-def test_the_plant_is_pushed_from_the_first_tick_of_a_segment_on_and_the_sample_says_so(ideal: PlantParameters) -> None:
+def test_the_push_starts_in_the_first_tick_of_its_segment_and_is_in_the_sample(ideal: PlantParameters) -> None:
     plant = Pushed(ideal)
     bench = BenchTop(ideal, plant=plant)
     bench.wind_up()
@@ -201,8 +201,8 @@ def standing(bench: BenchTop) -> Obstacle | None:
     return wall if wall.side else None
 
 
-def test_an_operator_puts_it_up_and_takes_it_away_in_flight_and_statics_hold(ideal: PlantParameters) -> None:
-    """At rest the wall bears what the springs push: r_j F_wall = −S (q_e − q), and F_A − F_B = −F_wall."""
+def test_an_operator_sets_and_removes_an_obstacle_in_motion_and_statics_hold(ideal: PlantParameters) -> None:
+    """At rest the wall bears the spring force: r_j F_wall = −S (q_e − q), and F_A − F_B = −F_wall."""
     bench = running(ideal)
     assert bench.column("F_wall", last=1)[0] == 0.0
     bench.send(SetMode(Mode.COMPLIANCE))
@@ -220,7 +220,7 @@ def test_an_operator_puts_it_up_and_takes_it_away_in_flight_and_statics_hold(ide
     assert bench.column("q", last=1)[0] == pytest.approx(0.3, abs=2e-3)
 
 
-def test_what_cannot_stand_is_refused_with_its_reason_and_nothing_trips(ideal: PlantParameters) -> None:
+def test_invalid_obstacles_are_rejected_with_the_reason_and_nothing_trips(ideal: PlantParameters) -> None:
     bench = running(ideal)
     for wall, told in (
         (ABOVE._replace(q_wall=-0.1), Reason("joint_inside_obstacle", q_wall=-0.1)),
@@ -235,7 +235,7 @@ def test_what_cannot_stand_is_refused_with_its_reason_and_nothing_trips(ideal: P
 
 
 class Bare:
-    """A plant as a rig shows it: all of the protocol, and no wall."""
+    """A plant like a rig: it implements the protocol, but has no obstacle."""
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
@@ -246,7 +246,7 @@ class Bare:
         return getattr(self._simulator, name)
 
 
-def test_a_plant_that_takes_no_wall_says_so_to_operator_and_program(ideal: PlantParameters) -> None:
+def test_a_plant_without_obstacles_rejects_those_of_operators_and_programs(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal, plant=Bare(Simulator(ideal)))  # type: ignore[arg-type]  # by its attributes it is one
     bench.wind_up()
     program = Program(Law.CASCADE, (Segment(0.1, 0.0, 10.0, wall=1),), walls=(ABOVE,))
@@ -258,7 +258,7 @@ def test_a_plant_that_takes_no_wall_says_so_to_operator_and_program(ideal: Plant
 
 
 @pytest.mark.parametrize("stopped", [False, True])
-def test_a_program_puts_up_its_own_and_the_operators_is_back_after_it(ideal: PlantParameters, stopped: bool) -> None:
+def test_the_operators_obstacle_is_restored_after_a_program_with_its_own(ideal: PlantParameters, stopped: bool) -> None:
     bench = BenchTop(ideal)
     bench.wind_up()
     bench.send(Obstruct(BELOW))
@@ -287,7 +287,7 @@ def test_a_program_puts_up_its_own_and_the_operators_is_back_after_it(ideal: Pla
     assert isinstance(bench.send(Obstruct(None)), Accepted)
 
 
-def test_a_program_whose_wall_meets_the_joint_trips_and_says_what_to_do(ideal: PlantParameters) -> None:
+def test_an_obstacle_of_a_program_inside_the_joint_trips_with_a_remedy(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.wind_up()
     bench.send(
@@ -321,7 +321,7 @@ def test_a_program_whose_wall_meets_the_joint_trips_and_says_what_to_do(ideal: P
         ),
     ],
 )
-def test_walls_that_make_no_sense_are_refused_before_anything_moves(
+def test_programs_with_invalid_obstacles_are_rejected_before_motion(
     ideal: PlantParameters, program: Program, code: str, values: dict[str, object]
 ) -> None:
     bench = BenchTop(ideal)
@@ -332,7 +332,7 @@ def test_walls_that_make_no_sense_are_refused_before_anything_moves(
     assert bench.loop.mode is Mode.PRETENSION
 
 
-def test_too_many_walls_are_refused_before_anything_moves(ideal: PlantParameters) -> None:
+def test_programs_with_too_many_obstacles_are_rejected_before_motion(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.wind_up()
     program = Program(Law.CASCADE, (Segment(0.1, 0.0, 10.0),), walls=(None,) * (MAX_WALLS + 1))
@@ -342,7 +342,7 @@ def test_too_many_walls_are_refused_before_anything_moves(ideal: PlantParameters
     assert bench.loop.mode is Mode.PRETENSION
 
 
-def test_the_wall_stands_from_the_first_tick_of_its_segment_on(ideal: PlantParameters) -> None:
+def test_an_obstacle_is_active_from_the_first_tick_of_its_segment(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.wind_up()
     walls = (ABOVE, BELOW, None)

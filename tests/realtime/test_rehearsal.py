@@ -1,4 +1,4 @@
-"""After the rehearsal nothing is compiled any more, whatever the loop is asked to do; what cannot work is told."""
+"""No function is compiled after the rehearsal, whatever the commands; failures of the rehearsal are reported."""
 
 import dataclasses
 import os
@@ -29,19 +29,19 @@ def test_nothing_is_compiled_after_the_rehearsal() -> None:
     assert compiled_late() == []
 
 
-def test_without_rehearsal_something_would_be() -> None:
+def test_without_rehearsal_functions_are_compiled_later() -> None:
     assert any("backend.control." in line for line in compiled_late("--unrehearsed"))
 
 
-def test_a_tuning_that_cannot_even_start_is_told(ideal: PlantParameters, tuning: SetTuning) -> None:
+def test_a_tuning_that_fails_in_the_rehearsal_is_reported(ideal: PlantParameters, tuning: SetTuning) -> None:
     dead = dataclasses.replace(tuning.motor_A, k_p=0.0, k_i=0.0, k_d=0.0)
     with refused(WarmUpError, "rehearsal_without_pretension", mode=Mode.PRETENSION):
         warm_up(ideal, dataclasses.replace(tuning, motor_A=dead))
 
 
 @pytest.mark.parametrize(("lam_q", "lam_S"), [(LAM_MAX, 0.5), (0.5, LAM_MAX), (LAM_MAX, LAM_MAX)])
-def test_a_loop_starts_with_each_lambda_that_is_offered(ideal: PlantParameters, lam_q: float, lam_S: float) -> None:
-    """Also with those that the single loop, which is rehearsed too, does not take: from 8 T_m on."""
+def test_the_loop_starts_with_each_selectable_lambda(ideal: PlantParameters, lam_q: float, lam_S: float) -> None:
+    """Also with values from 8 T_m on, which the single loop, also rehearsed, does not accept."""
     tuning = make_tuning_command(ideal, TuningParameters(lam_q=lam_q, lam_S=lam_S))
     warm_up(ideal, tuning)
     with pytest.raises(TuningError):

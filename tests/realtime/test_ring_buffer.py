@@ -1,4 +1,4 @@
-"""The ring keeps every row until it is overwritten, and says how many a reader lost."""
+"""The ring buffer keeps every row until it is overwritten, and counts the rows that a reader missed."""
 
 import os
 import subprocess
@@ -42,7 +42,7 @@ def test_every_row_is_read_once_or_counted_as_missed(capacity: int, steps: list[
 
 
 class OvertakenRing(Ring):
-    """A ring whose writer appends while the reader copies."""
+    """A ring buffer whose writer appends while the reader copies."""
 
     appended_meanwhile = 0
 
@@ -65,7 +65,7 @@ def test_rows_overtaken_during_the_copy_are_dropped(meanwhile: int, intact_from:
     ring.close()
 
 
-def test_another_process_appends_to_the_same_ring() -> None:
+def test_another_process_appends_to_the_same_ring_buffer() -> None:
     ring = Ring.create(100)
     program = (
         "import sys; from backend.realtime.ring_buffer import Ring, WIDTH\n"
@@ -80,7 +80,7 @@ def test_another_process_appends_to_the_same_ring() -> None:
     ring.close()
 
 
-def test_what_was_read_outlives_the_ring() -> None:
+def test_rows_read_remain_valid_after_the_ring_buffer_is_closed() -> None:
     ring = Ring.create(4)
     assert ring.newest() is None
     ring.append(row(7))
@@ -93,7 +93,7 @@ def test_what_was_read_outlives_the_ring() -> None:
         os.fstat(fd)
 
 
-def test_a_process_without_a_standard_input_closes_its_ring_too() -> None:
+def test_a_process_without_standard_input_closes_its_ring_buffer() -> None:
     program = (
         "import os; from backend.realtime.ring_buffer import Ring\n"
         "os.close(0); ring = Ring.create(4); assert ring.fd == 0, ring.fd; ring.close()\n"
@@ -104,7 +104,7 @@ def test_a_process_without_a_standard_input_closes_its_ring_too() -> None:
     assert done.stdout == "True\n"
 
 
-def test_foreign_memory_is_refused() -> None:
+def test_foreign_memory_is_rejected() -> None:
     fd = os.memfd_create("other")
     os.ftruncate(fd, 4096)
     with refused(RingError, "not_a_ring_buffer", fd=fd):
@@ -112,7 +112,7 @@ def test_foreign_memory_is_refused() -> None:
     os.close(fd)
 
 
-def test_ring_of_another_version_is_refused() -> None:
+def test_a_ring_buffer_of_another_version_is_rejected() -> None:
     ring = Ring.create(4)
     ring._header[2] = WIDTH + 1
     with refused(RingError, "ring_buffer_of_other_version", width=WIDTH + 1, expected=WIDTH):
@@ -120,7 +120,7 @@ def test_ring_of_another_version_is_refused() -> None:
     ring.close()
 
 
-def test_a_reader_beyond_the_newest_row_is_a_mistake() -> None:
+def test_a_reader_beyond_the_newest_row_raises() -> None:
     ring = Ring.create(8)
     ring.append(row(0))
     for since in (-1, 2, 500):
@@ -131,7 +131,7 @@ def test_a_reader_beyond_the_newest_row_is_a_mistake() -> None:
 
 
 @pytest.mark.parametrize("spoilt", [-1, 0, 2, 10**6])
-def test_a_count_that_another_process_changed_is_put_right_by_the_writer(spoilt: int) -> None:
+def test_the_writer_corrects_a_count_changed_by_another_process(spoilt: int) -> None:
     ring = Ring.create(8)
     other = Ring.attach(os.dup(ring.fd))
     for k in range(5):

@@ -1,4 +1,4 @@
-"""The real loop process: started, commanded, killed, replaced; and stopping by itself when its service is killed."""
+"""The real control loop: start, commands, kill, replacement, and its own stop when its service is killed."""
 
 import asyncio
 import os
@@ -48,7 +48,7 @@ def setup(tuning: SetTuning) -> Setup:
 
 
 def loop_processes() -> set[int]:
-    """Numbers of the loop processes that this process has started and not yet seen the end of."""
+    """PIDs of the control loops that this process has started and not yet reaped."""
     children = Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split()
     found = set()
     for child in children:
@@ -135,7 +135,7 @@ def test_start_command_kill_restart_hang_stop(setup: Setup, monkeypatch: pytest.
 
 
 def test_a_planned_restart_and_end_without_voltages_are_no_trip(setup: Setup) -> None:
-    """Of a loop that is off nothing is stopped; one whose motors pull is brought to rest first."""
+    """A loop in mode off has nothing to stop; a loop whose motors pull is brought to rest first."""
 
     async def session() -> None:
         supervisor = Supervisor(setup)
@@ -167,7 +167,7 @@ def test_a_planned_restart_and_end_without_voltages_are_no_trip(setup: Setup) ->
 
 
 def test_the_service_clears_the_outputs_when_watchdog_and_loop_are_both_dead(setup: Setup) -> None:
-    """The last resort on the simulator; and a reset brings a new watchdog, tried before the drives come on."""
+    """The last protection on the simulator; a reset starts a new watchdog and proof-tests it before the drives go on."""
 
     async def session() -> None:
         supervisor = Supervisor(setup)
@@ -208,7 +208,9 @@ def test_the_service_clears_the_outputs_when_watchdog_and_loop_are_both_dead(set
         (PlantChoice(PlantKind.RIG, wiring="no-such-file"), "ideal", f"no-such-file: file: {wiring_unreadable()}"),
     ],
 )
-def test_a_loop_that_cannot_work_says_why(setup: Setup, plant: PlantChoice, parameters: str, reason: str) -> None:
+def test_a_loop_that_cannot_start_reports_the_reason(
+    setup: Setup, plant: PlantChoice, parameters: str, reason: str
+) -> None:
     async def session() -> None:
         supervisor = Supervisor(replace(setup, plant=plant, parameters=parameters))
         with pytest.raises(LoopExitedError, match=reason):
@@ -220,8 +222,8 @@ def test_a_loop_that_cannot_work_says_why(setup: Setup, plant: PlantChoice, para
     asyncio.run(asyncio.wait_for(session(), TIMEOUT_S))
 
 
-def test_a_start_that_takes_its_time_is_no_fault(setup: Setup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As on a busy machine: to collect garbage takes longer than the card's watchdog waits for a tick."""
+def test_a_slow_start_is_no_fault(setup: Setup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a busy machine: garbage collection takes longer than the timeout of the card's watchdog."""
     (tmp_path / "sitecustomize.py").write_text(f"import gc, time\ngc.collect = lambda: time.sleep({2 * WATCHDOG_S})\n")
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:.")
 
@@ -237,8 +239,8 @@ def test_a_start_that_takes_its_time_is_no_fault(setup: Setup, tmp_path: Path, m
     asyncio.run(session())
 
 
-def test_killed_service_leaves_a_stopped_loop_with_zero_volts() -> None:
-    """The service is killed while the joint is being wound up; the loop process brings it to rest and ends."""
+def test_a_killed_service_leaves_a_stopped_loop_with_zero_volts() -> None:
+    """The service is killed during pretension; the control loop brings the joint to rest and ends."""
     service = subprocess.Popen([sys.executable, str(SERVICE)], stdout=subprocess.PIPE, text=True, env=_with_root())
     assert service.stdout is not None
     try:

@@ -1,4 +1,4 @@
-"""Rate and lateness follow from what the samples say, not from when they are looked at."""
+"""Rate and lateness follow from the samples, not from the time at which they are read."""
 
 import math
 
@@ -16,7 +16,7 @@ def write(ring: Ring, lateness_s: float, overruns: int) -> None:
     ring.append(row)
 
 
-def test_a_kept_beat_has_the_nominal_rate() -> None:
+def test_ticks_on_time_give_the_nominal_rate() -> None:
     ring = Ring.create(6000)
     for tick in range(5500):
         write(ring, lateness_s=1e-4 if tick % 50 else 2e-3, overruns=3)
@@ -36,7 +36,7 @@ def test_skipped_deadlines_lower_the_rate() -> None:
     ring.close()
 
 
-def test_a_deadline_missed_right_after_the_first_sample_in_sight_counts() -> None:
+def test_a_deadline_missed_directly_after_the_first_sample_counts() -> None:
     ring = Ring.create(16)
     for overruns in (5, 6, 6, 6, 6):
         write(ring, 0.0, overruns)
@@ -44,15 +44,15 @@ def test_a_deadline_missed_right_after_the_first_sample_in_sight_counts() -> Non
     ring.close()
 
 
-def test_before_the_first_samples_there_is_no_rate() -> None:
+def test_the_rate_is_unknown_before_the_first_samples() -> None:
     ring = Ring.create(16)
     write(ring, 0.0, 0)
     assert math.isnan(compute_timing(ring).rate_Hz)
     ring.close()
 
 
-def test_ticks_are_counted_by_how_late_they_began() -> None:
-    """Classes to 20, 50, 100, 200, 500 us, 1, 2, 5 ms and above; one that began early was not late."""
+def test_ticks_are_counted_by_lateness() -> None:
+    """Classes up to 20, 50, 100, 200, 500 us, 1, 2, 5 ms and above; an early tick has no lateness."""
     ring = Ring.create(64)
     for times, lateness_us in enumerate((10, 30, 80, 150, 400, 700, 1500, 4000, 9000), start=1):
         for _ in range(times):

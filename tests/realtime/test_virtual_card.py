@@ -1,4 +1,4 @@
-"""The real loop process on the virtual card: faults of the card in real time, and a loop that is killed."""
+"""The real control loop on the virtual card: faults of the card in real time, and a killed loop."""
 
 import asyncio
 import os
@@ -34,7 +34,7 @@ def on(plant: PlantChoice, tuning: SetTuning) -> Supervisor:
 
 
 async def until_off(supervisor: Supervisor) -> None:
-    """Wait until nothing reaches the motors any more, whoever took it away."""
+    """Wait until no voltage reaches the motors, whatever the cause."""
     while (state := supervisor.card.state()).drive_enabled or (state.u_A, state.u_B) != (0.0, 0.0):
         await asyncio.sleep(0.005)
 
@@ -68,8 +68,8 @@ def test_a_loop_that_is_killed_leaves_zero_volts_and_drives_off(tuning: SetTunin
     asyncio.run(asyncio.wait_for(session(), TIMEOUT_S))
 
 
-def test_a_loop_that_starts_while_hands_are_at_the_rig_has_its_line_off_until_they_leave(tuning: SetTuning) -> None:
-    """Only then is the watchdog tried, which takes as long as it waits: 0.5 s without a tick."""
+def test_a_loop_started_during_a_drive_lockout_keeps_the_line_off_until_its_release(tuning: SetTuning) -> None:
+    """The proof test of the watchdog starts only then, and takes its timeout: 0.5 s without a tick."""
 
     async def session() -> None:
         supervisor = Supervisor(Setup(plant=VIRTUAL, parameters="ideal", seed=0, tuning=tuning, drives_off=True))
@@ -98,8 +98,8 @@ def test_a_loop_that_starts_while_hands_are_at_the_rig_has_its_line_off_until_th
     asyncio.run(asyncio.wait_for(session(), TIMEOUT_S))
 
 
-def test_a_card_that_is_gone_is_cut_by_its_own_watchdog(tuning: SetTuning) -> None:
-    """The loop lives, and cannot write: its zero volts do not arrive. Once the card is back, a reset is enough."""
+def test_the_watchdog_disables_the_drives_of_a_disconnected_card(tuning: SetTuning) -> None:
+    """The loop runs but cannot write zero volts. After the card has returned, a reset is sufficient."""
 
     async def session() -> None:
         supervisor = on(VIRTUAL, tuning)

@@ -1,4 +1,4 @@
-"""The loop process: silence and loss of the service, late results, locks that pass on."""
+"""The control loop: silence and loss of the service, late results, and the drive lockout."""
 
 import asyncio
 import socket
@@ -73,7 +73,7 @@ def test_service_gone_while_moving_ends_in_zero_volts(bench_worker: Bench) -> No
     assert (u_A[-1], bench_worker.column("u_B")[-1]) == (0.0, 0.0)
 
 
-def test_silence_is_answered_by_a_latched_soft_stop_within_half_a_second(bench_worker: Bench) -> None:
+def test_silence_causes_a_latched_soft_stop_within_half_a_second(bench_worker: Bench) -> None:
     def service(tick: int) -> None:
         if tick == 0:
             bench_worker.say(SetMode(Mode.PRETENSION), 1)
@@ -94,7 +94,7 @@ def test_silence_is_answered_by_a_latched_soft_stop_within_half_a_second(bench_w
     assert Accepted(3, 1500) in events
 
 
-def test_a_moving_joint_stands_within_half_a_second_of_the_last_word(bench_worker: Bench) -> None:
+def test_a_moving_joint_stops_within_half_a_second_of_the_last_heartbeat(bench_worker: Bench) -> None:
     last_word = 0
 
     def service(tick: int) -> None:
@@ -120,7 +120,7 @@ def test_a_moving_joint_stands_within_half_a_second_of_the_last_word(bench_worke
     assert (bench_worker.column("u_A")[-1], bench_worker.column("u_B")[-1]) == (0.0, 0.0)
 
 
-def test_silence_while_nothing_moves_is_no_fault(bench_worker: Bench) -> None:
+def test_silence_at_rest_is_no_fault(bench_worker: Bench) -> None:
     bench_worker.run(lambda tick: bench_worker.say(Shutdown()) if tick == 2000 else None)
     assert not np.any(bench_worker.column("fault"))
 
@@ -141,7 +141,7 @@ def test_a_pause_of_the_whole_machine_is_not_silence(bench_worker: Bench) -> Non
     assert bench_worker.column("overruns")[-1] == 4 * 14
 
 
-def test_malformed_and_late_messages_are_refused_by_number(bench_worker: Bench) -> None:
+def test_malformed_and_late_messages_are_rejected_with_their_number(bench_worker: Bench) -> None:
     def service(tick: int) -> None:
         if tick == 0:
             bench_worker.service.send(b'{"kind":"SetMode","sequence":4,"body":{"mode":"warp"}}')
@@ -171,10 +171,8 @@ def a_program(segments: int) -> RunProgram:
     )
 
 
-def test_the_longest_program_arrives_in_ticks_that_decode_little(
-    bench_worker: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """What a tick has to decode is bounded, and the program is whole when it is played."""
+def test_the_longest_program_is_decoded_in_many_ticks(bench_worker: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The work of one tick is bounded, and the program is complete when it runs."""
     decoded: dict[int, int] = {}
 
     def counting(packet: bytes) -> tuple[int, ToLoop]:
@@ -211,7 +209,7 @@ def test_the_longest_program_arrives_in_ticks_that_decode_little(
     np.testing.assert_array_equal(played, expected[: len(played)])
 
 
-def test_a_program_with_a_part_missing_is_refused_and_the_next_one_is_whole(bench_worker: Bench) -> None:
+def test_a_program_with_a_missing_packet_is_rejected_and_the_next_is_accepted(bench_worker: Bench) -> None:
     def service(tick: int) -> None:
         if tick == 0:
             _, *others = packets(a_program(200), 7)
@@ -233,7 +231,7 @@ def test_a_program_with_a_part_missing_is_refused_and_the_next_one_is_whole(benc
     assert reasons[9] == off, "the whole program came to the loop, which is off"
 
 
-def test_a_command_that_the_loop_does_not_know_is_refused(bench_worker: Bench) -> None:
+def test_an_unknown_command_is_rejected(bench_worker: Bench) -> None:
     told = []
     loop = bench_worker.worker._loop
     loop.handle(4, cast(Command, object()))
@@ -242,8 +240,8 @@ def test_a_command_that_the_loop_does_not_know_is_refused(bench_worker: Bench) -
     bench_worker.worker.terminate()
 
 
-def test_a_burst_of_commands_is_spread_over_the_ticks_in_its_order(bench_worker: Bench) -> None:
-    """Four in a tick, whatever their size: forty at once would make that tick late."""
+def test_a_burst_of_commands_is_spread_over_ticks_in_order(bench_worker: Bench) -> None:
+    """Four per tick, whatever their size: forty at once would make the tick late."""
 
     def service(tick: int) -> None:
         if tick == 5:
@@ -257,7 +255,7 @@ def test_a_burst_of_commands_is_spread_over_the_ticks_in_its_order(bench_worker:
     assert answers == [(sequence, 5 + (sequence - 1) // 4) for sequence in range(1, 11)]
 
 
-def test_events_wait_for_a_service_that_does_not_read(bench_worker: Bench) -> None:
+def test_events_are_buffered_while_the_service_does_not_read(bench_worker: Bench) -> None:
     """More events than the socket holds: none is lost, and no tick waits for them."""
     sent = 0
 
@@ -278,7 +276,7 @@ def test_events_wait_for_a_service_that_does_not_read(bench_worker: Bench) -> No
     assert numbers == list(range(sent))
 
 
-def test_termination_ends_after_the_tick(bench_worker: Bench) -> None:
+def test_sigterm_ends_the_loop_after_the_tick(bench_worker: Bench) -> None:
     bench_worker.run(lambda tick: bench_worker.worker.terminate() if tick == 5 else None)
     assert bench_worker.ring.count == 6
 
@@ -286,7 +284,7 @@ def test_termination_ends_after_the_tick(bench_worker: Bench) -> None:
 # A result that came while the event loop stood still counts, on every version of Python.
 
 
-def test_an_answer_that_lies_in_the_socket_counts_after_a_stall_longer_than_the_timeout() -> None:
+def test_a_heartbeat_in_the_socket_counts_after_a_stall_beyond_the_timeout() -> None:
     ours, theirs = socket.socketpair()
     ours.setblocking(False)
 
@@ -307,7 +305,7 @@ def test_an_answer_that_lies_in_the_socket_counts_after_a_stall_longer_than_the_
         assert asyncio.run(session()) == b"answer"
 
 
-def test_without_an_answer_it_is_a_timeout() -> None:
+def test_a_stall_without_a_heartbeat_is_a_timeout() -> None:
     async def session() -> None:
         await wait_for_result(asyncio.get_running_loop().create_future(), 0.01)
 
@@ -323,9 +321,9 @@ VIRTUAL = PlantChoice(PlantKind.VIRTUAL_CARD)
 def life(
     setup: Setup, parameters: PlantParameters, tuning: SetTuning, *orders: Command
 ) -> tuple[Setup, list[object], list[bool]]:
-    """One control loop started with ``setup``, told ``orders`` one a tick.
+    """Run one control loop that starts with ``setup`` and receives one of ``orders`` per tick.
 
-    Return the setup for the next loop, what was told, and the drive-enable line at each tick.
+    Return the setup for the next loop, its events, and the drive-enable line at each tick.
     """
     rig = VirtualRig(load_wiring("pcie-6323"), Simulator(parameters, 0))
     _, received = decode_to_loop(encode(setup))
@@ -355,9 +353,7 @@ def answers(told: list[object]) -> list[type]:
     return [type(event) for event in told if isinstance(event, Accepted | Refused) and 0 < event.sequence < 99]
 
 
-def test_a_new_loop_stays_locked_until_somebody_switches_the_drives_on(
-    ideal: PlantParameters, tuning: SetTuning
-) -> None:
+def test_a_new_loop_stays_locked_until_a_person_enables_the_drives(ideal: PlantParameters, tuning: SetTuning) -> None:
     first = Setup(VIRTUAL, "ideal", 0, tuning)
     locked, told, line = life(first, ideal, tuning, SwitchDrives(on=False))
     assert (line[0], line[-1], locked.drives_off) == (True, False, True)
@@ -374,8 +370,8 @@ def test_a_new_loop_stays_locked_until_somebody_switches_the_drives_on(
     assert life(free, ideal, tuning)[2][0]
 
 
-def test_what_switching_on_takes_is_no_overrun(ideal: PlantParameters, tuning: SetTuning) -> None:
-    """The trial of the card's watchdog waits on purpose; a pause that nobody meant is counted all the same."""
+def test_enabling_the_drives_causes_no_overrun(ideal: PlantParameters, tuning: SetTuning) -> None:
+    """The proof test of the card's watchdog waits on purpose; an unintended pause still counts."""
     trial_ns, pause_ns = 600_000_000, 5_000_000
 
     class Unhurried(VirtualRig):

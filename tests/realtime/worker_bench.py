@@ -1,4 +1,4 @@
-"""A worker of the loop process, stepped here on a clock that its own ticks drive."""
+"""A worker of the control loop, stepped on a clock that its own ticks drive."""
 
 from collections.abc import Callable
 
