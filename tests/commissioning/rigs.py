@@ -1,4 +1,4 @@
-"""A rig on a virtual card whose real wiring may differ from its wiring file, and a person who confirms everything."""
+"""A rig on a virtual card whose real wiring may differ from its wiring file, with automatic confirmations."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -30,10 +30,10 @@ def with_entries(wiring: Wiring = WIRING, **entries: dict[str, Any]) -> Wiring:
 
 
 class CommissionedRig:
-    """``declared`` is the wiring file, ``true`` how the card is wired.
+    """``declared`` is the wiring file, ``true`` is the wiring of the card.
 
-    ``meanwhile`` does something more before what a step asks for is confirmed, ``in_phase`` when it tells
-    how far it is.
+    ``meanwhile`` runs before a person confirms a manual action, ``in_phase`` when a step reports
+    its progress.
     """
 
     def __init__(self, declared: Wiring = WIRING, true: Wiring = WIRING) -> None:

@@ -1,4 +1,4 @@
-"""Steps of the bring-up on a virtual card: what passes, what is refused, what is found."""
+"""Steps of the commissioning on a virtual card: passes, rejections and findings."""
 
 import asyncio
 import math
@@ -90,7 +90,7 @@ WRONG_BY_HAND: dict[str, tuple[dict[str, dict[str, Any]], str, set[tuple[str, ..
 
 
 @pytest.mark.parametrize("case", WRONG_BY_HAND)
-def test_the_wiring_test_names_what_is_wired_wrongly_and_nothing_else(case: str) -> None:
+def test_the_wiring_test_reports_exactly_the_wiring_errors(case: str) -> None:
     entries, code, named = WRONG_BY_HAND[case]
     (finding,) = played(CommissionedRig(with_entries(WIRING, **entries)), StepId.WIRING_TEST)
     found = problems(finding)
@@ -108,7 +108,7 @@ SENSORS = {"encoder_q": "counter", "encoder_A": "counter", "encoder_B": "counter
 
 @pytest.mark.parametrize("dead", [("encoder_q", "load_cell_A"), ("encoder_A", "load_cell_B"), ("encoder_B",)])
 def test_the_wiring_test_finds_dead_sensors(dead: tuple[str, ...]) -> None:
-    """Sensors are not connected although the wiring file has them."""
+    """The sensors are not connected although the wiring file contains them."""
     nowhere = {section: {SENSORS[section]: "ctr3" if SENSORS[section] == "counter" else "ai7"} for section in dead}
     (finding,) = played(CommissionedRig(WIRING, with_entries(WIRING, **nowhere)), StepId.WIRING_TEST)
     entries = {problem.values["entry"] for problem in problems(finding) if problem.code == "sensor_did_not_move"}
@@ -137,7 +137,7 @@ WRONG_WITH_VOLTAGE = [
 @pytest.mark.parametrize(
     ("entries", "named"), [case[1:] for case in WRONG_WITH_VOLTAGE], ids=[case[0] for case in WRONG_WITH_VOLTAGE]
 )
-def test_the_direction_step_names_it_before_any_loop_is_closed(
+def test_the_direction_step_reports_errors_before_any_loop_is_closed(
     entries: dict[str, dict[str, Any]], named: list[tuple[str, dict[str, str]]]
 ) -> None:
     rig = CommissionedRig(with_entries(WIRING, **entries))
@@ -194,7 +194,7 @@ BENT = {
 
 
 @pytest.mark.parametrize(("true", "passed"), [({"slope": 9.4, "offset": -0.22}, True), (BENT, False)])
-def test_more_weights_show_whether_one_load_cell_has_a_line(true: dict[str, Any], passed: bool) -> None:
+def test_more_than_two_weights_check_the_linearity_of_a_load_cell(true: dict[str, Any], passed: bool) -> None:
     rig = CommissionedRig(WIRING, with_entries(load_cell_B=true))
     finding = asyncio.run(rig.do(StepId.CALIBRATE, "B", weight_1_N=5.0, weight_2_N=25.0, weight_3_N=15.0))
     rig.loop.close()
@@ -210,7 +210,7 @@ def test_more_weights_show_whether_one_load_cell_has_a_line(true: dict[str, Any]
         assert why(finding).values["tendon"] == "B"
 
 
-def test_a_tare_takes_the_volts_without_load() -> None:
+def test_a_tare_stores_the_volts_without_load() -> None:
     true = with_entries(load_cell_A={"offset": 0.31}, load_cell_B={"offset": -0.22})
     rig = CommissionedRig(WIRING, true)
     (finding,) = played(rig, StepId.TARE)
@@ -230,7 +230,7 @@ def test_homing_reports_its_findings_and_withdraws_contradicted_directions() -> 
     assert directions_not_proven() in rig.rig.unproven
 
 
-def test_homing_takes_the_end_switch_for_where_it_is() -> None:
+def test_homing_uses_the_configured_position_of_the_end_switch() -> None:
     wiring = with_entries(end_switch={"position": 0.9})
     rig = CommissionedRig(wiring, wiring)
     (finding,) = played(rig, StepId.ZERO)
@@ -248,9 +248,7 @@ def test_homing_takes_the_end_switch_for_where_it_is() -> None:
         ),  # it fails before a motor can be tested
     ],
 )
-def test_a_step_that_contradicts_the_wiring_withdraws_at_once_what_was_proven(
-    step: StepId, broken: InjectedFault
-) -> None:
+def test_a_step_that_contradicts_the_wiring_withdraws_the_proof_at_once(step: StepId, broken: InjectedFault) -> None:
     """After all steps have passed, a part fails: the next pretension is rejected at once, not only after a restart."""
     rig = CommissionedRig()
 
@@ -278,7 +276,7 @@ NAN = math.nan
 
 
 @pytest.mark.parametrize("F", [(NAN, 10.0), (10.0, NAN), (NAN, NAN)])
-def test_no_number_is_neither_the_pretension_nor_a_tendon_let_go_nor_within_bounds(F: tuple[float, float]) -> None:
+def test_nan_readings_fail_the_checks_of_pretension_release_and_bounds(F: tuple[float, float]) -> None:
     held = np.array([10.0, 10.0])
     assert is_near_pretension(held)
     assert not is_near_pretension(np.array(F))
@@ -301,7 +299,7 @@ def test_no_number_is_neither_the_pretension_nor_a_tendon_let_go_nor_within_boun
     assert math.isnan(apart)
 
 
-def test_a_load_cell_that_is_lost_at_the_trip_has_not_seen_the_motors_let_go() -> None:
+def test_a_load_cell_lost_at_the_trip_does_not_prove_the_release() -> None:
     rig = CommissionedRig()
 
     def lose(phase: str) -> None:
@@ -318,7 +316,7 @@ def test_a_load_cell_that_is_lost_at_the_trip_has_not_seen_the_motors_let_go() -
 
 
 def test_a_loop_that_stopped_for_another_reason_is_not_reset() -> None:
-    """A person presses STOP while the step waits for the module."""
+    """A person presses STOP while the step waits for the safety module."""
     rig = CommissionedRig()
 
     async def press(words: str) -> None:
@@ -342,8 +340,8 @@ def test_a_loop_that_stopped_for_another_reason_is_not_reset() -> None:
 
 
 @pytest.mark.parametrize(("cuts", "motor"), [((False, False), "A"), ((True, False), "B")])
-def test_a_module_that_signals_but_does_not_cut_is_found(cuts: tuple[bool, bool], motor: str) -> None:
-    """Zero volts from the loop release the motors as well, so only the time before that counts."""
+def test_a_safety_module_that_signals_without_disabling_is_detected(cuts: tuple[bool, bool], motor: str) -> None:
+    """Zero volts from the loop release the motors too, so only the time before that counts."""
     rig = CommissionedRig()
     rig.simulator.module_cuts = cuts
     tripped_at: list[float] = []
@@ -380,7 +378,7 @@ def test_a_module_that_signals_but_does_not_cut_is_found(cuts: tuple[bool, bool]
     assert rows[:, [INDEX["F_A"], INDEX["F_B"]]].max() < 13.0
 
 
-def test_the_other_checks_are_armed_while_the_loop_goes_on_to_command() -> None:
+def test_the_other_checks_are_armed_while_the_loop_continues_to_command() -> None:
     rig = CommissionedRig()
 
     async def work() -> tuple[Refused, float, float]:
@@ -432,7 +430,7 @@ REFUSED: dict[str, tuple[dict[str, dict[str, Any]], str, dict[str, object]]] = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_a_load_cell_that_cannot_be_calibrated_is_refused_with_its_values(case: str) -> None:
+def test_an_invalid_calibration_is_rejected_with_its_values(case: str) -> None:
     true, code, values = REFUSED[case]
     rig = CommissionedRig(WIRING, with_entries(WIRING, **true))
     (finding,) = played(rig, StepId.CALIBRATE, weight_1_N=5.0, weight_2_N=25.0)
@@ -441,7 +439,7 @@ def test_a_load_cell_that_cannot_be_calibrated_is_refused_with_its_values(case: 
 
 
 @pytest.mark.parametrize("step", [StepId.TARE, StepId.CALIBRATE])
-def test_no_number_is_not_taken_for_a_load(step: StepId) -> None:
+def test_a_nan_reading_is_not_accepted_as_a_load(step: StepId) -> None:
     async def session() -> StepFinding:
         rig = CommissionedRig()
 
@@ -469,7 +467,7 @@ def test_no_number_is_not_taken_for_a_load(step: StepId) -> None:
         ({"weight_2_N": NAN}, messages.heavier_weight(), NAN, (0.0, WEIGHT_MAX_N)),
     ],
 )
-def test_weights_that_tell_nothing_are_refused_before_anything_is_hung(
+def test_unsuitable_weights_are_rejected_before_they_are_hung(
     given: dict[str, float], label: str, value: float, bounds: tuple[float, float | None]
 ) -> None:
     with pytest.raises(OutOfRangeError) as caught:

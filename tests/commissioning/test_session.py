@@ -1,4 +1,4 @@
-"""Hands at the rig: drives that stay off, also after a restart."""
+"""The drive lockout: drives that stay off, also after a restart."""
 
 import asyncio
 from contextlib import closing, suppress
@@ -78,7 +78,7 @@ def test_the_drives_are_off_during_manual_actions_and_nothing_starts(step: StepI
     assert all(refused)
 
 
-def test_motors_are_turned_by_hand_without_drives_and_tried_with_them() -> None:
+def test_motors_are_turned_by_hand_without_drives_and_tested_with_them() -> None:
     rig = CommissionedRig()
     seen: list[bool] = []
 
@@ -94,7 +94,7 @@ def test_motors_are_turned_by_hand_without_drives_and_tried_with_them() -> None:
     assert rig.rig.card_state().drive_enabled is False  # the rig is let go of
 
 
-def test_no_hand_is_asked_for_while_the_line_does_not_fall() -> None:
+def test_manual_actions_are_not_requested_while_the_line_stays_on() -> None:
     rig = CommissionedRig()
     rig.rig.card.faults.enable_held = True
 
@@ -109,7 +109,7 @@ def test_no_hand_is_asked_for_while_the_line_does_not_fall() -> None:
     run(rig, work())
 
 
-def test_a_line_that_cannot_be_read_back_is_not_left_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unreadable_drive_enable_line_is_switched_off(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = CommissionedRig()
     faults = rig.rig.card.faults
 
@@ -151,7 +151,7 @@ def test_a_reset_leaves_the_drives_off() -> None:
 
 
 @pytest.mark.parametrize("moving", [False, True], ids=["tripped", "winding up"])
-def test_to_switch_the_drives_off_is_refused_in_no_mode(moving: bool) -> None:
+def test_the_drives_can_be_switched_off_in_every_mode(moving: bool) -> None:
     rig = CommissionedRig()
 
     async def work() -> None:
@@ -253,7 +253,7 @@ def test_a_lockout_is_stored_without_a_reply_of_the_loop(tmp_path: Path, tuning:
         supervisor.ring.close()
 
 
-def test_without_a_loop_the_drives_can_be_switched_off_and_not_on(tmp_path: Path, tuning: SetTuning) -> None:
+def test_without_a_loop_the_drives_can_only_be_switched_off(tmp_path: Path, tuning: SetTuning) -> None:
     """They are off already, and the next loop starts with locked drives."""
     with closing(open_database(tmp_path)) as database:
         supervisor, lockout = Supervisor(Setup(RIG, "ideal", 0, tuning)), DriveLockout(database, RIG)

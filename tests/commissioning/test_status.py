@@ -87,7 +87,7 @@ def test_a_step_that_disproves_the_directions_stores_their_failure(tmp_path: Pat
     database.close()
 
 
-def test_a_step_is_out_of_date_by_age_by_wiring_and_by_a_new_start(tmp_path: Path) -> None:
+def test_a_step_is_out_of_date_by_age_by_wiring_and_after_a_restart(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     begun = datetime.now(UTC) - timedelta(seconds=1)
     wired, other = wiring_fingerprint(WIRING), wiring_fingerprint(with_entries(encoder_q={"direction": -1.0}))
@@ -109,7 +109,7 @@ def test_a_step_is_out_of_date_by_age_by_wiring_and_by_a_new_start(tmp_path: Pat
     assert state(replace(zero, at=old), started=old - timedelta(days=1)) is StepState.OUT_OF_DATE
 
 
-def test_homing_and_the_zero_by_hand_do_for_each_other(tmp_path: Path) -> None:
+def test_homing_and_the_manual_zero_replace_each_other(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     homed = with_entries(end_switch={"position": 0.4})
     before = [StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.ZERO, StepId.DIRECTION]
@@ -138,7 +138,7 @@ def test_homing_and_the_zero_by_hand_do_for_each_other(tmp_path: Path) -> None:
     database.close()
 
 
-def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
+def test_calibration_is_complete_when_both_load_cells_are_calibrated(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     cells = {tendon: CellCalibration(tendon, 10.0, 0.0, "calibrated") for tendon in "AB"}
     begun, wired, step = datetime.now(UTC), wiring_fingerprint(WIRING), STEP[StepId.CALIBRATE]
@@ -161,7 +161,7 @@ def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("step", [step.id for step in STEPS if step.needs])
-def test_a_step_waits_for_those_before_it(step: StepId) -> None:
+def test_a_step_waits_for_its_preceding_steps(step: StepId) -> None:
     never = dict.fromkeys(StepId, status.StepStatus(StepState.NEVER, ""))
     done = dict.fromkeys(StepId, status.StepStatus(StepState.CURRENT, ""))
     assert all(STEP[need].title in steps_before(step, never) for need in STEP[step].needs)
@@ -175,7 +175,7 @@ MEASURED = StepFinding(True, "well", (), CELLS)
 TABLE = ((-1.0, -10.0), (9.0, 90.0))
 
 
-def test_pretension_wants_both_load_cells_tared_and_calibrated(tmp_path: Path) -> None:
+def test_pretension_requires_both_load_cells_tared_and_calibrated(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     begun = datetime.now(UTC)
 
@@ -204,7 +204,7 @@ def test_pretension_wants_both_load_cells_tared_and_calibrated(tmp_path: Path) -
     database.close()
 
 
-def test_tables_of_the_wiring_file_are_a_calibration_and_a_tare(tmp_path: Path) -> None:
+def test_tables_in_the_wiring_file_count_as_calibration_and_tare(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     table = {"slope": math.nan, "offset": math.nan, "table": TABLE}
     wiring = with_entries(load_cell_A=table, load_cell_B=table)
@@ -219,7 +219,7 @@ def test_tables_of_the_wiring_file_are_a_calibration_and_a_tare(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("measured", [False, True])
-def test_a_rig_is_not_wound_up_before_its_load_cells_are_measured(measured: bool) -> None:
+def test_pretension_of_a_rig_requires_calibrated_load_cells(measured: bool) -> None:
     """The shipped slopes are placeholders. A virtual card with matching wiring may be driven without calibration."""
     other = with_entries(motor_A={"gain": -1.0})
     simulator = Simulator(PARAMETERS, 0)
@@ -233,7 +233,7 @@ def test_a_rig_is_not_wound_up_before_its_load_cells_are_measured(measured: bool
     assert VirtualRig(WIRING, Simulator(PARAMETERS, 0)).unready == ""
 
 
-def test_a_rig_goes_by_what_was_found_with_the_file_that_it_has_read(tmp_path: Path) -> None:
+def test_a_rig_uses_the_results_of_the_wiring_file_that_it_has_read(tmp_path: Path) -> None:
     """The wiring file changes between the check of the directions and the start of the loop."""
     file, choice = tmp_path / "rig.toml", PlantChoice(PlantKind.RIG, str(tmp_path / "rig.toml"))
     said = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
@@ -253,7 +253,7 @@ def test_a_rig_goes_by_what_was_found_with_the_file_that_it_has_read(tmp_path: P
     assert made().wiring.load_cell_A.slope == 10.0
 
 
-def test_a_zero_holds_good_for_one_day_and_not_for_one_days(tmp_path: Path) -> None:
+def test_a_zero_is_valid_for_one_day(tmp_path: Path) -> None:
     database, begun = open_database(tmp_path), datetime.now(UTC)
     zero = status.store_result(database, StepId.ZERO, WIRING, PASSED, "Ada")
     wired = wiring_fingerprint(WIRING)
@@ -263,7 +263,7 @@ def test_a_zero_holds_good_for_one_day_and_not_for_one_days(tmp_path: Path) -> N
     database.close()
 
 
-def test_a_command_tries_no_wiring_file_that_has_changed(tmp_path: Path) -> None:
+def test_commands_reject_a_changed_wiring_file(tmp_path: Path) -> None:
     database, file = open_database(tmp_path), tmp_path / "rig.toml"
     said = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
     file.write_text(said, encoding="utf-8")

@@ -62,7 +62,7 @@ def test_moderate_steps_of_both_references_settle_taut(name: str) -> None:
 
 
 @pytest.mark.parametrize(("stiffer", "stronger"), [(1.2, 0.8), (0.8, 1.2)])
-def test_a_model_that_is_off_by_a_fifth_still_settles(stiffer: float, stronger: float) -> None:
+def test_a_model_with_20_percent_error_still_settles(stiffer: float, stronger: float) -> None:
     tuning = make_feedback_linearization_tuning(IDEAL, TuningParameters())
     other = replace(
         IDEAL,
@@ -76,8 +76,8 @@ def test_a_model_that_is_off_by_a_fifth_still_settles(stiffer: float, stronger: 
     assert trajectory.q.max() < 0.5 * 1.05
 
 
-def test_takes_over_the_voltages_in_force() -> None:
-    """A standing joint goes on standing: voltages and model stay where they are."""
+def test_feedback_linearization_starts_with_the_active_voltages() -> None:
+    """A joint at rest stays at rest: voltages and model do not change."""
     q_ref, S_ref = np.full(500, 0.2), np.full(500, 11.0)
     trajectory = run_feedback_linearization(
         IDEAL, make_feedback_linearization_tuning(IDEAL, TuningParameters()), q_ref, S_ref
@@ -86,8 +86,8 @@ def test_takes_over_the_voltages_in_force() -> None:
     assert np.ptp(trajectory.u_A) < 1e-6
 
 
-def test_a_push_that_stays_moves_neither_position_nor_stiffness_in_the_end() -> None:
-    """The model knows nothing of it: only what is integrated takes back the 0.1 rad that 15 N at 75 mm would be."""
+def test_a_lasting_push_leaves_no_error_of_position_or_stiffness() -> None:
+    """The model does not contain the push: only the integrators remove the 0.1 rad that 15 N at 75 mm cause."""
     ticks = 8000
     push = np.repeat([0.0, 15.0], [500, ticks - 500])
     tuning = make_feedback_linearization_tuning(IDEAL, TuningParameters())
@@ -107,7 +107,7 @@ def test_clipped_voltage_does_not_wind_up() -> None:
     assert trajectory.q[-1] == pytest.approx(1.0, abs=2e-3)
 
 
-def test_a_spring_of_third_order_is_linearized_too() -> None:
+def test_a_third_order_spring_is_linearized() -> None:
     k = (-2.0, 300.0, 7000.0, 30_000.0)
     cubic = replace(IDEAL, spring=replace(IDEAL.spring, k=k, x_solid=0.060), identified=replace(IDEAL.identified, k=k))
     ticks = 4000
@@ -127,7 +127,7 @@ def test_measurement_corrects_the_model() -> None:
     assert after.x.omega_A < 0.0
 
 
-def test_a_model_that_stands_elsewhere_is_drawn_to_what_is_measured_at_each_encoder() -> None:
+def test_a_model_with_other_positions_converges_to_each_encoder() -> None:
     tuning = make_feedback_linearization_tuning(IDEAL, TuningParameters())
     m = Measurement(0.1, 12.0, 10.0, 20.0, 20.0, 10.5, 0.0, 0.0)
     for angle in ("q", "theta_A", "theta_B"):
@@ -182,7 +182,7 @@ def test_clipped_voltage_does_not_wind_up_the_single_loop() -> None:
     assert trajectory.q[-1] == pytest.approx(1.0, abs=1e-3)
 
 
-def test_the_single_loop_takes_over_the_voltages_in_force() -> None:
+def test_the_single_loop_starts_with_the_active_voltages() -> None:
     tuning = make_single_loop_tuning(IDEAL, TuningParameters())
     m = Measurement(0.1, 12.0, 10.0, 20.0, 20.0, 10.5, 0.0, 0.0)
     state = baselines.initialize_single_loop(tuning, 0.7, 0.4, m)
@@ -202,7 +202,7 @@ def test_the_safety_module_ends_a_run_that_leaves_the_joint_range() -> None:
     assert np.isnan(trajectory.q[trajectory.tripped_at + 1])
 
 
-def test_forces_are_measured_as_late_as_the_load_cells_are_from_the_first_tick_on() -> None:
+def test_force_readings_have_the_delay_of_the_load_cells_from_the_first_tick() -> None:
     late = replace(IDEAL, sensors=replace(IDEAL.sensors, force_delay=0.012))
     tuning, references = make_single_loop_tuning(IDEAL, TuningParameters()), (np.zeros(300), np.full(300, 10.0))
     now, then = (run_single_loop(plant, tuning, *references, F_push=np.full(300, 20.0)) for plant in (IDEAL, late))

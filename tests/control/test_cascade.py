@@ -37,7 +37,7 @@ def test_step_response_is_two_equal_lags(K: float, T: float, lam: float) -> None
     assert np.max(np.abs(step_response(outer_gains(K, T, lam), K, T, 8000) - closed_form)) < 2e-3 / lam
 
 
-def test_printed_formula_overshoots_as_erratum_E1_says() -> None:
+def test_the_printed_formula_overshoots_as_in_erratum_E1() -> None:
     K, T, lam = 0.0491, 2.98, 0.2
     gains = printed_outer_gains(K, T, lam)
     omega = math.sqrt(K * gains.k_i / T)
@@ -48,7 +48,7 @@ def test_printed_formula_overshoots_as_erratum_E1_says() -> None:
     assert 100.0 * (step_response(gains, K, T, 8000).max() - 1.0) == pytest.approx(100.0 * overshoot, abs=0.5)
 
 
-def test_change_of_gains_of_the_outer_loop_does_not_show_in_its_tick() -> None:
+def test_a_change_of_the_outer_gains_causes_no_step_in_its_tick() -> None:
     before, after = outer_gains(1.0, 0.342, 0.6), outer_gains(1.0, 0.342, 0.45, b=1.0)
     state = pid.IPState(0.7)
     u_before, _ = pid.step_i_p(before, state, 1.0, 0.3, 0.0)
@@ -56,7 +56,7 @@ def test_change_of_gains_of_the_outer_loop_does_not_show_in_its_tick() -> None:
     assert u_after == pytest.approx(u_before, abs=1e-15)
 
 
-def test_reference_step_does_not_kick() -> None:
+def test_a_reference_step_causes_no_kick() -> None:
     gains = outer_gains(1.0, 0.342, 0.5)
     state = pid.at_rest_i_p(gains, 0.0, 0.0, 0.0)
     u, state = pid.step_i_p(gains, state, 1.0, 0.0, 0.0)
@@ -100,13 +100,13 @@ def test_step_response_is_four_equal_lags(lam: float) -> None:
     assert np.max(np.abs(step_response_i_pd(lam, 3000) - closed_form)) < 2.5e-3 * 0.224 / lam
 
 
-def test_clipped_loop_recovers_without_winding_up() -> None:
+def test_a_saturated_loop_recovers_without_windup() -> None:
     response = step_response_i_pd(0.0854, 4000, u_max=0.5)
     assert response[-1] == pytest.approx(1.0, abs=1e-3)
     assert response.max() < 1.05
 
 
-def test_change_of_gains_does_not_show_in_its_tick() -> None:
+def test_a_change_of_the_motor_gains_causes_no_step_in_its_tick() -> None:
     before, after = motor_gains(K_m, T_m, 0.0854), motor_gains(K_m, T_m, 0.15)
     state = pid.IPDState(1.3, 1.1, 0.4)
     u_before, _, _ = pid.step_i_pd(before, state, 2.0, 0.5, 10.0)
@@ -114,7 +114,7 @@ def test_change_of_gains_does_not_show_in_its_tick() -> None:
     assert u_after == pytest.approx(u_before, abs=1e-12)
 
 
-def test_moved_zero_does_not_show_in_the_voltage() -> None:
+def test_a_moved_zero_causes_no_step_of_the_voltage() -> None:
     gains = motor_gains(K_m, T_m, 0.0854)
     state = pid.IPDState(1.3, 1.1, 0.4)
     u_before, _, _ = pid.step_i_pd(gains, state, 2.0, 0.5, 10.0)
@@ -122,7 +122,7 @@ def test_moved_zero_does_not_show_in_the_voltage() -> None:
     assert u_after == pytest.approx(u_before, abs=1e-12)
 
 
-def test_rest_state_holds_its_voltage() -> None:
+def test_the_rest_state_holds_its_voltage() -> None:
     gains = motor_gains(K_m, T_m, 0.0854)
     state = pid.at_rest_i_pd(gains, 3.0, 0.25)
     for _ in range(100):
@@ -132,8 +132,8 @@ def test_rest_state_holds_its_voltage() -> None:
 
 
 @pytest.mark.parametrize("k", [3, 400])
-def test_a_motor_that_rests_is_held_where_it_stands(k: int) -> None:
-    """By 1 + HOLDS times k_p, whatever its reference is, and with the same voltage on entering and on leaving."""
+def test_a_resting_motor_is_held_at_its_position(k: int) -> None:
+    """By 1 + HOLDS times k_p, for every reference, and with the same voltage at the start and at the end."""
     gains, delta = motor_gains(K_m, T_m, 0.0854), 0.01
     state = pid.at_rest_i_pd(gains, 3.0, 0.25)
     first, _, state = pid.step_i_pd(gains, state, 3.5, 3.0, 10.0, resting=True)
@@ -147,8 +147,8 @@ def test_a_motor_that_rests_is_held_where_it_stands(k: int) -> None:
         assert u == pytest.approx(0.25 - (1.0 + pid.HOLD_GAIN) * gains.k_p * delta, abs=1e-6)
 
 
-def test_a_motor_that_rests_without_friction_is_damped() -> None:
-    """Pushed off by 0.01 rad it swings to the other side by 0.6 of that at most, and comes to rest."""
+def test_a_resting_motor_without_friction_is_damped() -> None:
+    """Displaced by 0.01 rad, it swings past by at most 0.6 of that and comes to rest."""
     gains = motor_gains(K_m, T_m, 0.0854)
     state = pid.at_rest_i_pd(gains, 0.0, 0.0)
     theta, omega, path = 0.01, 0.0, np.empty(2000)
@@ -166,21 +166,21 @@ NOMINAL = np.array([8.24, 10.55, 12.43, 14.06])
 ENTRIES = np.column_stack([NOMINAL] + [10.0 * column + np.arange(4.0) for column in range(1, 7)])
 
 
-def test_begins_at_the_nearest_entry() -> None:
+def test_scheduling_starts_at_the_nearest_bank_entry() -> None:
     switching = Schedule(ENTRIES, interpolate=False)
     for S in np.linspace(7.0, 15.0, 161):
         assert select_entry(switching, -1.0, S) == np.argmin(np.abs(NOMINAL - S))
 
 
 @pytest.mark.parametrize("S", [9.3, 9.5, 11.4, 11.6, 13.2, 13.3])
-def test_a_cascade_that_takes_over_begins_at_the_nearest_entry(S: float) -> None:
+def test_a_cascade_after_another_law_starts_at_the_nearest_bank_entry(S: float) -> None:
     parameters = load_parameters("ideal")
     tuning = make_cascade_tuning(parameters, TuningParameters())._replace(schedule=Schedule(ENTRIES, interpolate=False))
     _, state = simulation.at_rest(simulation.make_simulated_rig(parameters), tuning, 0.0, S)
     assert state.active == np.argmin(np.abs(NOMINAL - S))
 
 
-def test_switches_only_beyond_the_hysteresis() -> None:
+def test_scheduling_switches_only_beyond_the_hysteresis() -> None:
     switching = Schedule(ENTRIES, interpolate=False)
     border = 0.5 * (8.24 + 10.55)
     assert select_entry(switching, 0.0, border + HYSTERESIS - 1e-6) == 0.0
@@ -190,14 +190,14 @@ def test_switches_only_beyond_the_hysteresis() -> None:
     assert select_entry(switching, 0.0, 14.9) == 3.0
 
 
-def test_each_entry_acts_at_its_own_stiffness_from_wherever_the_bank_comes() -> None:
-    """The hysteresis is narrower than the way from a border to an entry of the paper's bank."""
+def test_each_bank_entry_is_selected_at_its_own_stiffness_from_both_sides() -> None:
+    """The hysteresis is narrower than the distance from a border to an entry of the paper's bank."""
     switching = Schedule(ENTRIES, interpolate=False)
     for entry, S in enumerate(NOMINAL):
         assert [select_entry(switching, float(active), S) for active in range(4)] == [entry] * 4
 
 
-def test_interpolates_linearly_and_ends_at_the_outer_entries() -> None:
+def test_scheduling_interpolates_linearly_and_ends_at_the_outer_entries() -> None:
     scheduling = Schedule(ENTRIES, interpolate=True)
     for S in np.linspace(7.0, 15.0, 161):
         place = select_entry(scheduling, -1.0, S)
@@ -208,7 +208,7 @@ def test_interpolates_linearly_and_ends_at_the_outer_entries() -> None:
         assert [*gains_q[:1], *gains_q[1:], *gains_S] == pytest.approx(expected)
 
 
-def test_one_entry_serves_everywhere() -> None:
+def test_a_single_bank_entry_applies_everywhere() -> None:
     for interpolate in (False, True):
         single = Schedule(ENTRIES[1:2], interpolate)
         assert select_entry(single, -1.0, 14.0) == 0.0
@@ -222,7 +222,9 @@ OMEGA = 20.0
 
 
 @given(st.floats(-1.4, 1.4), st.floats(8.0, 15.0), st.floats(-1.4, 1.4), st.floats(8.0, 15.0))
-def test_walks_straight_no_faster_than_bound_and_arrives(q_0: float, S_0: float, q_1: float, S_1: float) -> None:
+def test_the_governor_moves_straight_within_its_bound_and_arrives(
+    q_0: float, S_0: float, q_1: float, S_1: float
+) -> None:
     state = cascade.GovernorState(q_0, S_0)
     before = np.array(motor_positions(D, q_0, S_0))
     travel = np.max(np.abs(np.array(motor_positions(D, q_1, S_1)) - before))
@@ -244,8 +246,8 @@ T_S = 1e-3
 FROM_SLACK = motion_primitives.PretensionState(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def test_tension_comes_up_as_filter_and_winding_say() -> None:
-    """0.1 F' = stiffness θ − F,  θ' = 0.15 (5 N − F): too little is missing for the fastest winding."""
+def test_tension_rises_as_filter_and_winding_rate_predict() -> None:
+    """0.1 F' = stiffness θ − F,  θ' = 0.15 (5 N − F): the error is too small for the fastest winding."""
     stiffness = np.array([5.5, 11.0])
     state = FROM_SLACK
     for tick in range(1, 4001):
@@ -260,12 +262,12 @@ def test_tension_comes_up_as_filter_and_winding_say() -> None:
                 assert found == pytest.approx(expected, rel=0.01)
 
 
-def test_winding_is_no_faster_than_its_bound_and_unwinds_what_is_too_much() -> None:
+def test_winding_stays_within_its_bound_and_reduces_excess_tension() -> None:
     state = motion_primitives.step_pretension(FROM_SLACK._replace(F_B=40.0), 20.0, 0.0, 40.0)
     assert (state.theta_A_ref, state.theta_B_ref) == pytest.approx((1.5 * T_S, -1.5 * T_S))
 
 
-def test_it_is_right_only_where_both_are_and_its_time_begins_anew() -> None:
+def test_pretension_counts_as_steady_only_while_both_tensions_are() -> None:
     right = motion_primitives.PretensionState(10.05, 9.95, 3.0, 3.0, 0.2)
     assert motion_primitives.step_pretension(right, 10.0, 10.05, 9.95).steady_s == pytest.approx(0.201)
     assert motion_primitives.step_pretension(right._replace(F_A=10.2), 10.0, 10.2, 9.95).steady_s == 0.0

@@ -1,4 +1,4 @@
-"""The decoupler and the envelope of what the outer loops may ask for."""
+"""The decoupler and the envelope of its inputs."""
 
 import math
 from dataclasses import replace
@@ -71,7 +71,7 @@ def test_like_quadratic_springs_follow_equations_18_to_21(q: float, S: float) ->
     assert motor_positions(PAPER, q, S) == pytest.approx(D @ [q, S, 1.0], rel=1e-12, abs=1e-12)
 
 
-def test_the_closed_form_is_taken_where_it_holds_and_only_there() -> None:
+def test_the_closed_form_is_used_only_where_it_is_valid() -> None:
     assert Decoupler(r_m, r_j, *QUADRATIC) == PAPER
     assert build_decoupler(load_parameters("lab")).table is None
     for d in (LIKE_CUBIC, UNLIKE, WITH_TABLE):
@@ -80,7 +80,7 @@ def test_the_closed_form_is_taken_where_it_holds_and_only_there() -> None:
 
 @decouplers
 @given(q=positions, S=stiffnesses)
-def test_there_and_back_again_is_exact(d: Decoupler, q: float, S: float) -> None:
+def test_the_decoupler_and_its_inverse_cancel_exactly(d: Decoupler, q: float, S: float) -> None:
     theta_A, theta_B = motor_positions(d, q, S)
     assert stiffness(d, theta_A, theta_B) == pytest.approx(S, rel=1e-12)
     assert equilibrium(d, theta_A, theta_B) == pytest.approx(q, abs=1e-12)
@@ -88,7 +88,7 @@ def test_there_and_back_again_is_exact(d: Decoupler, q: float, S: float) -> None
 
 @decouplers
 @given(theta_A=st.floats(-2.0, 12.0), theta_B=st.floats(-2.0, 12.0))
-def test_back_and_there_again_is_exact_beyond_the_springs_range_too(
+def test_the_inverse_and_the_decoupler_cancel_beyond_the_range_of_the_springs(
     d: Decoupler, theta_A: float, theta_B: float
 ) -> None:
     q, S = equilibrium(d, theta_A, theta_B), stiffness(d, theta_A, theta_B)
@@ -97,7 +97,7 @@ def test_back_and_there_again_is_exact_beyond_the_springs_range_too(
 
 @pytest.mark.parametrize(("A", "B", "d"), [(CUBIC, CUBIC, LIKE_CUBIC), (CUBIC, STIFFER, UNLIKE)])
 @given(q=positions, S=stiffnesses)
-def test_the_joint_rests_there_with_that_stiffness(
+def test_the_joint_rests_at_the_decoupled_position_and_stiffness(
     A: tuple[float, ...], B: tuple[float, ...], d: Decoupler, q: float, S: float
 ) -> None:
     F_A, F_B = np.polynomial.Polynomial(A), np.polynomial.Polynomial(B)
@@ -108,7 +108,7 @@ def test_the_joint_rests_there_with_that_stiffness(
     assert r_j**2 * (F_A.deriv()(x_A) + F_B.deriv()(x_B)) == pytest.approx(S, abs=1e-5)
 
 
-def test_for_like_quadratic_springs_the_table_says_what_the_closed_form_says() -> None:
+def test_for_like_quadratic_springs_the_table_matches_the_closed_form() -> None:
     spring = load_parameters("ideal").make_identified_spring("A")
     by_table = Decoupler(r_m, r_j, np.nan, np.nan, np.nan, build_equilibrium_table(spring, spring, r_m, r_j))
     for q, S in ((0.0, 8.24), (1.0, 10.55), (-0.7, 12.43), (0.2, 14.06)):
@@ -123,8 +123,8 @@ def test_swapping_the_springs_mirrors_the_motors(q: float, S: float) -> None:
 
 
 @pytest.mark.parametrize("more", [1e-2, 1e-5])
-def test_two_springs_have_the_same_table_whichever_of_them_is_called_A(more: float) -> None:
-    """However little one of them is the stronger: the table ends where the weaker becomes solid."""
+def test_the_table_of_two_springs_does_not_depend_on_their_order(more: float) -> None:
+    """However small their difference: the table ends where the weaker spring becomes solid."""
     k_0, k_1, k_2, k_3 = CUBIC
     stronger = k_0, (1.0 + more) * k_1, (1.0 + more) * k_2, (1.0 + more) * k_3
     pair = with_springs(CUBIC, stronger)
@@ -149,14 +149,14 @@ def test_rates_are_the_derivatives(d: Decoupler, q: float, S: float, rate_A: flo
 
 @pytest.mark.parametrize(("k", "d"), [(QUADRATIC, PAPER), (CUBIC, LIKE_CUBIC)])
 def test_stiffness_slope_of_one_motor(k: tuple[float, ...], d: Decoupler) -> None:
-    """With one motor turning, each spring takes half: dS/dθ = r_j² r_m F''."""
+    """With one motor turning, each spring has half of it: dS/dθ = r_j² r_m F''."""
     curve = np.polynomial.Polynomial(k)
     for S in (8.24, 10.55, 14.06):
         x = brentq(lambda at, S=S: 2.0 * r_j**2 * curve.deriv()(at) - S, 0.005, 0.07)
         assert stiffness_slope(d, S) == pytest.approx(r_j**2 * r_m * curve.deriv(2)(x), rel=1e-3)
 
 
-def test_the_table_rises_evenly() -> None:
+def test_the_table_rises_monotonically() -> None:
     for d in (LIKE_CUBIC, UNLIKE, WITH_TABLE):
         assert d.table is not None
         steps = np.diff(d.table, axis=0)
@@ -177,7 +177,7 @@ def test_nominal_points_of_the_paper(tension: float, S: float) -> None:
     assert stiffness_under(D, tension) == pytest.approx(S, abs=0.01)
 
 
-def test_table_says_what_the_closed_form_says() -> None:
+def test_the_stiffness_table_matches_the_closed_form() -> None:
     spring = PARAMETERS.make_identified_spring("A")
     table = build_equilibrium_table(spring, spring, D.r_m, D.r_j)
     by_table = Decoupler(D.r_m, D.r_j, math.nan, math.nan, math.nan, table)
@@ -185,13 +185,13 @@ def test_table_says_what_the_closed_form_says() -> None:
         assert stiffness_under(by_table, tension) == pytest.approx(stiffness_under(D, tension), abs=1e-5)
 
 
-def test_inside_nothing_is_held_back() -> None:
+def test_references_inside_the_envelope_are_unchanged() -> None:
     y, _ = decoupler.step_envelope(BOUNDS, D, AT_REST, 1.0, 10.0, 18.0, 18.0)
     assert y == (1.0, 10.0, False, False, False)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_each_bound_holds_and_says_so(side: float) -> None:
+def test_each_bound_of_the_envelope_holds_and_sets_its_flag(side: float) -> None:
     y, _ = decoupler.step_envelope(BOUNDS, D, AT_REST, side * 1.5, 6.0, 4.0, 4.0)
     assert y.S_c == pytest.approx(stiffness_under(D, 4.0))
     assert (y.q_c, y.at_floor, y.at_ceiling, y.at_range) == (side * 1.4, True, False, True)
@@ -201,7 +201,7 @@ def test_each_bound_holds_and_says_so(side: float) -> None:
 
 
 @pytest.mark.parametrize("pull", [12.0, -12.0])
-def test_a_push_takes_half_of_itself_off_both_ends(pull: float) -> None:
+def test_a_push_narrows_the_envelope_by_half_its_force_at_both_ends(pull: float) -> None:
     state = EnvelopeState(pull)
     y, state = decoupler.step_envelope(BOUNDS, D, state, 0.0, 6.0, 20.0 + pull / 2.0, 20.0 - pull / 2.0)
     assert y.S_c == pytest.approx(stiffness_under(D, 10.0))
@@ -209,13 +209,13 @@ def test_a_push_takes_half_of_itself_off_both_ends(pull: float) -> None:
     assert y.S_c == pytest.approx(stiffness_under(D, 42.0))
 
 
-def test_beyond_both_ends_the_ceiling_wins() -> None:
+def test_the_ceiling_of_the_envelope_overrides_the_floor() -> None:
     y, _ = decoupler.step_envelope(BOUNDS, D, EnvelopeState(60.0), 0.0, 12.0, 80.0, 20.0)
     assert y.S_c == pytest.approx(stiffness_under(D, 18.0))
     assert (y.at_floor, y.at_ceiling) == (False, True)
 
 
-def test_the_pull_follows_the_load_cells_within_its_time() -> None:
+def test_the_force_difference_follows_the_load_cells_with_its_time_constant() -> None:
     state = AT_REST
     for _ in range(50):
         _, state = decoupler.step_envelope(BOUNDS, D, state, 0.0, 10.0, 15.0, 5.0)

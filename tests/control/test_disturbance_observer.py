@@ -1,4 +1,4 @@
-"""The observer of the outside force, and its feed-forward."""
+"""The observer of the external force, and its feed-forward."""
 
 import math
 from dataclasses import replace
@@ -38,8 +38,8 @@ def bias(lab: PlantParameters) -> Array:
 
 
 @pytest.mark.parametrize("pole", [60.0, 300.0])
-def test_a_step_of_torque_comes_through_three_equal_lags(pole: float) -> None:
-    """A free joint under a constant torque: q in closed form; what is said of it is 1 − e^{−pt}(1 + pt + (pt)²/2)."""
+def test_the_estimate_of_a_torque_step_has_three_equal_lags(pole: float) -> None:
+    """A free joint under a constant torque: q in closed form; the estimate is 1 − e^{−pt}(1 + pt + (pt)²/2)."""
     parameters = load_parameters("ideal")
     joint, tau = parameters.make_identified_dynamics().joint, 0.2
     observer = disturbance_observer.build_observer(parameters, pole)
@@ -58,8 +58,8 @@ def test_a_step_of_torque_comes_through_three_equal_lags(pole: float) -> None:
     assert state.q_dot == pytest.approx(tau / joint.B_j * -math.expm1(-b * 0.2), rel=1e-3)
 
 
-def test_motors_that_wind_and_tendons_that_pull_are_no_outside_force() -> None:
-    """On the ideal plant, whose springs are the identified ones, a fast move shows an encoder's counts and no more."""
+def test_motor_motion_and_tendon_forces_cause_no_external_force() -> None:
+    """On the ideal plant with the identified springs, a fast motion shows only the counts of an encoder."""
     ideal = load_parameters("ideal")
     ticks = 3000
     q = np.where(np.arange(ticks) < 500, -math.pi / 3, math.pi / 3)
@@ -69,7 +69,7 @@ def test_motors_that_wind_and_tendons_that_pull_are_no_outside_force() -> None:
 
 @pytest.mark.parametrize("S", [8.0, 10.0, 14.0])
 @pytest.mark.parametrize("F_push", [5.0, -5.0, 2.0])
-def test_a_push_is_seen_in_time_and_for_what_it_is(lab: PlantParameters, bias: Array, S: float, F_push: float) -> None:
+def test_a_push_is_estimated_in_time_and_size(lab: PlantParameters, bias: Array, S: float, F_push: float) -> None:
     push = np.zeros(3000)
     push[1000:2500] = F_push
     force = estimate_external_force(lab, hold_joint(lab, S, push), bias)
@@ -80,7 +80,7 @@ def test_a_push_is_seen_in_time_and_for_what_it_is(lab: PlantParameters, bias: A
     assert np.max(force * math.copysign(1.0, F_push)) < abs(F_push) + 0.4
 
 
-def test_moves_and_pushes_together_are_told_within_the_bound(lab: PlantParameters, bias: Array) -> None:
+def test_pushes_during_motions_are_estimated_within_the_bound(lab: PlantParameters, bias: Array) -> None:
     ticks = 6000
     at = np.arange(ticks)
     push = 4.0 * np.sin(2.0 * np.pi * at * T_S)
@@ -90,7 +90,7 @@ def test_moves_and_pushes_together_are_told_within_the_bound(lab: PlantParameter
 
 
 @pytest.mark.parametrize("name", ["ideal", "lab", "lab-stick"])
-def test_no_random_move_is_taken_for_a_contact(name: str) -> None:
+def test_random_motions_cause_no_contact(name: str) -> None:
     parameters = load_parameters(name)
     bias = measure_bias(parameters)
     felt_most = [
@@ -100,7 +100,7 @@ def test_no_random_move_is_taken_for_a_contact(name: str) -> None:
     assert max(felt_most) < 0.5
 
 
-def test_readings_that_are_no_numbers_are_passed_over_and_what_is_not_known_is_said(lab: PlantParameters) -> None:
+def test_nan_readings_are_skipped_and_an_unknown_estimate_is_nan(lab: PlantParameters) -> None:
     observer = disturbance_observer.build_observer(lab)
     assert math.isnan(disturbance_observer.estimate_force(observer, disturbance_observer.UNKNOWN, NO_BIAS, 10.0))
     state = disturbance_observer.step_disturbance_observer(
@@ -110,7 +110,7 @@ def test_readings_that_are_no_numbers_are_passed_over_and_what_is_not_known_is_s
     assert disturbance_observer.step_disturbance_observer(observer, state, reading(0.0, math.nan, 1.0)) == state
 
 
-def test_between_what_was_learned_the_bias_is_a_straight_line_and_beyond_it_the_outermost(lab: PlantParameters) -> None:
+def test_the_bias_is_interpolated_linearly_and_constant_beyond_its_ends(lab: PlantParameters) -> None:
     observer = disturbance_observer.build_observer(lab)
     state = disturbance_observer.DisturbanceObserverState(0.0, 0.0, 2.0 * R_J, 0.0, 0.0, 0.0)
     points = np.array([[8.0, 0.5], [10.0, 1.0], [14.0, -1.0]])
@@ -120,7 +120,7 @@ def test_between_what_was_learned_the_bias_is_a_straight_line_and_beyond_it_the_
     assert disturbance_observer.estimate_force(observer, state, NO_BIAS, 20.0) == pytest.approx(2.0)
 
 
-def test_mean_and_variance_at_rest_are_those_of_its_samples_the_older_the_less(lab: PlantParameters) -> None:
+def test_mean_and_variance_at_rest_weight_older_samples_less(lab: PlantParameters) -> None:
     observer, state, seen = disturbance_observer.build_observer(lab), disturbance_observer.UNKNOWN, []
     q = 1e-3 * np.random.default_rng(7).standard_normal(4000)
     for tick in range(q.size):
@@ -132,8 +132,8 @@ def test_mean_and_variance_at_rest_are_those_of_its_samples_the_older_the_less(l
     assert state.variance == pytest.approx(np.average((np.array(seen) - mean) ** 2, weights=weights), rel=0.1)
 
 
-def test_a_joint_without_damping_is_the_limit_of_one_that_has_little(lab: PlantParameters) -> None:
-    """Below what the closed form can tell, q under a torque of its own is T_s²/(2 J_j), as of any mass."""
+def test_a_joint_without_damping_is_the_limit_of_small_damping(lab: PlantParameters) -> None:
+    """Below the resolution of the closed form, q under a torque is T_s²/(2 J_j), as for any mass."""
     g = lab.geometry
     observers = [
         disturbance_observer.build_observer(replace(lab, geometry=replace(g, B_j=g.J_j * b))) for b in (0.0, 1e-4, 0.1)
@@ -160,8 +160,8 @@ def answer_to(
 
 
 @pytest.mark.parametrize("k_ext", [0.3, 1.0])
-def test_a_push_is_balanced_at_once_and_the_joint_expected_back_behind_four_lags(k_ext: float) -> None:
-    """Statics δq_e = −τ/S (equation 14); four equal lags answer a step by 1 − e^{−x}(1 + x + x²/2 + x³/6)."""
+def test_a_push_is_compensated_at_once_and_the_joint_returns_with_four_lags(k_ext: float) -> None:
+    """Statics δq_e = −τ/S (equation 14); four equal lags respond to a step by 1 − e^{−x}(1 + x + x²/2 + x³/6)."""
     lam, tau = 0.1, 0.4
     r = make_cascade_tuning(IDEAL, TuningParameters(lam_motor=lam), k_ext=k_ext).disturbance_feedforward
     beyond = tau - UNSEEN_F * R_J_REJECTION
@@ -176,21 +176,21 @@ def test_a_push_is_balanced_at_once_and_the_joint_expected_back_behind_four_lags
 
 
 @pytest.mark.parametrize("lam", [0.06, 0.0854, 0.15])
-def test_the_lags_are_those_that_the_motor_loops_were_given(lam: float) -> None:
+def test_the_lags_are_those_of_the_motor_loops(lam: float) -> None:
     gains = make_motor_loops(IDEAL, lam)
     assert motor_lag(gains.A, IDEAL.select_identified("A").T_m) == pytest.approx(lam, rel=1e-12)
     r = make_cascade_tuning(IDEAL, TuningParameters(lam_motor=lam), k_ext=1.0).disturbance_feedforward
     assert r.lag_decay == pytest.approx(math.exp(-T_S_REJECTION / lam), rel=1e-12)
 
 
-def test_what_is_small_is_left_and_what_is_large_is_bounded() -> None:
+def test_small_forces_are_ignored_and_large_forces_are_bounded() -> None:
     r = make_cascade_tuning(IDEAL, TuningParameters(), k_ext=1.0).disturbance_feedforward
     for sign in (1.0, -1.0):
         assert answer_to(r, sign * 0.99 * UNSEEN_F * R_J_REJECTION, 500)[1] == (0.0, 0.0)
         assert answer_to(r, sign * 100.0, 1)[1].q_e == pytest.approx(-sign * MOST_F * R_J_REJECTION / S, rel=1e-12)
 
 
-def test_nothing_is_answered_that_is_not_known_or_not_asked_for() -> None:
+def test_unknown_forces_and_zero_gain_cause_no_compensation() -> None:
     r = make_cascade_tuning(IDEAL, TuningParameters(), k_ext=0.8).disturbance_feedforward
     begun, _ = answer_to(r, 0.4, 100)
     for asked, tau in ((r._replace(k_ext=0.0), 0.4), (r, math.nan)):
@@ -200,7 +200,7 @@ def test_nothing_is_answered_that_is_not_known_or_not_asked_for() -> None:
     assert disturbance_observer.step_disturbance_feedforward(r, IDLE, math.nan) == IDLE
 
 
-def test_what_begins_under_a_push_takes_it_for_balanced() -> None:
+def test_a_start_under_a_push_assumes_that_it_is_balanced() -> None:
     r = make_cascade_tuning(IDEAL, TuningParameters(), k_ext=0.8).disturbance_feedforward
     begun = disturbance_observer.update_gain(r, IDLE, 0.4)
     assert disturbance_observer.compute_compensation(begun, S).q == 0.0
@@ -233,8 +233,10 @@ def ticks_under_a_push(
 @pytest.mark.parametrize("u_plan", [0.0, 8.5])
 @pytest.mark.parametrize(("before", "after"), [(0.0, 1.0), (1.0, 0.0), (0.4, 0.9)])
 @pytest.mark.parametrize("pushed", [1, 60, 400])
-def test_it_is_switched_under_a_push_without_a_bump(u_plan: float, before: float, after: float, pushed: int) -> None:
-    """Neither voltage nor motor reference jumps: on its own, the feed-forward would move the reference by 0.3 rad."""
+def test_the_compensation_switches_without_a_bump_under_a_push(
+    u_plan: float, before: float, after: float, pushed: int
+) -> None:
+    """Neither voltage nor motor reference jumps: alone, the feed-forward would move the reference by 0.3 rad."""
     kept, changed = ticks_under_a_push(u_plan, before, after, pushed)
     assert changed.u_A == kept.u_A
     assert changed.u_B == kept.u_B
@@ -242,7 +244,7 @@ def test_it_is_switched_under_a_push_without_a_bump(u_plan: float, before: float
     assert changed.theta_B_ref == pytest.approx(kept.theta_B_ref, abs=2e-3)
 
 
-def test_without_it_an_outside_torque_changes_no_bit() -> None:
+def test_without_compensation_an_external_torque_changes_no_bit() -> None:
     tuning = make_cascade_tuning(IDEAL, TuningParameters(lam_q=0.8), u_plan=8.5)
     rig = simulation.make_simulated_rig(IDEAL)
     x, law = simulation.at_rest(rig, tuning, 0.2, S)

@@ -1,4 +1,4 @@
-"""Implausible readings: each kind is found on each side after its documented time, and not otherwise."""
+"""Implausible readings: each kind is detected on each side after its documented time, and not otherwise."""
 
 from collections.abc import Callable
 
@@ -30,7 +30,7 @@ LIMITS, TENDONS = build_sensor_limits(LAB), build_tendons(LAB)
 
 
 def told_at(acceleration: float, u: float, ticks: int) -> tuple[int, int]:
-    """Return the tick in which motor A is doubted, 0 for never, and what is said; it turns by ½ a t² under u [V]."""
+    """Return the tick in which motor A is reported, 0 for never, and the verdict; it turns by ½ a t² under u [V]."""
     memory = make_reading_memory()
     at = NOT_MEASURED._replace(q=0.0, theta_A=0.0, theta_B=0.0, F_A=10.0, F_B=10.0)
     remember_readings(memory, at)
@@ -44,13 +44,13 @@ def told_at(acceleration: float, u: float, ticks: int) -> tuple[int, int]:
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_it_is_told_after_two_looks(sign: float) -> None:
+def test_a_reversed_motor_is_reported_after_two_checks(sign: float) -> None:
     u = sign * 4.0 * LIMITS.driven_V[0]
     assert told_at(-sign * 8.0, u, 300) == (1 + 2 * round(REVERSED_S / T_s), REVERSED)
     assert told_at(sign * 8.0, u, 300) == (0, PLAUSIBLE)
 
 
-def test_what_turns_by_itself_or_too_little_is_no_reversed_motor() -> None:
+def test_motion_without_voltage_or_of_small_size_is_no_reversed_motor() -> None:
     assert told_at(-8.0, 0.0, 300) == (0, PLAUSIBLE)
     assert told_at(-0.2, 4.0 * LIMITS.driven_V[0], 150) == (0, PLAUSIBLE)
 
@@ -74,14 +74,14 @@ def find_verdict(
 
 
 def read_at_rest(tick: int, **other: float) -> Measurement:
-    """Return readings at rest, whose load cells change by their last digit; ``other`` are instead of them."""
+    """Return readings at rest, whose load cells change by their last digit; ``other`` replaces some of them."""
     force = 10.0 + 0.01 * (tick % 2)
     return AT_REST._replace(F_A=force, F_B=force)._replace(**other)
 
 
 @pytest.mark.parametrize("side", [0, 1])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_driven_motor_whose_encoder_stays_is_found_after_its_time(side: int, sign: float) -> None:
+def test_a_driven_motor_with_a_constant_encoder_is_detected_after_its_time(side: int, sign: float) -> None:
     def drive(volts: float) -> tuple[float, float]:
         return (sign * volts, 0.0) if side == 0 else (0.0, sign * volts)
 
@@ -99,7 +99,7 @@ def test_a_driven_motor_whose_encoder_stays_is_found_after_its_time(side: int, s
 
 @pytest.mark.parametrize("side", [0, 1])
 @pytest.mark.parametrize("speed", [20.0, -20.0])
-def test_a_load_cell_that_stays_while_its_motor_turns_is_found(side: int, speed: float) -> None:
+def test_a_constant_load_cell_with_a_turning_motor_is_detected(side: int, speed: float) -> None:
     name = SIDE_NAMES[side]
 
     def read(tick: int) -> Measurement:
@@ -116,7 +116,7 @@ def test_a_load_cell_that_stays_while_its_motor_turns_is_found(side: int, speed:
 
 
 def test_a_slack_tendon_has_a_constant_force() -> None:
-    """Below the zero-force elongation a load cell rightly shows the same value."""
+    """Below the zero-force elongation a load cell correctly shows a constant value."""
 
     def read(tick: int) -> Measurement:
         return read_at_rest(tick, theta_A=-20.0 * tick * T_s, F_A=0.0, theta_B=-1.0, F_B=0.001 * (tick % 2))
@@ -127,7 +127,7 @@ def test_a_slack_tendon_has_a_constant_force() -> None:
 
 @pytest.mark.parametrize("side", [0, 1])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_load_cell_that_contradicts_its_spring_is_found_after_its_time(side: int, sign: float) -> None:
+def test_a_load_cell_that_contradicts_its_spring_is_detected_after_its_time(side: int, sign: float) -> None:
     theta, springs = 3.0, (TENDONS.spring_A, TENDONS.spring_B)
     x = TENDONS.r_m * theta
     forces = [sum(k * x**power for power, k in enumerate(spring.k)) for spring in springs]

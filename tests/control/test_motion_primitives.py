@@ -1,4 +1,4 @@
-"""Excitations against what they are by definition: their spectrum, their autocorrelation, their frequency over time."""
+"""Excitations against their definitions: spectrum, autocorrelation, frequency over time."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from backend.faults import Limit
 
 
 @pytest.mark.parametrize("bits", setpoint_player.TAPS)
-def test_a_register_goes_through_all_its_states_and_comes_back(bits: int) -> None:
+def test_a_register_passes_through_all_its_states_and_repeats(bits: int) -> None:
     seen, register = [], setpoint_player.INITIAL_REGISTER
     for _ in range(2**bits - 1):
         seen.append(register)
@@ -40,7 +40,7 @@ def test_a_sweep_between_equal_periods_is_a_sine() -> None:
     assert setpoint_player.sweep(0.3, 1.7, 1.7, 5.0) == setpoint_player.sine(0.3, 1.7)
 
 
-def test_a_multisine_has_its_lines_alike_and_no_others() -> None:
+def test_a_multisine_has_equal_lines_and_no_others() -> None:
     t, lines = np.arange(0.0, 4.0, 0.001), 7
     y = np.array([setpoint_player.multisine(float(at), 4.0, lines, 100.0) for at in t])
     spectrum = 2.0 * np.abs(np.fft.rfft(y)) / t.size
@@ -50,7 +50,7 @@ def test_a_multisine_has_its_lines_alike_and_no_others() -> None:
     assert np.abs(y).max() < 0.01 * 2.0 * np.sqrt(lines)  # Schroeder's phases: far below the sum of all, 7
 
 
-def test_a_multisine_never_leaves_its_amplitude_whatever_peak_it_is_told() -> None:
+def test_a_multisine_never_exceeds_its_amplitude_for_any_peak() -> None:
     assert setpoint_player.multisine(0.0, 1.0, 5, 0.001) in (-1.0, 1.0)
 
 

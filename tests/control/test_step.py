@@ -1,4 +1,4 @@
-"""A batch of ticks is what the loop would have made one by one: each number of each row, each event with its tick."""
+"""A batch of ticks equals single ticks: each number of each row, each event with its tick."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -163,7 +163,7 @@ def played(script: Script, step: Callable[[Loop, int], None]) -> tuple[NDArray[n
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
-def test_batches_of_any_length_make_the_rows_and_events_of_single_ticks(name: str) -> None:
+def test_batches_of_any_length_give_the_rows_and_events_of_single_ticks(name: str) -> None:
     rows, events = played(SCRIPTS[name], by_ticks)
     assert len(rows) == END
     taken = {event.sequence for event in events if isinstance(event, Accepted)}
@@ -174,8 +174,8 @@ def test_batches_of_any_length_make_the_rows_and_events_of_single_ticks(name: st
         assert told == events
 
 
-def test_a_batch_is_as_long_as_nothing_happens() -> None:
-    """Or all of this would compare the loop with itself."""
+def test_a_batch_lasts_until_the_next_event() -> None:
+    """Otherwise the other tests would compare the loop with itself."""
     ring = Ring.create(1 << 14)
     loop = Loop(Simulator(LAB, seed=5), LAB, ring, TUNING)
     loop.handle(1, SetMode(Mode.PRETENSION))

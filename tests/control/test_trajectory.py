@@ -1,4 +1,4 @@
-"""Plans of motions: least time, goals that jump, ends of ramps."""
+"""Time-optimal trajectories: least time, targets that jump, ends of ramps."""
 
 import itertools
 import math
@@ -34,7 +34,7 @@ Q, S = st.floats(-1.4, 1.4), st.floats(8.0, 15.0)
 
 
 def turned(state: tuple[float, float], u: float, seconds: float) -> tuple[float, float]:
-    """Motor T θ'' + θ' = K u, integrated by somebody else."""
+    """Motor T θ'' + θ' = K u, integrated by an independent solver."""
     path = solve_ivp(
         lambda _, x: (x[1], (K * u - x[1]) / T), (0.0, seconds), state, rtol=1e-11, atol=1e-12, method="DOP853"
     )
@@ -42,7 +42,7 @@ def turned(state: tuple[float, float], u: float, seconds: float) -> tuple[float,
 
 
 def least_time(far: float, omega: float, U: float) -> float:
-    """Least time to rest at ``far``, found by trying when to turn from one voltage to the other."""
+    """Least time to rest at ``far``, found by a search for the time at which the voltage reverses."""
     best = math.inf
     for u in (U, -U):
         low, high = 0.0, 10.0
@@ -61,7 +61,7 @@ def least_time(far: float, omega: float, U: float) -> float:
 @pytest.mark.parametrize(
     ("far", "omega"), [(20.94, 0.0), (4.16, 0.0), (0.5, 0.0), (10.0, 6.0), (3.0, 15.0), (-5.0, 8.0), (1.0, -12.0)]
 )
-def test_the_duration_is_the_least_there_is(far: float, omega: float) -> None:
+def test_the_duration_is_minimal(far: float, omega: float) -> None:
     assert trajectory.compute_duration(K * BUDGET, T, far, omega) == pytest.approx(
         least_time(far, omega, BUDGET), abs=1e-6
     )
@@ -75,7 +75,7 @@ def test_the_braking_speed_inverts_the_distance(V: float, lag: float, omega: flo
 
 
 @pytest.mark.parametrize("tau_e", [1e-3, 2e-3, 0.05, 0.22])
-def test_an_axis_behind_the_electrical_lag_turns_as_integrated_by_somebody_else(tau_e: float) -> None:
+def test_an_axis_with_electrical_lag_agrees_with_an_independent_integration(tau_e: float) -> None:
     """T θ'' + θ' = K v, τ_e v' + v = u; also where both lags are the same (T = 0.22 s)."""
     at, x = trajectory.Lagged(0.3, 2.0, -1.5), np.array([0.3, 2.0, -1.5])
 
@@ -127,7 +127,7 @@ def test_a_step_takes_little_more_than_the_least_time_and_does_not_overshoot(q: 
 
 
 @given(st.lists(st.tuples(Q, S, st.integers(1, 300)), min_size=1, max_size=6), st.floats(2.0, 9.0))
-def test_the_budget_is_kept_and_all_is_finite(ways: list[tuple[float, float, int]], budget: float) -> None:
+def test_the_voltage_limit_holds_and_all_values_are_finite(ways: list[tuple[float, float, int]], budget: float) -> None:
     state = standing(0.3, 9.0)
     for q, stiffness, ticks in ways:
         for _ in range(ticks):
@@ -137,8 +137,8 @@ def test_the_budget_is_kept_and_all_is_finite(ways: list[tuple[float, float, int
             assert math.isfinite(state.q + state.q_dot)
 
 
-def test_what_moves_is_stopped_where_it_was_sent_whatever_comes() -> None:
-    """A far target of q, or a budget that becomes small, while the stiffness is on its way to its end."""
+def test_an_axis_in_motion_stops_at_its_target_despite_later_changes() -> None:
+    """A far target of q, or a smaller voltage limit, while the stiffness moves to its end."""
     for ticks, q, budget in itertools.product((60, 120, 180, 230), (0.31, 1.3), (2.0, 8.5)):
         state, highest = standing(0.3, 9.0), 0.0
         for k in range(6000):
@@ -152,10 +152,10 @@ def test_what_moves_is_stopped_where_it_was_sent_whatever_comes() -> None:
 @given(
     st.floats(-24.0, 24.0), st.floats(-24.0, 24.0), st.floats(0.01, 40.0), st.floats(0.01, 40.0), st.floats(2.0, 9.0)
 )
-def test_a_stand_is_where_full_reverse_voltage_stops_both_axes_or_where_they_were_sent(
+def test_a_stop_uses_full_reverse_voltage_or_ends_at_the_old_targets(
     w_d: float, w_c: float, far_d: float, far_c: float, U: float
 ) -> None:
-    """Each target is ahead, no farther than the old one; at one of less than that, its voltage share stops it."""
+    """Each target is ahead, no farther than the old one; if that is closer, its voltage share stops the axis."""
     d, c = trajectory.AxisMotion(1.0, w_d), trajectory.AxisMotion(8.0, w_c)
     sent = [trajectory.AxisTarget(a.theta + math.copysign(far, a.omega), 0.0) for a, far in ((d, far_d), (c, far_c))]
     target_d, target_c, share = plan_fastest_stop(K, T, U, d, c, sent[0], sent[1])
@@ -171,7 +171,7 @@ def test_a_stand_is_where_full_reverse_voltage_stops_both_axes_or_where_they_wer
             assert gone - 1e-6 <= way <= 1.05 * gone + V / T * 1e-4
 
 
-def test_an_axis_on_a_goal_that_moves_is_stopped_before_its_end_where_that_is_known_and_ahead() -> None:
+def test_an_axis_on_a_moving_target_stops_before_a_known_end_that_is_ahead() -> None:
     c, far = trajectory.AxisMotion(8.0, 10.0), trajectory.braking_distance(K * 6.0, T, 10.0)
     for end, bound in ((8.0 + far, True), (math.nan, False), (7.0, False)):
         sent = trajectory.AxisTarget(0.0, 10.0), trajectory.AxisTarget(8.0 + 0.5 * far, 10.0, end)
@@ -181,7 +181,7 @@ def test_an_axis_on_a_goal_that_moves_is_stopped_before_its_end_where_that_is_kn
 
 
 @given(st.floats(-1.0, 1.0), st.floats(-3.0, 3.0), st.floats(0.1, 3.0), st.floats(0.0, 3.0))
-def test_a_target_that_moves_in_each_tick_keeps_the_budget(
+def test_a_target_that_moves_in_each_tick_respects_the_voltage_limit(
     start: float, rate: float, period: float, S_rate: float
 ) -> None:
     state = standing(start, 10.0)
@@ -192,8 +192,8 @@ def test_a_target_that_moves_in_each_tick_keeps_the_budget(
         assert abs(state.window_d[0]) + abs(state.window_c[0]) <= BUDGET + 2.0 * trajectory.MIN_VOLTAGE_V
 
 
-def test_the_model_moves_as_motors_and_joint_do_under_its_voltages() -> None:
-    """Motors with electrical lag and joint, integrated by another method under the plan's voltages, end where it is."""
+def test_the_model_moves_like_motors_and_joint_under_its_voltages() -> None:
+    """Motors with electrical lag and joint, integrated independently under the model's voltages, reach its end."""
     state = standing(-0.6, 9.0)
     first = trajectory.compute_axis_state(D, state)
     x = np.array([first.theta_A, 0.0, first.theta_B, 0.0, first.q, 0.0, 0.0, 0.0])
@@ -225,7 +225,7 @@ def test_the_model_moves_as_motors_and_joint_do_under_its_voltages() -> None:
 
 
 @given(S)
-def test_tension_and_stiffness_at_rest_invert_each_other(stiffness: float) -> None:
+def test_tension_and_stiffness_at_rest_are_inverse_functions(stiffness: float) -> None:
     F = decoupler.tension_under(D, stiffness)
     assert decoupler.stiffness_under(D, F) == pytest.approx(stiffness, rel=1e-12)
     assert 8.0 < F < 47.0
@@ -235,7 +235,7 @@ def test_tension_and_stiffness_at_rest_invert_each_other(stiffness: float) -> No
 
 
 @pytest.mark.parametrize(("rate_before", "rate"), list(itertools.product((0.0, -0.4, 0.7), repeat=2)))
-def test_a_goal_jumps_where_it_is_another_and_did_not_go_there(rate_before: float, rate: float) -> None:
+def test_a_target_jumps_if_it_differs_and_did_not_move(rate_before: float, rate: float) -> None:
     before = AxisTarget(0.2, rate_before)
     assert has_jumped(before, AxisTarget(0.3, rate)) == (rate_before == 0.0 or rate == 0.0)
     assert not has_jumped(before, AxisTarget(0.2, rate))
@@ -261,7 +261,7 @@ HELD = Segment(0.02, 0.5, 12.0)
         ((Segment(0.02, 0.5, 12.0, shape=Shape.SINE, period_s=0.01),), math.nan, math.nan),
     ],
 )
-def test_an_end_is_announced_where_the_references_stay(
+def test_a_ramp_end_is_announced_where_the_references_stay(
     segments: tuple[Segment, ...], q_end: float, S_end: float
 ) -> None:
     start = Setpoint(0.0, 10.0, 0.0)
@@ -279,7 +279,7 @@ def test_nothing_is_announced_after_the_program() -> None:
 
 @pytest.mark.parametrize(("speed", "S"), [(0.5, 10.0), (1.0, 10.0), (-1.0, 10.0), (0.8, 14.0), (2.5, 10.0)])
 def test_a_ramp_is_not_overshot(speed: float, S: float) -> None:
-    """Neither where the motors follow it nor where it is faster than they are; what follows keeps up before the end."""
+    """Also for a ramp that is too fast for the motors; they catch up before its end."""
     lab = load_parameters("lab")
     bench = BenchTop(lab, make_tuning_command(lab, TuningParameters(0.355, 0.345), u_plan=8.5))
     bench.wind_up()
@@ -299,8 +299,8 @@ def test_a_ramp_is_not_overshot(speed: float, S: float) -> None:
         assert lag.max() <= 0.012 * abs(speed) + COUNT
 
 
-def test_a_ramp_that_goes_on_is_not_slowed_down_in_between() -> None:
-    """In two parts with the same speed it is driven as in one."""
+def test_a_continued_ramp_is_not_slowed_down_between_its_segments() -> None:
+    """A ramp in two segments of equal speed is driven like one in one segment."""
     lab = load_parameters("lab")
     driven = []
     for segments in (
@@ -326,8 +326,8 @@ def test_a_ramp_that_goes_on_is_not_slowed_down_in_between() -> None:
         Segment(0.02, 0.5, 12.0, shape=Shape.MULTISINE, period_s=0.01, count=2, peak=2.0),
     ],
 )
-def test_what_follows_an_excitation_begins_where_that_began(excitation: Segment) -> None:
-    """Told by a ramp behind it; a sine of whole periods ends there by itself."""
+def test_the_segment_after_an_excitation_begins_at_its_start(excitation: Segment) -> None:
+    """Checked with a following ramp; a sine of whole periods ends there by itself."""
     start, ramp = Setpoint(0.1, 10.0, 0.0), Segment(0.02, 0.3, 14.0, shape=Shape.RAMP)
     player = make_segment_player((excitation, ramp), start)
     targets, (done, target, player) = [], step_setpoint_player(player, start)

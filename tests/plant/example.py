@@ -1,4 +1,4 @@
-"""The example package as an outsider has it: installed, found by its entry point."""
+"""The example package as a user installs it, found by its entry point."""
 
 import shutil
 import subprocess

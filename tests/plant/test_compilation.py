@@ -1,4 +1,4 @@
-"""Machine code: specialised functions, cells, and the folder that keeps it."""
+"""Machine code: specialised functions, state blocks, and the cache folder."""
 
 import math
 import os
@@ -33,7 +33,7 @@ PLANT, BOUNDS = LAB.make_dynamics(), SafetyBounds(40.0, 1.5)
 is_exceeded = PrecompiledCall(is_limit_exceeded, PLANT, BOUNDS, AT_REST)
 
 
-def test_it_says_what_the_function_says() -> None:
+def test_a_compiled_function_returns_the_same_values() -> None:
     numbers = random.Random(12)
     answers = []
     for _ in range(200):
@@ -44,7 +44,7 @@ def test_it_says_what_the_function_says() -> None:
     assert 20 < sum(answers) < 180  # both answers were to be had
 
 
-def test_a_whole_number_stands_for_a_float_and_compiles_nothing() -> None:
+def test_an_integer_argument_for_a_float_compiles_nothing() -> None:
     simulator, whole = Simulator(LAB), Simulator(LAB, x=PlantState(0, 0, 0, 0, 0, 0, 0, 0))
     known = len(actuate_plant.signatures)  # type: ignore[attr-defined]  # of numba
     simulator.write(ZERO_VOLTS._replace(u_A=2.0))
@@ -63,7 +63,7 @@ class Weights(NamedTuple):
 
 @compiled
 def weighted(weights: Weights, pair: tuple[float, float], times: int, x: float) -> float:
-    """Return a sum in which every number shows."""
+    """Return a sum that depends on every number."""
     return times * (weights.a * x + weights.b * pair[0]) + pair[1] + weights.shift
 
 
@@ -71,7 +71,7 @@ WHOLE, BROKEN = (Weights(2, 3, 1), (4, 5), 2, 6), (Weights(2.5, 3.25, 1), (4.5, 
 
 
 @pytest.mark.parametrize("like", [WHOLE, BROKEN], ids=["made of whole numbers", "made of floats"])
-def test_where_a_float_is_declared_whole_numbers_and_floats_are_both_right(like: tuple[Weights, Any, int, Any]) -> None:
+def test_parameters_declared_as_float_accept_integers_and_floats(like: tuple[Weights, Any, int, Any]) -> None:
     called = PrecompiledCall(weighted, *like)
     mixed = (Weights(2, 3.25, 1), (4.5, 5), 2, 6)
     for each_given in (WHOLE, BROKEN, mixed):
@@ -93,13 +93,13 @@ def allocated(count: int) -> float:
     return float(np.zeros(count)[0])
 
 
-def test_what_allocates_in_the_tick_does_not_compile() -> None:
+def test_functions_that_allocate_are_rejected() -> None:
     with pytest.raises(TypingError, match="zeros"):
         allocated(3)
 
 
 @pytest.mark.parametrize("count", [2, 3, 5])
-def test_of_a_tuple_of_any_length_each_part_is_a_float(count: int) -> None:
+def test_every_item_of_a_variadic_tuple_is_a_float(count: int) -> None:
     whole: tuple[float, ...] = tuple(range(count))
     called = PrecompiledCall(summed, whole)
     assert called(tuple(part + 0.5 for part in whole)) == sum(range(count)) + 0.5 * count
@@ -115,7 +115,7 @@ def test_of_a_tuple_of_any_length_each_part_is_a_float(count: int) -> None:
     ],
     ids=["broken", "whole", "in a tuple", "nan"],
 )
-def test_a_float_where_a_whole_number_is_declared_is_refused_and_not_cut_off(given: tuple[Any, Any, Any, Any]) -> None:
+def test_a_float_for_an_integer_is_rejected_and_not_truncated(given: tuple[Any, Any, Any, Any]) -> None:
     called = PrecompiledCall(weighted, *BROKEN)
     with pytest.raises(TypeError, match="float"):
         called(*given)
@@ -124,7 +124,7 @@ def test_a_float_where_a_whole_number_is_declared_is_refused_and_not_cut_off(giv
 @pytest.mark.parametrize(
     "x", [BOUNDS, AT_REST[:7], 0.0, AT_REST._replace(q=cast(float, "left"))], ids=["other", "short", "float", "text"]
 )
-def test_what_cannot_be_read_so_is_refused(x: PlantState) -> None:
+def test_arguments_of_a_wrong_type_are_rejected(x: PlantState) -> None:
     with pytest.raises(TypeError):
         is_exceeded(PLANT, BOUNDS, x)
 
@@ -153,7 +153,7 @@ def outer(table: NDArray[np.float64]) -> Outer:
 
 @compiled
 def shifted(cell: StateBlock[Outer], by: float) -> float:
-    """Change of each kind something: by a field, by the whole, and in the array."""
+    """Change one value of each kind: by a field, by the whole tuple, and in the array."""
     was = cell.value
     store_compiled(cell.last, Inner(was.last.a + by, not was.last.on, was.last.n + 1))
     store_compiled(cell.first.a, was.first.a - by)
@@ -161,7 +161,7 @@ def shifted(cell: StateBlock[Outer], by: float) -> float:
     return float(cell.pair.value[1] + was.pair[0])
 
 
-def test_what_is_put_is_what_is_got_and_fields_are_parts_of_it() -> None:
+def test_a_state_block_returns_its_value_and_its_fields() -> None:
     value = outer(np.arange(6.0).reshape(2, 3))
     cell = StateBlock(value)
     assert cell.get() == value
@@ -184,7 +184,7 @@ def test_compiled_functions_read_and_write_the_same_numbers(by: float, n: int, o
     assert now.table is table
 
 
-def test_another_array_takes_the_place_of_the_one_before() -> None:
+def test_a_new_array_replaces_the_old_one() -> None:
     cell = StateBlock(outer(np.zeros((2, 3))))
     larger = np.zeros((40, 3))
     cell.field("table").set(larger)
@@ -193,7 +193,7 @@ def test_another_array_takes_the_place_of_the_one_before() -> None:
     assert cell.get().table is larger
 
 
-def test_a_copy_by_pickle_is_another_cell_and_its_fields_are_its_own() -> None:
+def test_a_pickled_copy_is_an_independent_state_block() -> None:
     cell = StateBlock(outer(np.zeros((2, 3))))
     copy, part = pickle.loads(pickle.dumps((cell, cell.field("last"))))
     shifted(copy, 2.0)
@@ -210,7 +210,7 @@ def test_a_copy_by_pickle_is_another_cell_and_its_fields_are_its_own() -> None:
         outer(np.zeros((2, 3)))._replace(first=Inner("a", True, 1)),  # type: ignore[arg-type]  # that is the mistake
     ],
 )
-def test_what_is_not_like_the_first_is_refused_and_nothing_changes(wrong: Any) -> None:
+def test_a_value_of_another_structure_is_rejected_and_changes_nothing(wrong: Any) -> None:
     value = outer(np.zeros((2, 3)))
     cell = StateBlock(value)
     with pytest.raises(struct.error):
@@ -218,7 +218,7 @@ def test_what_is_not_like_the_first_is_refused_and_nothing_changes(wrong: Any) -
     assert cell.get() == value
 
 
-def test_what_has_no_place_is_refused() -> None:
+def test_values_that_cannot_be_stored_are_rejected() -> None:
     with pytest.raises(TypeError, match="cannot store"):
         StateBlock((1.0, "text"))
 
@@ -243,9 +243,9 @@ if sys.argv[1:]:
 
 
 def as_stranger() -> Sequence[str]:
-    """Return what runs a program as an account without name or home, who may read all and write nothing.
+    """Return a command that runs a program as an account without name and home, which may read all and write nothing.
 
-    Only root can become another account; elsewhere the tests' own account takes its place.
+    Only root can change the account; otherwise the account of the tests is used.
     """
     if os.geteuid() != 0:
         return ()
@@ -264,7 +264,7 @@ def open_folder(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def closed(tmp_path: Path) -> Path:
-    """A path where no folder can be made, by root neither."""
+    """A path where not even root can make a folder."""
     file = tmp_path / "closed"
     file.write_text("")
     return file / "below"
@@ -272,14 +272,14 @@ def closed(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def program(tmp_path: Path) -> Path:
-    """A file with a compiled function, that prints where its code is kept."""
+    """A file with a compiled function that prints where its code is cached."""
     file = tmp_path / "shows.py"
     file.write_text(SHOWS)
     return file
 
 
-def kept_in(program: Path, *words: str, **environment: object) -> tuple[list[str], list[str]]:
-    """Return the lines that a process, and with ``words`` one that it starts, prints and says."""
+def find_cache(program: Path, *words: str, **environment: object) -> tuple[list[str], list[str]]:
+    """Return the output lines of a process and, with ``words``, of one that it starts."""
     given = {"PATH": os.environ["PATH"], **{name: str(value) for name, value in environment.items()}}
     ended = subprocess.run(
         [*as_stranger(), sys.executable, str(program), *words], env=given, cwd="/", capture_output=True, text=True
@@ -288,32 +288,32 @@ def kept_in(program: Path, *words: str, **environment: object) -> tuple[list[str
     return ended.stdout.splitlines(), ended.stderr.splitlines()
 
 
-def test_the_cache_of_the_account_is_used_without_a_word(program: Path, open_folder: Path) -> None:
-    (folder,), said = kept_in(program, HOME=open_folder)
+def test_the_cache_of_the_account_is_used_without_a_message(program: Path, open_folder: Path) -> None:
+    (folder,), said = find_cache(program, HOME=open_folder)
     assert Path(folder).parent == open_folder / ".cache" / "sinew"
     assert said == []
-    (folder,), said = kept_in(program, HOME=open_folder, XDG_CACHE_HOME=open_folder / "other")
+    (folder,), said = find_cache(program, HOME=open_folder, XDG_CACHE_HOME=open_folder / "other")
     assert (Path(folder).parent, said) == (open_folder / "other" / "sinew", [])
 
 
-def test_a_folder_named_for_numba_comes_first(program: Path, open_folder: Path) -> None:
-    (folder,), said = kept_in(program, HOME=open_folder, NUMBA_CACHE_DIR=open_folder / "named")
+def test_the_folder_configured_for_numba_takes_precedence(program: Path, open_folder: Path) -> None:
+    (folder,), said = find_cache(program, HOME=open_folder, NUMBA_CACHE_DIR=open_folder / "named")
     assert (Path(folder).parent, said) == (open_folder / "named", [])
 
 
-def test_the_data_folder_takes_its_place_and_one_line_says_so(program: Path, open_folder: Path, closed: Path) -> None:
+def test_the_data_folder_replaces_the_cache_with_one_message(program: Path, open_folder: Path, closed: Path) -> None:
     data = open_folder / "data"
     data.mkdir(mode=0o777)
     data.chmod(0o777)
-    found, said = kept_in(program, "both", HOME=closed, SINEW_CACHE_FALLBACK=data)
+    found, said = find_cache(program, "both", HOME=closed, SINEW_CACHE_FALLBACK=data)
     assert {Path(folder).parent for folder in found} == {data / "cache"}
     assert len(found) == 2
     assert len(said) == 1
     assert str(data / "cache") in said[0]
 
 
-def test_a_temporary_folder_of_the_account_comes_after_it(program: Path, open_folder: Path, closed: Path) -> None:
-    found, said = kept_in(
+def test_a_temporary_folder_of_the_account_is_the_next_choice(program: Path, open_folder: Path, closed: Path) -> None:
+    found, said = find_cache(
         program, "both", HOME=closed, TMPDIR=open_folder, SINEW_CACHE_FALLBACK=open_folder / "missing"
     )
     (place,) = {Path(folder).parent for folder in found}
@@ -324,30 +324,28 @@ def test_a_temporary_folder_of_the_account_comes_after_it(program: Path, open_fo
     assert not (open_folder / "missing").exists()
 
 
-def test_code_that_another_account_could_have_put_there_is_not_run(
-    program: Path, open_folder: Path, closed: Path
-) -> None:
+def test_code_that_another_account_may_have_written_is_not_run(program: Path, open_folder: Path, closed: Path) -> None:
     user = STRANGER if os.geteuid() == 0 else os.geteuid()
     place = open_folder / f"sinew-{user}"
     place.mkdir()
     place.chmod(0o777)
-    (folder,), _ = kept_in(program, HOME=closed, TMPDIR=open_folder)
+    (folder,), _ = find_cache(program, HOME=closed, TMPDIR=open_folder)
     assert folder == "None"
 
 
-def test_without_any_folder_it_stays_in_memory_and_one_line_says_so(
+def test_without_a_folder_the_code_stays_in_memory_with_one_message(
     program: Path, closed: Path, open_folder: Path
 ) -> None:
     place = open_folder / f"sinew-{STRANGER if os.geteuid() == 0 else os.geteuid()}"
     place.write_text("a file where the folder would be")
-    found, said = kept_in(program, "both", HOME=closed, TMPDIR=open_folder)
+    found, said = find_cache(program, "both", HOME=closed, TMPDIR=open_folder)
     assert found == ["None", "None"]
     assert len(said) == 1
     assert "NUMBA_CACHE_DIR" in said[0]
 
 
 def by_stranger(folder: Path, *words: str) -> str:
-    """Return what a command prints that an account without name and home gives."""
+    """Return the output of a command run by an account without name and home."""
     sinew = str(Path(sys.executable).with_name("sinew"))
     ended = subprocess.run(
         [*as_stranger(), sinew, *words, "--data", str(folder / "data")],
@@ -371,7 +369,7 @@ def test_an_account_without_name_and_home_is_recorded_by_its_number(open_folder:
     by_stranger(open_folder, "doctor")
 
 
-def test_an_account_without_name_and_home_plays_an_experiment(open_folder: Path) -> None:
+def test_an_account_without_name_and_home_runs_an_experiment(open_folder: Path) -> None:
     words = ["experiment", "sequence", "--set", 'segments=[{"duration_s": 0.5, "q_ref": 0.0, "S_ref": 10}]']
     assert "completed" in by_stranger(open_folder, *words)
 
@@ -379,15 +377,17 @@ def test_an_account_without_name_and_home_plays_an_experiment(open_folder: Path)
 HITS = SHOWS + "\nprint(sum(more.stats.cache_hits.values()), sum(more.stats.cache_misses.values()))\n"
 
 
-def test_what_an_image_has_compiled_is_copied_and_not_compiled_again(program: Path, open_folder: Path) -> None:
+def test_code_compiled_in_an_image_is_copied_and_not_recompiled(program: Path, open_folder: Path) -> None:
     program.write_text(HITS)
-    (folder, first), said = kept_in(program, XDG_CACHE_HOME=open_folder / "image")
+    (folder, first), said = find_cache(program, XDG_CACHE_HOME=open_folder / "image")
     assert (first, said) == ("0 1", [])
     prepared = Path(folder).parent
     (prepared / "figures-1.json").write_text("{}")
-    (copied, second), said = kept_in(program, XDG_CACHE_HOME=open_folder / "volume", SINEW_CACHE_PREPARED=prepared)
+    (copied, second), said = find_cache(program, XDG_CACHE_HOME=open_folder / "volume", SINEW_CACHE_PREPARED=prepared)
     assert (second, said) == ("1 0", [])
     assert Path(copied).parent == open_folder / "volume" / "sinew"
     assert (Path(copied).parent / "figures-1.json").read_text() == "{}"
-    _, third = kept_in(program, XDG_CACHE_HOME=open_folder / "other", SINEW_CACHE_PREPARED=open_folder / "nowhere")[0]
+    _, third = find_cache(program, XDG_CACHE_HOME=open_folder / "other", SINEW_CACHE_PREPARED=open_folder / "nowhere")[
+        0
+    ]
     assert third == "0 1"

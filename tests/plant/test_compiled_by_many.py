@@ -1,4 +1,4 @@
-"""Machine code on disk: processes that compile at the same time neither lose nor mix up what the others have kept."""
+"""Machine code on disk: parallel processes neither lose nor mix up the code of other processes."""
 
 import os
 import subprocess
@@ -24,7 +24,7 @@ print(sum(weighted.stats.cache_misses.values()))
 """
 
 
-def test_what_many_processes_compile_at_once_is_all_there_for_the_next(tmp_path: Path) -> None:
+def test_code_compiled_by_parallel_processes_is_complete_for_the_next_process(tmp_path: Path) -> None:
     (tmp_path / "compiles.py").write_text(COMPILES)
     borders = range(1, 2 + PROCESSES * EACH, EACH)
     assert compiled_by([started(tmp_path, low, low + EACH) for low in borders[:-1]]) == [EACH] * PROCESSES
@@ -32,14 +32,14 @@ def test_what_many_processes_compile_at_once_is_all_there_for_the_next(tmp_path:
 
 
 def started(folder: Path, low: int, high: int) -> subprocess.Popen[str]:
-    """A process that will call the function with tuples of so many numbers; the folder is that of its caches."""
+    """Start a process that will call the function with tuples of these lengths and this cache folder."""
     command = [sys.executable, str(folder / "compiles.py"), str(low), str(high)]
     environment = {**os.environ, "XDG_CACHE_HOME": str(folder), "PYTHONPATH": str(ROOT)}
     return subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
 
 def compiled_by(processes: list[subprocess.Popen[str]]) -> list[int]:
-    """Let them begin once all are ready; how many times each had to compile."""
+    """Start the calls once all processes are ready; return how many functions each had to compile."""
     for process in processes:
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"

@@ -1,4 +1,4 @@
-"""The contract of a plant, and how conformance to it is tested."""
+"""The contract of a plant, and the conformance test."""
 
 import gc
 import math
@@ -46,7 +46,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.name)
 @pytest.mark.parametrize("name", ["simulator", "virtual card", "replay", example.NAME])
-def test_the_contract_holds(
+def test_every_plant_fulfils_the_contract(
     choices: dict[str, PlantChoice],
     site: Path,
     lab: PlantParameters,
@@ -64,7 +64,7 @@ def test_the_contract_holds(
 
 
 @pytest.mark.parametrize("kind", [Simulator, Replay, Rig])
-def test_each_is_called_as_the_interface_says(kind: type[Plant]) -> None:
+def test_every_plant_has_the_signatures_of_the_interface(kind: type[Plant]) -> None:
     promised = {name: signature(each) for name, each in vars(Plant).items() if isfunction(each) and name[0] != "_"}
     assert {name: signature(getattr(kind, name)) for name in promised} == promised
 
@@ -174,7 +174,7 @@ MISSING_METHODS = [f"{name}()" for name in METHODS if name not in ("open", "read
         (Random, "repeats", "readings_not_repeated", {}),
     ],
 )
-def test_a_plant_that_breaks_a_promise_is_found(
+def test_violations_of_the_contract_are_detected(
     lab: PlantParameters,
     make: Callable[[PlantParameters], Simulator],
     requirement: str,
@@ -193,7 +193,7 @@ def test_a_plant_that_breaks_a_promise_is_found(
 
 
 class Collecting(Hoarding):
-    """Hoards; at one of its ticks the collector goes through everything there is."""
+    """Hoards, and runs a full garbage collection in one of its ticks."""
 
     def read(self) -> Measurement:
         if len(self.kept) == WARM_UP_TICKS + LONG_TICKS // 2:
@@ -201,7 +201,7 @@ class Collecting(Hoarding):
         return super().read()
 
 
-def test_what_is_kept_of_each_tick_is_not_hidden_by_garbage_of_others(lab: PlantParameters) -> None:
+def test_memory_kept_per_tick_is_detected_despite_other_garbage(lab: PlantParameters) -> None:
     (check,) = (check for check in CHECKS if check.name == "keeps_nothing_of_a_tick")
     gc.disable()  # at which tick it is freed is no matter of luck
     try:
@@ -214,7 +214,7 @@ def test_what_is_kept_of_each_tick_is_not_hidden_by_garbage_of_others(lab: Plant
     assert finding.outcome is CheckOutcome.BROKEN, finding.seen
 
 
-def test_without_a_voltage_nothing_is_driven(lab: PlantParameters) -> None:
+def test_conformance_without_voltage_never_drives_the_motors(lab: PlantParameters) -> None:
     written: list[MotorCommand] = []
 
     class Watched(Simulator):
@@ -240,7 +240,7 @@ class AtItsOwnPace(Simulator):
 
 
 @pytest.mark.parametrize(("plant", "waits"), [(Simulator, 0), (AtItsOwnPace, 0), (WithTheClock, 50)])
-def test_only_what_moves_with_the_clock_is_waited_for(
+def test_only_plants_that_follow_the_clock_are_waited_for(
     lab: PlantParameters, plant: type[Simulator], waits: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     slept_s: list[float] = []

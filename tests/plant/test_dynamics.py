@@ -69,7 +69,7 @@ states = st.builds(
 )  # fmt: skip
 
 
-def test_motor_without_load_answers_as_the_transfer_function() -> None:
+def test_an_unloaded_motor_responds_like_its_transfer_function() -> None:
     """K_m/(s (T_m s + 1)) with the lag L/R in front, by partial fractions."""
     K_m, T_m, tau_e, U = IDEAL.motor.K_m, IDEAL.motor.T_m, IDEAL.motor.tau_e, 6.0
     plant = IDEAL.make_dynamics()
@@ -111,8 +111,8 @@ def own_rate(p: PlantParameters, u_A: float, u_B: float, tau_ext: float, t: floa
 
 
 @pytest.mark.parametrize("parameters", [IDEAL, LAB], ids=["ideal", "lab"])
-def test_agrees_with_an_independent_integration(parameters: PlantParameters) -> None:
-    """Both motors wind up, one pulls over until its spring is solid, both let go until the tendons hang slack."""
+def test_the_dynamics_agree_with_an_independent_integration(parameters: PlantParameters) -> None:
+    """Both motors wind up, one pulls until its spring is solid, both release until the tendons are slack."""
     plant, x = parameters.make_dynamics(), PlantState(0.05, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
     own, reached = np.array(x), []
     for u_A, u_B, tau_ext, ticks in ((4.0, 4.0, 0.0, 600), (9.0, 5.0, 0.5, 400), (-8.0, -8.0, 0.0, 700)):
@@ -148,7 +148,7 @@ def energy(plant: Dynamics, x: PlantState) -> float:
 
 @settings(max_examples=40)
 @given(states, st.booleans())
-def test_unforced_plant_only_loses_energy(x: PlantState, friction: bool) -> None:
+def test_an_unforced_plant_only_loses_energy(x: PlantState, friction: bool) -> None:
     plant = (LAB if friction else IDEAL).make_dynamics()
     before = energy(plant, x)
     for _ in range(20):
@@ -172,7 +172,7 @@ def test_swapping_A_and_B_mirrors_the_motion(x: PlantState, u_A: float, u_B: flo
 
 
 @given(st.floats(3.0, 7.5), st.floats(-1.5, 1.5))
-def test_joint_is_in_balance_at_equation_15(common: float, difference: float) -> None:
+def test_the_joint_is_in_equilibrium_at_equation_15(common: float, difference: float) -> None:
     plant = IDEAL.make_dynamics()
     theta_A, theta_B = common + difference, common - difference
     q_e = plant.joint.r_m * (theta_A - theta_B) / (2.0 * plant.joint.r_j)
@@ -200,8 +200,8 @@ def test_stiffness_is_minus_the_slope_of_the_torque_off_equilibrium_too(
     assert by_difference == pytest.approx(S, rel=1e-6)
 
 
-def test_friction_holds_still_what_the_tendon_alone_would_turn() -> None:
-    """At zero volts the tendon unwinds a frictionless motor; friction above the load torque keeps it all but still."""
+def test_friction_holds_a_motor_that_the_tendon_alone_would_turn() -> None:
+    """At zero volts the tendon unwinds a frictionless motor; friction above the load torque almost stops it."""
     turned = []
     for parameters in (IDEAL, replace(IDEAL, motor=replace(IDEAL.motor, c0=0.2))):
         x = PlantState(0.0, 0.0, 5.0, 0.0, 0.0, 5.0, 0.0, 0.0)
@@ -222,10 +222,10 @@ def ideal_shaft_load() -> PlantParameters:
     return load_parameters("ideal")
 
 
-def test_a_load_turns_a_free_motor_as_the_closed_form_and_its_work_is_accounted_for(
+def test_a_load_turns_a_free_motor_by_the_closed_form_and_energy_is_balanced(
     ideal_shaft_load: PlantParameters,
 ) -> None:
-    """J w' + B w = -load from rest; work of the load = kinetic energy + what the damping took."""
+    """J w' + B w = -load from rest; work of the load = kinetic energy + energy lost in the damping."""
     motor = ideal_shaft_load.make_dynamics().motor_A
     x, T_m, ticks = SLACK, motor.J_m / motor.B_m, 1000
     speeds = []
@@ -242,7 +242,7 @@ def test_a_load_turns_a_free_motor_as_the_closed_form_and_its_work_is_accounted_
 
 
 def test_loads_with_tendons_and_friction_agree_with_an_independent_integration() -> None:
-    """A load is more force on the reel, which friction feels as well."""
+    """A load adds to the force on the reel, and therefore to the friction."""
     p, x = LAB, PlantState(0.05, 0.0, 5.0, 0.0, 0.0, 5.0, 0.0, 0.0)
     own, B_m = np.array(x), LAB.motor.K_t / LAB.motor.K_m
 
@@ -261,7 +261,7 @@ def test_loads_with_tendons_and_friction_agree_with_an_independent_integration()
         assert np.array(x) == pytest.approx(own, rel=1e-4, abs=1e-4)
 
 
-def test_the_simulator_loads_from_the_next_period_on_until_told_otherwise(ideal_shaft_load: PlantParameters) -> None:
+def test_a_simulated_load_acts_from_the_next_period_until_it_is_changed(ideal_shaft_load: PlantParameters) -> None:
     simulator = Simulator(ideal_shaft_load, x=SLACK)
     simulator.load(ShaftLoad(0.0, LOAD_NM))
     simulator.write(ZERO_VOLTS)
@@ -275,7 +275,7 @@ def test_the_simulator_loads_from_the_next_period_on_until_told_otherwise(ideal_
 
 
 @pytest.mark.parametrize("load", [ShaftLoad(-0.1, 0.0), ShaftLoad(0.0, math.nan)])
-def test_a_load_that_pushes_its_tendon_is_refused(ideal_shaft_load: PlantParameters, load: ShaftLoad) -> None:
+def test_a_load_that_pushes_its_tendon_is_rejected(ideal_shaft_load: PlantParameters, load: ShaftLoad) -> None:
     load_A, load_B = (pytest.approx(torque, nan_ok=True) for torque in load)
     with refused(PlantError, "shaft_load_negative", load_A=load_A, load_B=load_B):
         Simulator(ideal_shaft_load).load(load)
@@ -297,7 +297,7 @@ def table_of(k: tuple[float, ...], rows: int) -> tuple[np.ndarray, np.ndarray]:
     return x, F
 
 
-def test_force_and_root_are_the_papers() -> None:
+def test_spring_force_and_root_match_the_paper() -> None:
     assert tendon_tension(PAPER_SPRING, 0.06135) == pytest.approx(50.0, abs=0.01)
     assert pytest.approx(6.46e-3, abs=5e-6) == PAPER_SPRING.x_slack
 
@@ -309,7 +309,7 @@ def test_stiffness_at_the_nominal_tensions(F: float, S: float) -> None:
     assert 2.0 * r_j**2 * tendon_tension_slope(PAPER_SPRING, x) == pytest.approx(S, abs=0.006)
 
 
-def test_least_stiffness_under_the_pulling_constraint_is_that_of_erratum_E8() -> None:
+def test_the_least_stiffness_of_taut_tendons_is_that_of_erratum_E8() -> None:
     assert 2.0 * r_j**2 * spring_slope(PAPER_SPRING, PAPER_SPRING.x_slack) == pytest.approx(4.97, abs=0.005)
 
 
@@ -323,7 +323,7 @@ def test_polynomials_of_order_2_to_5_and_their_derivatives(k: tuple[float, ...])
 
 
 @pytest.mark.parametrize("k", [K, CUBIC_SPRING])
-def test_table_is_the_monotone_cubic_of_scipy(k: tuple[float, ...]) -> None:
+def test_a_table_is_the_monotone_cubic_of_scipy(k: tuple[float, ...]) -> None:
     x, F = table_of(k, 12)
     spring, reference = tabulated_spring(x, F, 0.06, 1e5), PchipInterpolator(x, F)
     for value in np.linspace(x[0] + 1e-6, 0.06, 97):
@@ -337,14 +337,14 @@ def spring(request: pytest.FixtureRequest) -> Spring:
     return PAPER_SPRING if request.param == "polynomial" else tabulated_spring(*table_of(CUBIC_SPRING, 9), 0.06, 1e5)
 
 
-def test_tendon_never_pushes_and_never_pulls_less_when_stretched_further(spring: Spring) -> None:
+def test_tendon_force_is_never_negative_and_never_decreases(spring: Spring) -> None:
     forces = np.array([tendon_tension(spring, x) for x in np.linspace(-0.2, 0.2, 2001)])
     assert forces[0] == 0.0
     assert np.all(np.diff(forces) >= 0.0)
     assert tendon_tension_slope(spring, spring.x_slack - 1e-9) == 0.0
 
 
-def test_coils_on_coils_are_steep_and_join_without_a_jump(spring: Spring) -> None:
+def test_a_solid_spring_is_steep_and_continuous(spring: Spring) -> None:
     beyond, before = tendon_tension(spring, spring.x_solid + 1e-9), tendon_tension(spring, spring.x_solid - 1e-9)
     assert beyond == pytest.approx(before, abs=1e-3)
     assert tendon_tension(spring, spring.x_solid + 1e-3) == pytest.approx(spring.F_solid + 100.0)
@@ -363,12 +363,12 @@ def value_refused(message: str) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("F", [-1.0, 0.0, 51.0])
-def test_elongation_refuses_what_the_spring_cannot_carry(F: float) -> None:
+def test_elongation_rejects_tensions_beyond_the_spring(F: float) -> None:
     with value_refused(messages.tension_outside_spring(F=F, F_solid=50.0)):
         spring_elongation(PAPER_SPRING, F)
 
 
-def test_curves_that_do_not_rise_are_refused() -> None:
+def test_curves_that_do_not_rise_are_rejected() -> None:
     with value_refused(messages.spring_without_root(x_solid=0.06)):
         polynomial_spring((3.0, 300.0, 8000.0), 0.06, 1e5)
     with pytest.raises(ValueError, match=r"0\.05") as falling:
@@ -380,14 +380,14 @@ def test_curves_that_do_not_rise_are_refused() -> None:
         tabulated_spring(x, F, 0.06, 1e5)
 
 
-def test_what_a_curve_does_below_its_root_is_of_no_concern() -> None:
-    """Its lowest point may lie right below the root, where the tendon is slack."""
+def test_a_curve_may_have_any_shape_below_its_root() -> None:
+    """Its minimum may lie just below the root, where the tendon is slack."""
     k2, lowest, depth = 8000.0, 6e-3, 8e-7
     spring = polynomial_spring((k2 * lowest**2 - depth, -2.0 * k2 * lowest, k2), 0.06, 1e5)
     assert spring.x_slack == pytest.approx(lowest + (depth / k2) ** 0.5)
 
 
-def test_tables_that_cannot_be_used_are_refused() -> None:
+def test_unusable_tables_are_rejected() -> None:
     x, F = table_of(K, 8)
     with value_refused(messages.spring_table_of_wrong_shape(x=(2,), F=(2,))):
         tabulated_spring(x[:2], F[:2], 0.06, 1e5)
@@ -412,12 +412,12 @@ def test_a_spring_that_does_not_stiffen_cannot_set_stiffness() -> None:
     assert_reason(uneven.value.args[0], "spring_does_not_stiffen")
 
 
-def test_the_curve_goes_on_where_the_tendon_is_slack(ideal: PlantParameters) -> None:
+def test_the_polynomial_is_evaluated_for_slack_tendons_too(ideal: PlantParameters) -> None:
     assert spring_polynomial(ideal.make_identified_spring("A"), 0.0) == pytest.approx(K[0])
     assert load_parameters("lab").make_dynamics().spring_A.k == pytest.approx([0.985 * k for k in K])
 
 
-def test_a_table_with_uneven_steps_is_that_of_scipy_too() -> None:
+def test_a_table_with_uneven_steps_is_also_the_cubic_of_scipy() -> None:
     x = np.array([0.0, 0.004, 0.006, 0.02, 0.023, 0.05, 0.062])
     F = np.array([0.0, 1.0, 2.5, 9.0, 12.0, 40.0, 60.0])
     spring, reference = tabulated_spring(x, F, 0.06, 1e5), PchipInterpolator(x, F)
@@ -449,7 +449,7 @@ def thrown(q: float, q_dot: float) -> PlantState:
 
 
 def flight(wall: Obstacle, q_dot: float, start: float = 0.0) -> tuple[np.ndarray, PlantState]:
-    """Forces [N] in each integration step from just before the wall until well after it, and where it has come to."""
+    """Forces [N] in each integration step from before the contact until well after it, and the final state."""
     plant, x = free(), thrown(wall.q_wall - wall.side * start, wall.side * q_dot)
     forces = []
     for _ in range(4000):
@@ -462,7 +462,7 @@ def flight(wall: Obstacle, q_dot: float, start: float = 0.0) -> tuple[np.ndarray
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize(("k", "q_dot"), [(2e3, 0.5), (2e4, 2.0), (3.3e4, 3.0)])
-def test_a_free_mass_on_an_undamped_wall_hits_and_leaves_as_a_half_sine(side: float, k: float, q_dot: float) -> None:
+def test_a_free_mass_on_an_undamped_wall_has_a_half_sine_contact_force(side: float, k: float, q_dot: float) -> None:
     wall = Obstacle(side, side * 0.3, k, 0.0)
     joint = free().joint
     for start in (0.0, 0.3 * H * q_dot, 0.7 * H * q_dot):
@@ -478,7 +478,7 @@ def test_a_free_mass_on_an_undamped_wall_hits_and_leaves_as_a_half_sine(side: fl
 
 @pytest.mark.parametrize("c", [0.5, 3.0, 7.0])
 @pytest.mark.parametrize("q_dot", [0.5, 2.0])
-def test_damping_gives_back_the_speed_of_the_closed_form_whatever_the_stiffness(c: float, q_dot: float) -> None:
+def test_the_rebound_speed_follows_the_closed_form_for_any_stiffness(c: float, q_dot: float) -> None:
     r_j, v = LAB_OBSTACLE.geometry.r_j, LAB_OBSTACLE.geometry.r_j * q_dot
 
     def left(w: float) -> float:
@@ -494,8 +494,10 @@ def test_damping_gives_back_the_speed_of_the_closed_form_whatever_the_stiffness(
 @given(
     st.floats(K_LEAST, 3.3e4), st.floats(0.0, 7.0), st.floats(0.01, 20.0), st.floats(0.0, 1.0), st.sampled_from([-1, 1])
 )
-def test_no_wall_ever_gives_more_than_it_took(k: float, c: float, q_dot: float, part: float, side: int) -> None:
-    """Within the error of one step in which the joint touches: a thousandth of the energy, at any place in the step."""
+def test_an_obstacle_never_returns_more_energy_than_it_received(
+    k: float, c: float, q_dot: float, part: float, side: int
+) -> None:
+    """Within the error of the integration step of the contact: a thousandth of the energy, anywhere in the step."""
     wall = Obstacle(float(side), 0.2 * side, k, c)
     plant, x = free(), thrown(0.2 * side - side * part * H * q_dot, side * q_dot)
     before = energy(plant, x)
@@ -506,7 +508,7 @@ def test_no_wall_ever_gives_more_than_it_took(k: float, c: float, q_dot: float, 
 
 
 @given(st.floats(0.0, 1.5), st.floats(-30.0, 30.0), st.floats(0.0, 7.0), st.sampled_from([-1.0, 1.0]))
-def test_a_wall_pushes_away_from_itself_or_not_at_all(q: float, q_dot: float, c: float, side: float) -> None:
+def test_an_obstacle_only_pushes_away_from_itself(q: float, q_dot: float, c: float, side: float) -> None:
     wall = Obstacle(side, 0.4, 2e4, c)
     force = contact_force(wall, LAB_OBSTACLE.make_dynamics().joint, q, q_dot)
     assert side * force <= 0.0
@@ -514,7 +516,7 @@ def test_a_wall_pushes_away_from_itself_or_not_at_all(q: float, q_dot: float, c:
     assert contact_force(NO_OBSTACLE, LAB_OBSTACLE.make_dynamics().joint, q, q_dot) == 0.0
 
 
-def test_the_steps_are_stable_at_the_bounds_and_say_where_they_come_from() -> None:
+def test_the_integration_is_stable_at_the_bounds_of_the_obstacle() -> None:
     joint, F_max = LAB_OBSTACLE.make_dynamics().joint, LAB_OBSTACLE.safety.F_max
     assert math.sqrt(largest_wall_stiffness(joint, H) / mass(joint)) * H == pytest.approx(0.15)
     assert largest_wall_damping(joint, F_max, H) * F_max * H / mass(joint) == pytest.approx(1.0)
@@ -554,7 +556,7 @@ def test_the_steps_are_stable_at_the_bounds_and_say_where_they_come_from() -> No
         (WALL._replace(q_wall=0.1, side=-1.0), "joint_inside_obstacle", {"q": 0.0, "q_wall": 0.1, "side": -1.0}),
     ],
 )
-def test_a_wall_that_cannot_be_is_refused_and_the_one_before_stays(
+def test_an_invalid_obstacle_is_rejected_and_the_old_one_remains(
     wall: Obstacle, code: str, values: dict[str, object]
 ) -> None:
     simulator = Simulator(LAB_OBSTACLE)
@@ -567,7 +569,7 @@ def test_a_wall_that_cannot_be_is_refused_and_the_one_before_stays(
     )
 
 
-def test_it_comes_and_goes_in_flight_and_what_it_presses_is_measured() -> None:
+def test_an_obstacle_can_change_in_motion_and_its_force_is_measured() -> None:
     simulator = Simulator(LAB_OBSTACLE)
     simulator.open()
     assert simulator.read().F_wall == 0.0
@@ -585,7 +587,7 @@ def test_it_comes_and_goes_in_flight_and_what_it_presses_is_measured() -> None:
 
 
 @pytest.mark.parametrize("name", ["ideal", "lab", "lab-stick"])
-def test_a_wall_that_is_never_touched_changes_no_bit(name: str) -> None:
+def test_an_untouched_obstacle_changes_no_bit(name: str) -> None:
     bare, walled = Simulator(load_parameters(name), seed=3), Simulator(load_parameters(name), seed=3)
     walled.obstacle(WALL._replace(q_wall=1.57))
     random = np.random.default_rng(5)

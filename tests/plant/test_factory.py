@@ -1,4 +1,4 @@
-"""A plant of an installed package, as an outsider has it: found by its name, driven, and told what is wrong with it."""
+"""A plant from an installed package: found by its name, driven, and its errors reported."""
 
 import json
 import os
@@ -30,7 +30,7 @@ def sinew(site: Path, *words: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_an_outsider_checks_drives_and_reports_a_plant_of_a_package(site: Path, tmp_path: Path) -> None:
+def test_a_plant_from_a_package_is_checked_driven_and_reported(site: Path, tmp_path: Path) -> None:
     checked = sinew(site, "rig", "conformance", "--plant", example.NAME, "--json")
     assert checked.returncode == 0, checked.stderr
     document = json.loads(checked.stdout)
@@ -54,7 +54,7 @@ def test_an_outsider_checks_drives_and_reports_a_plant_of_a_package(site: Path, 
 
 
 def package(folder: Path, name: str, entry: str, code: str, plant: str = "odd") -> None:
-    """What an installer leaves of a package with one module and one entry point."""
+    """Write the files of an installed package with one module and one entry point."""
     (folder / f"{name.replace('-', '_')}.py").write_text(code)
     metadata = folder / f"{name.replace('-', '_')}-1.0.dist-info"
     metadata.mkdir()
@@ -94,7 +94,7 @@ def package(folder: Path, name: str, entry: str, code: str, plant: str = "odd") 
         ),
     ],
 )
-def test_a_package_that_brings_no_plant_is_told_in_one_line(
+def test_a_package_without_a_plant_is_reported_in_one_line(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     lab: PlantParameters,
@@ -114,7 +114,7 @@ def test_a_package_that_brings_no_plant_is_told_in_one_line(
     assert len(message.splitlines()) == 1
 
 
-def test_what_a_package_refuses_itself_is_told_as_it_says_it(
+def test_an_error_of_a_package_is_reported_unchanged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lab: PlantParameters
 ) -> None:
     code = "from plant.interface import PlantError\ndef make(parameters, seed): raise PlantError('plug it in')"
@@ -124,7 +124,7 @@ def test_what_a_package_refuses_itself_is_told_as_it_says_it(
         make_plant(PlantChoice(PlantKind.PACKAGE, package="far"), lab, 0)
 
 
-def test_a_name_has_to_be_one_of_what_there_is(site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_name_of_a_plant_must_exist(site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(site))
     for name in ("toaster", "virtual_card", ""):
         with refused(PlantError, "unknown_plant", plant=name, installed=["two-springs"]):
@@ -136,7 +136,7 @@ def test_a_name_has_to_be_one_of_what_there_is(site: Path, tmp_path: Path, monke
 
 
 @pytest.mark.parametrize("length", [NAME_MAX, NAME_MAX + 1])
-def test_a_name_that_no_run_could_remember_is_refused_at_the_start(
+def test_a_name_too_long_to_store_is_rejected_at_the_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, length: int
 ) -> None:
     name = "x" * length
@@ -150,7 +150,7 @@ def test_a_name_that_no_run_could_remember_is_refused_at_the_start(
             require_available(choice)
 
 
-def test_a_plant_of_a_package_does_not_take_the_name_of_another_kind(
+def test_a_plant_from_a_package_cannot_use_the_name_of_another_kind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     package(tmp_path, "other", "other:make", "", plant="virtual_card")
@@ -159,7 +159,7 @@ def test_a_plant_of_a_package_does_not_take_the_name_of_another_kind(
         require_available(PlantChoice(PlantKind.PACKAGE, package="virtual_card"))
 
 
-def test_a_plant_that_breaks_its_promise_ends_the_check_with_a_line(tmp_path: Path) -> None:
+def test_a_plant_that_violates_the_contract_fails_the_check_with_one_line(tmp_path: Path) -> None:
     code = (
         "from plant.simulator import Simulator\n"
         "class Mute(Simulator):\n    description = ''\n"

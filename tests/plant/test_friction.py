@@ -1,4 +1,4 @@
-"""Friction that sticks (LuGre), by itself and in the whole plant."""
+"""Static friction (LuGre), alone and in the whole plant."""
 
 import math
 from dataclasses import replace
@@ -40,7 +40,7 @@ SLACK = PlantState(0.0, 0.0, -200.0, 0.0, LOAD_NM, -200.0, 0.0, 0.0)
 
 
 def pulled(torques: np.ndarray, parameters: PlantParameters = STICK) -> np.ndarray:
-    """Turn [rad] of motor A, tick by tick, under torques [N·m] besides the one that bears its load; tendons slack."""
+    """Turn [rad] of motor A per tick under torques [N·m] in addition to the load torque; tendons slack."""
     plant, x, turned = parameters.make_dynamics(), SLACK, []
     for torque in torques:
         u = (LOAD_NM + torque) / plant.motor_A.K_t
@@ -55,7 +55,7 @@ def ramp(*corners: tuple[float, float]) -> np.ndarray:
     return np.asarray(np.interp(np.arange(round(at[-1] / T_s)) * T_s, at, torques))
 
 
-def test_the_shipped_set_is_the_lab_with_the_friction_of_the_design() -> None:
+def test_the_shipped_set_is_lab_with_static_friction() -> None:
     lab = load_parameters("lab")
     A, B = STICK.make_dynamics().motor_A, STICK.make_dynamics().motor_B
     assert A.friction == B.friction == FRICTION
@@ -70,7 +70,7 @@ def test_the_shipped_set_is_the_lab_with_the_friction_of_the_design() -> None:
 
 @pytest.mark.parametrize("omega", [1e-3, 0.02, 0.05, 0.08, 0.3, -0.05, -20.0])
 @pytest.mark.parametrize("load", [0.0, 0.15, 0.375])
-def test_at_constant_speed_it_is_stribecks_curve(omega: float, load: float) -> None:
+def test_friction_at_constant_speed_is_stribecks_curve(omega: float, load: float) -> None:
     F_c, z = 0.02 + 0.35 * load, 0.0
     for _ in range(2000):
         z = bristle_after(FRICTION, z, omega * 0.1, 0.1, load, load)
@@ -79,7 +79,7 @@ def test_at_constant_speed_it_is_stribecks_curve(omega: float, load: float) -> N
 
 
 @pytest.mark.parametrize("u", [1.0, -2.0, 8.0])
-def test_a_motor_turns_steadily_where_its_torque_meets_stribecks_curve(u: float) -> None:
+def test_a_motor_turns_steadily_where_its_torque_equals_stribecks_curve(u: float) -> None:
     plant, x = STICK.make_dynamics(), SLACK._replace(tau_A=0.0)
     for _ in range(6000):
         x = advance_state(plant, x, u, 0.0, 0.0, T_s, SUBSTEPS)
@@ -91,10 +91,8 @@ def test_a_motor_turns_steadily_where_its_torque_meets_stribecks_curve(u: float)
 @given(
     bent=st.floats(-1.0, 1.0), omega=st.floats(0.01, 25.0), way=st.sampled_from([-1.0, 1.0]), load=st.floats(0.0, 0.4)
 )
-def test_bristles_go_as_their_equation_says_at_constant_speed(
-    bent: float, omega: float, way: float, load: float
-) -> None:
-    """A linear equation there: one exponential, whose rate is written down anew."""
+def test_bristles_follow_their_equation_at_constant_speed(bent: float, omega: float, way: float, load: float) -> None:
+    """A linear equation at constant speed: one exponential, whose rate is derived independently."""
     F_c = 0.02 + 0.35 * load
     level = F_c * (1.0 + 0.4 * math.exp(-((omega / OMEGA_S) ** 2)))
     z, end, h = bent * RATIO * F_c / SIGMA_0, way * level / SIGMA_0, 2.5e-4
@@ -104,8 +102,8 @@ def test_bristles_go_as_their_equation_says_at_constant_speed(
 
 @pytest.mark.parametrize("way", [-1.0, 1.0])
 @pytest.mark.parametrize("change", [-0.15, 0.15])
-def test_bristles_follow_a_load_that_changes(way: float, change: float) -> None:
-    """Fast against their own rate, where to hold the load would leave no z' at all."""
+def test_bristles_follow_a_changing_load(way: float, change: float) -> None:
+    """The load changes fast compared with their own rate; a held load would give no z' at all."""
     omega, span, steps = 15.0 * way, 0.02, 160
 
     def load(t: float) -> float:
@@ -126,7 +124,7 @@ def test_bristles_follow_a_load_that_changes(way: float, change: float) -> None:
 
 
 @pytest.mark.parametrize("share", [-0.8, -0.5, 0.05, 0.5])
-def test_below_break_away_it_stays_stuck_and_what_bent_comes_back(share: float) -> None:
+def test_below_break_away_a_motor_sticks_and_springs_back(share: float) -> None:
     """Pulled slowly, z' = θ' (1 ∓ σ_0 z/F_s): θ = −(F_s/σ_0) ln(1 − T/F_s) out, ln(1 + T/F_s) of it back."""
     torque, F_s = share * F_S, math.copysign(F_S, share)
     turned = pulled(ramp((0.0, 0.0), (8.0, torque), (28.0, torque), (36.0, 0.0), (37.0, 0.0)))
@@ -140,14 +138,14 @@ def test_below_break_away_it_stays_stuck_and_what_bent_comes_back(share: float) 
 
 
 @pytest.mark.parametrize("way", [-1.0, 1.0])
-def test_it_breaks_away_at_the_static_friction(way: float) -> None:
-    """Pulled by 5 % of it more per second; away once it has turned by ten times what the bristles can bend."""
+def test_a_motor_breaks_away_at_the_static_friction(way: float) -> None:
+    """The torque rises by 5 % per second; break-away is a turn of ten times the largest bristle deflection."""
     torques = ramp((0.0, 0.0), (24.0, way * 1.2 * F_S))
     away = np.abs(pulled(torques)) > 10.0 * F_S / SIGMA_0
     assert abs(torques[int(np.argmax(away))]) == pytest.approx(F_S, rel=0.03)
 
 
-def test_smoothed_friction_creeps_where_this_one_sticks() -> None:
+def test_smoothed_friction_creeps_where_static_friction_holds() -> None:
     torques = np.full(5000, 0.5 * F_C)
     creeps, stuck = pulled(torques, load_parameters("lab")), pulled(torques)
     assert creeps[-1] - creeps[1000] > 0.02
@@ -155,8 +153,8 @@ def test_smoothed_friction_creeps_where_this_one_sticks() -> None:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_it_never_gives_back_more_than_it_was_given(seed: int) -> None:
-    """Random motion from relaxed bristles: at rest, creeping, fast and to and fro, under loads that come and go."""
+def test_bristles_never_return_more_energy_than_they_received(seed: int) -> None:
+    """Random motion from relaxed bristles: at rest, creeping, fast and reversing, under changing loads."""
     random, h = np.random.default_rng(seed), 1e-5
     knots = np.arange(0, 60_001, 2000)
     speeds = random.choice([0.0, 0.02, 0.2, 3.0], knots.size) * random.uniform(-1.0, 1.0, knots.size)
@@ -172,7 +170,7 @@ def test_it_never_gives_back_more_than_it_was_given(seed: int) -> None:
     assert least > -1e-6 * work
 
 
-def test_bristles_that_a_load_lets_go_of_hold_no_more_than_is_left_to_hold() -> None:
+def test_bristle_deflection_drops_to_the_bound_of_a_reduced_load() -> None:
     bent = F_S / SIGMA_0
     assert bristle_after(FRICTION, bent, 0.0, T_s, LOAD_NM, LOAD_NM) == bent
     assert bristle_after(FRICTION, bent, 0.0, T_s, LOAD_NM, 0.0) == RATIO * FRICTION.c0 / SIGMA_0
@@ -210,7 +208,7 @@ states = st.builds(
 
 
 def own_rate(p: PlantParameters, u: tuple[float, float], tau_ext: float, t: float, x: np.ndarray) -> list[float]:
-    """Equations 1-16 of the method page and LuGre's, written anew from the numbers of the parameter file."""
+    """Equations 1-16 of the method page and LuGre's, implemented independently from the parameter file."""
     g, s, a = p.geometry, p.spring, p.asymmetry
     q, dq, th_A, om_A, ta_A, th_B, om_B, ta_B, z_A, z_B = x
 
@@ -253,7 +251,7 @@ MOVES = (
 
 @pytest.mark.parametrize("parameters", [STICK_PLANT, UNLIKE], ids=["lab-stick", "one side sticks"])
 def test_plant_with_friction_agrees_with_an_independent_integration(parameters: PlantParameters) -> None:
-    """Within 2e-5 rad, 5e-4 rad/s and 1e-6 rad of the bristles, a stiff solver at tight tolerances beside it."""
+    """Within 2e-5 rad, 5e-4 rad/s and 1e-6 rad of the bristles, against a stiff solver at tight tolerances."""
     plant, x = parameters.make_dynamics(), PlantState(0.05, 0.0, 3.0, 0.0, 0.0, 3.0, 0.0, 0.0)
     own, slowest = np.array(x), math.inf
     bounds = np.array([2e-5, 5e-4, *2 * (2e-4, 5e-4, 1e-9), 1e-6, 1e-6])
@@ -271,7 +269,7 @@ def test_plant_with_friction_agrees_with_an_independent_integration(parameters: 
 
 @settings(max_examples=40)
 @given(states)
-def test_unforced_it_only_loses_energy_what_bent_bristles_store_counted_in(x: PlantState) -> None:
+def test_an_unforced_plant_with_bristles_only_loses_energy(x: PlantState) -> None:
     plant = STICK_PLANT.make_dynamics()
 
     def stored(at: PlantState) -> float:
@@ -285,13 +283,13 @@ def test_unforced_it_only_loses_energy_what_bent_bristles_store_counted_in(x: Pl
         before = now
 
 
-def test_no_more_than_the_last_bit_tells_it_from_the_equation_it_integrates() -> None:
+def test_the_state_derivative_matches_the_friction_equations() -> None:
     x = PlantState(0.1, 0.5, 5.0, 0.2, 0.3, 4.0, -0.1, 0.2, 1e-3, -5e-4)
     ours = state_derivative(STICK_PLANT.make_dynamics(), x, 1.0, 2.0, 0.1, NO_LOAD)
     assert list(ours) == pytest.approx(own_rate(STICK_PLANT, (1.0, 2.0), 0.1, 0.0, np.array(x)), rel=1e-12)
 
 
-def test_at_rest_it_rests_and_the_torques_alone_bear_the_tendons() -> None:
+def test_the_rest_state_is_steady_with_relaxed_bristles() -> None:
     plant = STICK_PLANT.make_dynamics()
     x, u_A, u_B = rest_state(make_simulated_rig(STICK_PLANT), 5.0, 4.0)
     assert (x.z_A, x.z_B) == (0.0, 0.0)
@@ -301,7 +299,7 @@ def test_at_rest_it_rests_and_the_torques_alone_bear_the_tendons() -> None:
     assert list(after) == pytest.approx(list(x), abs=1e-9)
 
 
-def test_what_the_controller_knows_has_no_friction_of_either_kind() -> None:
+def test_the_identified_model_has_no_static_or_bristle_friction() -> None:
     assert STICK_PLANT.make_identified_dynamics() == LAB.make_identified_dynamics()
     assert STICK_PLANT.make_identified_dynamics().motor_A.friction.lugre is None
     x = PlantState(0.1, 0.5, 5.0, 0.2, 0.3, 4.0, -0.1, 0.2, 1e-3, -5e-4)
@@ -312,5 +310,5 @@ def test_what_the_controller_knows_has_no_friction_of_either_kind() -> None:
     assert (rates.z_A, rates.z_B) == (0.0, 0.0)
 
 
-def test_the_law_with_a_full_model_has_the_smoothed_friction_in_it() -> None:
+def test_the_law_with_a_full_model_uses_the_smoothed_friction() -> None:
     assert make_feedback_linearization_tuning(STICK_PLANT, TuningParameters()).model == LAB.make_dynamics()

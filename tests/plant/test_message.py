@@ -1,4 +1,4 @@
-"""Messages: strings that carry the code and the values of their catalogue entry, between processes too."""
+"""Messages: strings with the code and values of their catalogue entry, also across processes."""
 
 import importlib
 import inspect
@@ -41,12 +41,12 @@ def test_an_error_keeps_its_message_between_processes() -> None:
     assert (error.message.code, error.message.values["distance"]) == ("too_far", 2.04)
 
 
-def test_a_text_of_no_catalogue_has_no_code() -> None:
+def test_a_text_without_a_catalogue_entry_has_no_code() -> None:
     assert (FarError("far").message, FarError("far").message.code, FarError().message) == ("far", "", "")
     assert Message("far").values == {}
 
 
-def test_each_entry_of_a_catalogue_takes_keywords_and_is_raised_somewhere() -> None:
+def test_each_catalogue_entry_takes_keywords_and_is_used() -> None:
     found = list(catalogues())
     assert "backend.banks.messages" in {module.__name__ for module in found}
     for module in found:

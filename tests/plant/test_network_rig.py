@@ -1,4 +1,4 @@
-"""The same rig through a gRPC server of its own on this machine, as through NI's device server at another one."""
+"""The same rig through a local gRPC server, as through NI's device server on another machine."""
 
 import socket
 from collections.abc import Iterator
@@ -49,8 +49,8 @@ def network_rig(address: str, wiring: Wiring = WIRING) -> Rig:
 
 
 @pytest.mark.live  # its watchdog counts on, however long a call over the socket takes
-def test_the_same_rig_reads_and_writes_over_a_socket(registers: Card, monkeypatch: pytest.MonkeyPatch) -> None:
-    """However long a cycle takes here, it is measured and told, and the values are the card's own."""
+def test_a_network_rig_reads_and_writes_the_same_values(registers: Card, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However long a cycle takes here, it is measured and reported, and the values are those of the card."""
     monkeypatch.setattr(rig, "CYCLE_MAX_S", 10.0)
     with served(virtual(registers)) as address:
         far = network_rig(address)
@@ -69,7 +69,7 @@ def test_the_same_rig_reads_and_writes_over_a_socket(registers: Card, monkeypatc
         assert not registers.state().drive_enabled
 
 
-def test_conformance_of_a_rig_wants_a_person_at_it_before_the_drives_come_on(registers: Card) -> None:
+def test_conformance_of_a_rig_requires_a_person_before_the_drives_are_enabled(registers: Card) -> None:
     with served(virtual(registers)) as address:
         ended = CliRunner().invoke(app, ["conformance", "--plant", "rig", "--card-address", address])
     assert ended.exit_code == 1
@@ -79,8 +79,8 @@ def test_conformance_of_a_rig_wants_a_person_at_it_before_the_drives_come_on(reg
 
 
 @pytest.mark.live  # as above, and each call is made to take longer
-def test_a_round_trip_that_leaves_no_time_is_refused_with_its_figure(registers: Card) -> None:
-    """Seven calls a cycle, each 2 ms later: no machine is quick enough to make good for that."""
+def test_a_too_long_round_trip_is_rejected_with_its_duration(registers: Card) -> None:
+    """Seven calls per cycle, each delayed by 2 ms: no machine is fast enough to compensate for that."""
     with served(virtual(registers), delay_s=2e-3) as address:
         far = network_rig(address)
         with pytest.raises(PlantError) as error:
@@ -94,7 +94,7 @@ def test_a_round_trip_that_leaves_no_time_is_refused_with_its_figure(registers: 
         assert not registers.state().drive_enabled
 
 
-def test_a_card_that_another_program_owns_is_refused(registers: Card) -> None:
+def test_a_card_reserved_by_another_program_is_rejected(registers: Card) -> None:
     card = virtual(registers)
     with served(card) as address, Task("other", grpc_options=DeviceServer(address).options()) as other:
         other.ao_channels.add_ao_voltage_chan("Dev1/ao1")
@@ -115,7 +115,7 @@ def test_a_card_that_another_program_owns_is_refused(registers: Card) -> None:
         (replace(WIRING, motor_B=replace(WIRING.motor_B, channel="ao4")), "does not exist.*: ao4 of Dev1 .*-200170"),
     ],
 )
-def test_a_channel_or_card_that_is_not_there_is_refused(registers: Card, wiring: Wiring, said: str) -> None:
+def test_a_missing_channel_or_card_is_rejected(registers: Card, wiring: Wiring, said: str) -> None:
     far = Rig(wiring, Daq(wiring, virtual(registers).options))
     with pytest.raises(PlantError, match=said) as error:
         far.open()
@@ -124,7 +124,7 @@ def test_a_channel_or_card_that_is_not_there_is_refused(registers: Card, wiring:
     assert not registers.state().drive_enabled
 
 
-def test_an_address_where_nobody_answers_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unreachable_address_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(device_server, "CONNECTED_S", 0.1)
     with socket.create_server(("127.0.0.1", 0)) as nobody:
         address = f"127.0.0.1:{nobody.getsockname()[1]}"

@@ -44,7 +44,7 @@ def edited(pattern: str, replacement: str) -> str:
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_shipped_sets_give_every_number_a_unit_and_a_source(name: str) -> None:
+def test_every_number_of_the_shipped_sets_has_a_unit_and_a_source(name: str) -> None:
     document = load_parameters(name).to_document()
     assert list(document) == list(SECTIONS)
     for section, entries in document.items():
@@ -53,7 +53,7 @@ def test_shipped_sets_give_every_number_a_unit_and_a_source(name: str) -> None:
             assert given["source"], f"{section}.{entry}"
 
 
-def test_shipped_sets_know_the_papers_identified_constants() -> None:
+def test_shipped_sets_contain_the_identified_constants_of_the_paper() -> None:
     for name in SHIPPED:
         known = load_parameters(name).identified
         assert (known.K_m, known.T_m, known.k) == (2.86, 0.22, (-2.498, 331.49, 8543.8))
@@ -174,14 +174,14 @@ MOTOR_ENTRIES = [entry.name for entry in fields(MotorParameters)]
         ),
     ],
 )
-def test_a_bad_entry_is_refused_by_name_bound_and_unit(
+def test_an_invalid_entry_is_rejected_with_name_bound_and_unit(
     tmp_path: Path, pattern: str, replacement: str, code: str, values: dict[str, object]
 ) -> None:
     with refused(ParameterError, code, **values):
         load(tmp_path, edited(pattern, replacement))
 
 
-def test_a_file_that_is_missing_or_no_toml_is_refused(tmp_path: Path) -> None:
+def test_a_missing_or_malformed_file_is_rejected(tmp_path: Path) -> None:
     absent = tmp_path / "absent.toml"
     with refused(ParameterError, "parameters_unreadable", name=str(absent), shipped=("ideal", "lab", "lab-stick")):
         load_parameters(absent)
@@ -189,7 +189,7 @@ def test_a_file_that_is_missing_or_no_toml_is_refused(tmp_path: Path) -> None:
         load(tmp_path, "[geometry")
 
 
-def test_one_side_may_differ(tmp_path: Path) -> None:
+def test_the_sides_may_differ(tmp_path: Path) -> None:
     extra = '[motor_B]\nK_m = { value = 2.5, unit = "rad/(V·s)", source = "bench" }\n'
     extra += f'[spring_A]\npoints = {{ value = {POINTS}, unit = "m, N", source = "bench" }}\n'
     extra += '[identified_A]\nk = { value = [-2.0, 300.0, 8800.0], unit = "N/m^i", source = "bench" }\n'
@@ -249,7 +249,7 @@ def test_one_side_may_differ(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_bad_side_is_refused_by_its_own_name(
+def test_an_invalid_side_is_rejected_by_its_name(
     tmp_path: Path, section: str, code: str, values: dict[str, object]
 ) -> None:
     with refused(ParameterError, code, **values):
@@ -282,14 +282,14 @@ def without(text: str, *names: str) -> str:
 
 
 @pytest.mark.parametrize("name", ["ideal", "lab"])
-def test_a_set_without_them_is_smoothed_and_its_document_is_what_it_was(name: str) -> None:
+def test_a_set_without_bristles_uses_smoothed_friction_and_keeps_its_document(name: str) -> None:
     parameters = load_parameters(name)
     assert [getattr(parameters.motor, entry) for entry in OWN] == [0.0] * 4
     assert not set(OWN) & set(parameters.to_document()["motor"])
     assert parameters.make_dynamics().motor_A.friction.lugre is None
 
 
-def test_they_come_back_from_a_stored_document() -> None:
+def test_bristle_parameters_survive_a_stored_document() -> None:
     parameters = load_parameters("lab-stick")
     kept = json.loads(json.dumps(parameters.to_document()))
     assert parse_parameters("lab-stick", kept) == parameters
@@ -298,7 +298,7 @@ def test_they_come_back_from_a_stored_document() -> None:
     assert parse_parameters("lab", kept).motor == load_parameters("lab").motor
 
 
-def test_one_side_may_stick_and_one_may_not(tmp_path: Path) -> None:
+def test_static_friction_may_differ_between_the_sides(tmp_path: Path) -> None:
     smooth_B = load_stiction(tmp_path, f"{STICK}\n[motor_B]\n{number('sigma_0', 0)}")
     only_A = load_stiction(tmp_path, f"{LAB}\n[motor_A]\n{''.join(map(number, OWN, (60.0, 0.5, 1.5, 0.1)))}")
     for parameters, sigma_0 in ((smooth_B, 40.0), (only_A, 60.0)):
@@ -312,7 +312,7 @@ def test_one_side_may_stick_and_one_may_not(tmp_path: Path) -> None:
     assert smooth_B.to_document()["motor_B"]["sigma_0"]["value"] == 0.0
 
 
-def test_zero_is_an_answer_and_is_kept(tmp_path: Path) -> None:
+def test_a_bristle_stiffness_of_zero_is_stored(tmp_path: Path) -> None:
     parameters = load_stiction(tmp_path, re.sub(r"(?m)^sigma_0 = .*\n", number("sigma_0", 0), STICK))
     assert parameters.make_dynamics() == load_parameters("lab").make_dynamics()
     assert parameters.to_document()["motor"]["sigma_0"]["value"] == 0.0
@@ -380,7 +380,7 @@ def test_zero_is_an_answer_and_is_kept(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_can_neither_stick_nor_be_smoothed_is_refused(
+def test_friction_that_is_neither_static_nor_smoothed_is_rejected(
     tmp_path: Path, text: str, code: str, values: dict[str, object]
 ) -> None:
     with refused(ParameterError, code, **values):

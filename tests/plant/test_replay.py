@@ -1,4 +1,4 @@
-"""A recording as a plant, played back."""
+"""A recording as a plant."""
 
 import errno
 import os
@@ -36,7 +36,7 @@ def recorded(lab: PlantParameters, tmp_path_factory: pytest.TempPathFactory) -> 
 
 @pytest.fixture
 def columns() -> Columns:
-    """Two hundred samples of a joint that stands under tension."""
+    """Two hundred samples of a joint at rest under tension."""
     ticks = np.arange(200.0)
     still = {"q": 0.1, "theta_A": 4.0, "theta_B": 3.0, "F_A": 12.0, "F_B": 11.0, "u_A": 0.5, "u_B": 0.4}
     return {
@@ -56,9 +56,7 @@ def played(columns: Columns, folder: Path, write: Callable[[Columns], bytes] = t
     return plant
 
 
-def test_a_trip_that_was_recorded_happens_again_in_the_same_tick(
-    recorded: tuple[BenchTop, Path], lab: PlantParameters
-) -> None:
+def test_a_recorded_trip_is_repeated_in_the_same_tick(recorded: tuple[BenchTop, Path], lab: PlantParameters) -> None:
     bench, file = recorded
     plant = Replay(load_replay(file))
     again = session(lab, plant)
@@ -72,7 +70,7 @@ def test_a_trip_that_was_recorded_happens_again_in_the_same_tick(
     )
 
 
-def test_another_controller_is_told_by_its_voltages(recorded: tuple[BenchTop, Path], lab: PlantParameters) -> None:
+def test_another_controller_is_detected_by_its_voltages(recorded: tuple[BenchTop, Path], lab: PlantParameters) -> None:
     bench, file = recorded
     plant = Replay(load_replay(file))
     plant.open()
@@ -87,7 +85,7 @@ def test_another_controller_is_told_by_its_voltages(recorded: tuple[BenchTop, Pa
         plant.read()
 
 
-def test_it_reads_what_was_recorded_whatever_is_written(columns: Columns, tmp_path: Path) -> None:
+def test_replay_returns_the_recorded_readings_for_any_voltages(columns: Columns, tmp_path: Path) -> None:
     columns["F_A"] += np.arange(200.0) / 100.0
     columns["S_true"][:] = 9.5
     columns["F_push"][50:] = 3.0
@@ -103,9 +101,7 @@ def test_it_reads_what_was_recorded_whatever_is_written(columns: Columns, tmp_pa
         plant.write(MotorCommand(10.0, -10.0))
 
 
-def test_a_recording_from_before_there_were_walls_does_not_say_what_they_pressed(
-    columns: Columns, tmp_path: Path
-) -> None:
+def test_a_recording_from_before_obstacles_has_no_obstacle_force(columns: Columns, tmp_path: Path) -> None:
     assert "F_wall" not in columns
     m = played(columns, tmp_path).read()
     assert np.isnan(m.F_wall)
@@ -113,7 +109,7 @@ def test_a_recording_from_before_there_were_walls_does_not_say_what_they_pressed
 
 
 @pytest.mark.parametrize(("write", "ending"), [(to_csv, "csv"), (to_parquet, "parquet")])
-def test_both_formats_of_the_export_say_the_same(
+def test_both_export_formats_give_the_same_replay(
     recorded: tuple[BenchTop, Path], tmp_path: Path, write: Callable[[Columns], bytes], ending: str
 ) -> None:
     bench, file = recorded
@@ -124,7 +120,7 @@ def test_both_formats_of_the_export_say_the_same(
         np.testing.assert_array_equal(values.astype(np.float32), second.columns[name].astype(np.float32))
 
 
-def test_a_byte_order_mark_of_an_editor_is_read_over(columns: Columns, tmp_path: Path) -> None:
+def test_a_byte_order_mark_is_ignored(columns: Columns, tmp_path: Path) -> None:
     plain, marked = played(columns, tmp_path), played(columns, tmp_path, lambda them: b"\xef\xbb\xbf" + to_csv(them))
     assert marked.read()[:5] == plain.read()[:5]
 
@@ -141,7 +137,7 @@ def test_a_flight_record_begins_before_its_trip(columns: Columns, tmp_path: Path
     assert plant.difference.t == pytest.approx(-0.15)
 
 
-def test_the_safety_module_trips_where_it_did(columns: Columns, tmp_path: Path) -> None:
+def test_the_safety_module_trips_in_the_recorded_tick(columns: Columns, tmp_path: Path) -> None:
     assert FAULT_CODE[Fault.SAFETY_MODULE] == replay.SAFETY_MODULE
     columns["fault"][100:150] = replay.SAFETY_MODULE
     plant = played(columns, tmp_path)
@@ -152,7 +148,7 @@ def test_the_safety_module_trips_where_it_did(columns: Columns, tmp_path: Path) 
     assert trips == [0.0] * 100 + [1.0] * 50 + [0.0] * 50
 
 
-def test_at_its_end_the_loop_trips_once_with_the_reason_and_a_reset_plays_it_again(
+def test_the_end_of_a_replay_trips_once_and_a_reset_restarts_it(
     columns: Columns, tmp_path: Path, lab: PlantParameters
 ) -> None:
     plant = played(columns, tmp_path)
@@ -171,7 +167,7 @@ def test_at_its_end_the_loop_trips_once_with_the_reason_and_a_reset_plays_it_aga
     assert plant.sample == 50
 
 
-def test_what_a_recording_cannot_do_is_refused(columns: Columns, tmp_path: Path) -> None:
+def test_operations_that_a_replay_lacks_are_rejected(columns: Columns, tmp_path: Path) -> None:
     plant = played(columns, tmp_path)
     before: Measurement = plant.read()
     attempts: tuple[tuple[Callable[[], object], str], ...] = (
@@ -260,7 +256,7 @@ def each(change: Callable[[np.ndarray], np.ndarray], *names: str) -> Callable[[C
         (each(lambda values: values[:1]), "recording_too_short", {"samples": 1}),
     ],
 )
-def test_a_file_that_is_no_recording_is_refused_with_the_place(
+def test_a_malformed_recording_is_rejected_with_the_position(
     columns: Columns, tmp_path: Path, spoil: Callable[[Columns], None], code: str, values: dict[str, object]
 ) -> None:
     spoil(columns)
@@ -270,7 +266,7 @@ def test_a_file_that_is_no_recording_is_refused_with_the_place(
         load_replay(file)
 
 
-def test_files_of_other_kinds_are_refused(columns: Columns, tmp_path: Path) -> None:
+def test_files_of_other_types_are_rejected(columns: Columns, tmp_path: Path) -> None:
     for name, content, code, column in (
         ("run.mat", to_mat(columns), "recording_of_other_format", None),
         ("run.parquet", b"PAR1 junk", "recording_unreadable", None),
@@ -287,7 +283,7 @@ def test_files_of_other_kinds_are_refused(columns: Columns, tmp_path: Path) -> N
         load_replay(tmp_path / "gone.csv")
 
 
-def test_a_unit_that_the_file_names_has_to_be_the_right_one(columns: Columns, tmp_path: Path) -> None:
+def test_a_wrong_unit_in_the_file_is_rejected(columns: Columns, tmp_path: Path) -> None:
     table = pa.parquet.read_table(pa.BufferReader(to_parquet(columns)))
     fields = [field.with_metadata({"unit": "deg"}) if field.name == "q" else field for field in table.schema]
     pa.parquet.write_table(pa.table(table.columns, schema=pa.schema(fields)), tmp_path / "run.parquet")
@@ -320,7 +316,7 @@ def reads(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     return found
 
 
-def test_what_was_looked_over_is_handed_on_once(file: Path, reads: list[Path]) -> None:
+def test_a_preloaded_replay_is_used_once(file: Path, reads: list[Path]) -> None:
     preload_replay(file)
     assert len(load_replay(str(file))) == 20
     assert len(reads) == 1
@@ -328,7 +324,7 @@ def test_what_was_looked_over_is_handed_on_once(file: Path, reads: list[Path]) -
     assert len(reads) == 2
 
 
-def test_a_file_that_has_changed_since_is_read_anew(file: Path, reads: list[Path]) -> None:
+def test_a_file_changed_after_preloading_is_read_again(file: Path, reads: list[Path]) -> None:
     preload_replay(file)
     os.utime(file, ns=(1, 1))
     load_replay(file)

@@ -1,4 +1,4 @@
-"""The rig at a virtual card: what it reads, what it writes, and what takes the drives away."""
+"""The rig on a virtual card: its readings, its outputs, and the causes that disable the drives."""
 
 import math
 from dataclasses import replace
@@ -49,7 +49,7 @@ def played(rig: Rig, ticks: int) -> list[tuple[Measurement, RawReading]]:
     return seen
 
 
-def test_a_rig_at_a_virtual_card_reads_as_the_simulator_does() -> None:
+def test_a_rig_on_a_virtual_card_reads_the_values_of_the_simulator() -> None:
     rig, simulator = stepped(), Simulator(PARAMETERS, 0)
     simulator.open()
     for _ in range(2):  # zero volts are written when the card is opened, and when its drives come on
@@ -63,7 +63,7 @@ def test_a_rig_at_a_virtual_card_reads_as_the_simulator_does() -> None:
     rig.close()
 
 
-def test_what_was_read_follows_from_volts_and_counts() -> None:
+def test_readings_are_computed_from_volts_and_counts() -> None:
     rig = stepped()
     seen = played(rig, 2000)
     rig.close()
@@ -76,8 +76,8 @@ def test_what_was_read_follows_from_volts_and_counts() -> None:
     np.testing.assert_array_equal(raw[:, 2:], np.round(raw[:, 2:]))
 
 
-def test_a_table_and_another_slope_give_the_same_newtons() -> None:
-    """The card gives the volts of its own wiring; a table and a line through the same points mean the same."""
+def test_a_table_and_a_line_through_the_same_points_give_equal_forces() -> None:
+    """The card produces the volts of its own wiring; the table and the line pass through the same points."""
     table = ((-1.0, -10.0), (2.0, 20.0), (9.0, 90.0))
     by_table = replace(WIRING, load_cell_A=replace(WIRING.load_cell_A, slope=math.nan, table=table))
     line, points = stepped(), stepped(by_table)
@@ -100,8 +100,8 @@ def by_table(table: tuple[tuple[float, float], ...]) -> Wiring:
 
 
 @pytest.mark.parametrize("table", [FROM_NOTHING, tuple((-V, F) for V, F in reversed(FROM_NOTHING))])
-def test_noise_about_no_force_is_read_below_the_first_point_of_a_table(table: tuple[tuple[float, float], ...]) -> None:
-    """As a line reads it, half of it below 0 N; the load cell of the parameters has noise of 0.05 N."""
+def test_noise_around_zero_force_is_read_below_the_first_table_point(table: tuple[tuple[float, float], ...]) -> None:
+    """As with a line, half of it is below 0 N; the load cell of the parameters has noise of 0.05 N."""
     rig = stepped(by_table(table))
     seen = []
     for _ in range(3000):
@@ -115,7 +115,7 @@ def test_noise_about_no_force_is_read_below_the_first_point_of_a_table(table: tu
     assert (F < 0.0).mean() == pytest.approx(0.5, abs=0.1)
 
 
-def test_a_table_is_gone_beyond_by_a_twentieth_of_its_span(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_table_is_extrapolated_by_five_percent_of_its_span(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = stepped(by_table(FROM_NOTHING))
     for volts, newtons in ((-0.44, -4.4), (0.0, 0.0), (1.0, 10.0), (9.0, 90.0), (9.44, 94.4)):
         monkeypatch.setattr(VirtualCard, "_read_volts", lambda _card, _channel, V=volts: V)
@@ -127,7 +127,7 @@ def test_a_table_is_gone_beyond_by_a_twentieth_of_its_span(monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize("volts", [9.995, -9.995, 10.0])
-def test_a_load_cell_at_its_end_is_no_number(volts: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_load_cell_at_the_end_of_its_range_reads_nan(volts: float, monkeypatch: pytest.MonkeyPatch) -> None:
     rig = stepped()
     monkeypatch.setattr(VirtualCard, "_read_volts", lambda _card, _channel: volts)
     m = rig.read()
@@ -138,7 +138,7 @@ def test_a_load_cell_at_its_end_is_no_number(volts: float, monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize("sensor", list(Sensor))
-def test_a_reading_that_was_no_number_comes_back_as_it_was(sensor: Sensor) -> None:
+def test_a_sensor_reads_correctly_again_after_a_nan_reading(sensor: Sensor) -> None:
     rig = stepped()
     played(rig, 300)
     before = rig.read()
@@ -152,7 +152,7 @@ def test_a_reading_that_was_no_number_comes_back_as_it_was(sensor: Sensor) -> No
     rig.close()
 
 
-def test_zero_says_where_joint_and_motors_stand() -> None:
+def test_zero_sets_the_positions_of_joint_and_motors() -> None:
     rig = stepped()
     played(rig, 500)
     before = rig.read()
@@ -163,7 +163,7 @@ def test_zero_says_where_joint_and_motors_stand() -> None:
     rig.close()
 
 
-def test_a_card_that_is_opened_gets_zero_volts_at_both_outputs() -> None:
+def test_opening_a_card_sets_both_outputs_to_zero_volts() -> None:
     written: list[list[float]] = []
 
     class Listening(VirtualCard):
@@ -180,8 +180,8 @@ def test_a_card_that_is_opened_gets_zero_volts_at_both_outputs() -> None:
     daq.close()
 
 
-def test_a_watchdog_that_cuts_nothing_keeps_the_drives_off() -> None:
-    """A card whose watchdog never expires: nobody looks at its registers."""
+def test_a_watchdog_that_never_expires_keeps_the_drives_off() -> None:
+    """No process polls the registers of this card."""
     card = VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers := Card.create(), has_clock=False)
     rig = Rig(WIRING, Daq(WIRING, card.options))
     with refused(PlantError, "watchdog_did_not_expire"):
@@ -189,7 +189,7 @@ def test_a_watchdog_that_cuts_nothing_keeps_the_drives_off() -> None:
     assert not registers.state().drive_enabled
 
 
-def test_a_line_that_something_else_has_cut_proves_no_watchdog() -> None:
+def test_a_line_disabled_by_another_cause_fails_the_proof_test() -> None:
     class Loose(Daq):
         looks = 0
 
@@ -204,10 +204,10 @@ def test_a_line_that_something_else_has_cut_proves_no_watchdog() -> None:
     assert not registers.state().drive_enabled
 
 
-def test_hands_at_the_rig_have_the_line_off_from_the_first_moment_and_the_watchdog_tried_when_they_leave(
+def test_a_drive_lockout_disables_the_line_and_delays_the_proof_test(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Nobody looks at this watchdog: the trial fails as soon as it is made."""
+    """No process polls this watchdog: the proof test fails as soon as it is made."""
     switched: list[bool] = []
     set_drives = Card.set_drives
 
@@ -232,7 +232,7 @@ def test_hands_at_the_rig_have_the_line_off_from_the_first_moment_and_the_watchd
     rig.close()
 
 
-def test_a_line_that_is_on_while_hands_are_at_the_rig_is_no_start() -> None:
+def test_a_start_during_a_drive_lockout_fails_if_the_line_is_on() -> None:
     card = VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers := Card.create(), has_clock=False)
     registers.set_drives(on=True)
     card.faults.enable_held = True
@@ -240,7 +240,7 @@ def test_a_line_that_is_on_while_hands_are_at_the_rig_is_no_start() -> None:
         Rig(WIRING, Daq(WIRING, card.options), drives_off=True).open()
 
 
-def test_drives_that_the_watchdog_has_cut_can_be_switched_off() -> None:
+def test_drives_disabled_by_the_watchdog_can_be_switched_off() -> None:
     card = VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers := Card.create(), has_clock=False)
     rig = Rig(WIRING, Daq(WIRING, card.options), drives_off=True)
     rig.open()
@@ -251,7 +251,7 @@ def test_drives_that_the_watchdog_has_cut_can_be_switched_off() -> None:
     rig.close()
 
 
-def test_a_rig_that_is_not_open_says_so() -> None:
+def test_a_rig_that_is_not_open_raises() -> None:
     rig = VirtualRig(WIRING, Simulator(PARAMETERS, 0))
     for _ in range(2):
         for attempt in (rig.read, rig.acknowledge, lambda: rig.write(ZERO_VOLTS)):
@@ -262,7 +262,7 @@ def test_a_rig_that_is_not_open_says_so() -> None:
         rig.close()
 
 
-def test_a_drive_enable_line_that_stays_on_is_found_before_anything_is_acknowledged() -> None:
+def test_a_stuck_drive_enable_line_is_detected_before_acknowledgement() -> None:
     rig = stepped()
     rig.card.faults.enable_held = True
     with refused(PlantError, "drive_enable_stays_on", line="port2/line4"):
@@ -273,8 +273,8 @@ def test_a_drive_enable_line_that_stays_on_is_found_before_anything_is_acknowled
     rig.close()
 
 
-def test_a_running_watchdog_is_stopped_before_it_is_started_and_looked_at_only_while_it_runs() -> None:
-    """The virtual card refuses both with the codes of NI-DAQmx; an expired one also keeps its line."""
+def test_a_watchdog_is_stopped_before_a_start_and_polled_only_while_running() -> None:
+    """The virtual card rejects both with the codes of NI-DAQmx; an expired watchdog also holds its line."""
     registers = Card.create()
     daq = Daq(WIRING, VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers, has_clock=False).options)
     daq.open()
@@ -297,7 +297,7 @@ def test_a_running_watchdog_is_stopped_before_it_is_started_and_looked_at_only_w
     daq.close()
 
 
-def test_a_card_that_another_task_holds_is_refused_with_zero_volts() -> None:
+def test_a_card_held_by_another_task_is_rejected_at_zero_volts() -> None:
     rig = stepped()
     assert isinstance(rig, VirtualRig)
     second = Rig(rig.wiring, Daq(rig.wiring, rig.card.options))

@@ -1,4 +1,4 @@
-"""The rig at a virtual card under its watchdog process: silence takes the drives away, and everybody can see it."""
+"""The rig on a virtual card with its watchdog process: silence disables the drives, and the state is visible."""
 
 import time
 
@@ -23,8 +23,8 @@ PROOF_S = 2.0
 
 
 @pytest.fixture(autouse=True)
-def a_machine_that_is_busy(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Neither a cycle nor the watchdog's process is as fast as on a machine that has nothing else to do."""
+def busy_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cycles and the watchdog process are slower than on an idle machine."""
     monkeypatch.setattr(rig_module, "CYCLE_MAX_S", 10.0)
     monkeypatch.setattr(rig_module, "_PROOF_S", PROOF_S)
 
@@ -43,7 +43,7 @@ def until_expired(registers: Card) -> None:
         time.sleep(0.01)
 
 
-def test_silence_takes_the_drives_away_until_they_are_acknowledged() -> None:
+def test_silence_disables_the_drives_until_acknowledgement() -> None:
     rig, registers = watched()
     rig.open()
     rig.read()
@@ -61,7 +61,7 @@ def test_silence_takes_the_drives_away_until_they_are_acknowledged() -> None:
     assert not registers.state().drive_enabled
 
 
-def test_what_nobody_else_can_look_into_is_mirrored() -> None:
+def test_the_state_of_the_card_is_mirrored_for_other_processes() -> None:
     rig, registers = watched()
     mirror = Card.create()
     assert isinstance(rig, VirtualRig)
@@ -81,8 +81,8 @@ def test_what_nobody_else_can_look_into_is_mirrored() -> None:
     mirrored.close()
 
 
-def test_volts_that_could_not_be_written_are_not_shown() -> None:
-    """A card that is gone keeps what it had, and its drives, until its watchdog cuts them."""
+def test_voltages_that_were_not_written_are_not_mirrored() -> None:
+    """A disconnected card keeps its voltages and its drives until its watchdog expires."""
     rig, registers = watched()
     mirror = Card.create()
     assert isinstance(rig, VirtualRig)
@@ -98,7 +98,7 @@ def test_volts_that_could_not_be_written_are_not_shown() -> None:
     until_expired(registers)
 
 
-def test_a_watchdog_that_says_so_and_leaves_the_line_on_is_found_at_the_start() -> None:
+def test_a_watchdog_that_expires_without_disabling_is_detected_at_the_start() -> None:
     rig, registers = watched()
     assert isinstance(rig, VirtualRig)
     rig.card.faults.enable_held = True
@@ -109,10 +109,8 @@ def test_a_watchdog_that_says_so_and_leaves_the_line_on_is_found_at_the_start() 
 
 
 @pytest.mark.parametrize("pauses", [1, 2, 3])
-def test_a_machine_that_pauses_at_the_start_has_the_watchdog_begin_again(
-    pauses: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Nothing is driven yet, so a pause there is no fault; one that comes back each time is."""
+def test_a_pause_at_the_start_restarts_the_watchdog(pauses: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is driven yet, so one pause is no fault; a pause at each attempt is."""
     rig, registers = watched()
     enable, left = Daq.enable, pauses
 

@@ -1,4 +1,4 @@
-"""The simulated card's watchdog as a process of its own: tried before the drives come on, and missed when it dies."""
+"""The watchdog process of the simulated card: its proof test before the drives are enabled, and its death."""
 
 import os
 import signal
@@ -30,7 +30,7 @@ def kill_watchdog(card: Card) -> None:
 
 
 def write_until(card: Card, reached: Callable[[], bool]) -> float:
-    """Write as a loop does; return for how long [s]."""
+    """Write like a control loop until the condition holds; return the duration [s]."""
     begun_s = time.monotonic()
     while not reached():
         assert time.monotonic() - begun_s < PATIENCE_S
@@ -39,8 +39,8 @@ def write_until(card: Card, reached: Callable[[], bool]) -> float:
     return time.monotonic() - begun_s
 
 
-def test_the_trial_is_made_at_zero_volts_and_takes_its_time(card: Card) -> None:
-    """With the watchdogs below that fail theirs: nothing but the watchdog's own act ends the trial."""
+def test_the_proof_test_takes_its_full_time_at_zero_volts(card: Card) -> None:
+    """Together with the failing watchdogs below: only the action of the watchdog ends the proof test."""
     card.start_watchdog()
     while card.state().polls == 0:
         time.sleep(0.005)
@@ -64,7 +64,7 @@ def test_the_trial_is_made_at_zero_volts_and_takes_its_time(card: Card) -> None:
     assert not card.state().expired
 
 
-def test_after_its_trial_it_waits_its_whole_time(card: Card) -> None:
+def test_the_watchdog_waits_its_full_timeout_after_the_proof_test(card: Card) -> None:
     card.arm()
     written_s = time.monotonic()
     card.write(MotorCommand(1.0, 1.0), False)
@@ -74,7 +74,7 @@ def test_after_its_trial_it_waits_its_whole_time(card: Card) -> None:
     assert time.monotonic() - written_s >= WATCHDOG_S
 
 
-def test_a_watchdog_that_died_before_its_trial_keeps_the_drives_off(card: Card) -> None:
+def test_a_watchdog_that_died_before_its_proof_test_keeps_the_drives_off(card: Card) -> None:
     card.start_watchdog()
     while card.state().polls == 0:
         time.sleep(0.005)
@@ -85,7 +85,7 @@ def test_a_watchdog_that_died_before_its_trial_keeps_the_drives_off(card: Card) 
     assert not card.state().armed
 
 
-def test_a_watchdog_that_looks_but_never_cuts_keeps_the_drives_off(card: Card) -> None:
+def test_a_watchdog_that_polls_but_never_disables_keeps_the_drives_off(card: Card) -> None:
     card.start_watchdog()
     while card.state().polls == 0:
         time.sleep(0.005)
@@ -108,7 +108,7 @@ def test_a_watchdog_that_looks_but_never_cuts_keeps_the_drives_off(card: Card) -
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
-def test_a_watchdog_that_does_not_look_any_more_takes_the_drives_with_it(card: Card, how: signal.Signals) -> None:
+def test_a_watchdog_that_stops_polling_disables_the_drives(card: Card, how: signal.Signals) -> None:
     card.arm()
     write_until(card, lambda: card.state().u_A == 1.0)
     assert card.watchdog_pid is not None
@@ -124,14 +124,14 @@ def test_a_watchdog_that_does_not_look_any_more_takes_the_drives_with_it(card: C
     assert not card.state().drive_enabled
 
 
-def test_a_pause_of_the_whole_machine_is_no_dead_watchdog() -> None:
-    """Two looks that are far apart count as two periods: nobody could have counted in between."""
+def test_a_pause_of_the_whole_machine_is_not_a_dead_watchdog() -> None:
+    """Two polls far apart count as two periods: no process could count in between."""
     still = Stillness(0.001)
     times = count(0.0, 0.3)
     assert max(still.update(7, next(times)) for _ in range(100)) <= 100 * 0.002
     assert still.update(8, next(times)) == 0.0
 
 
-def test_a_counter_that_stands_is_timed() -> None:
+def test_a_constant_counter_is_timed() -> None:
     still = Stillness(0.001)
     assert [round(still.update(7, 0.001 * tick), 6) for tick in range(4)] == [0.0, 0.001, 0.002, 0.003]

@@ -51,7 +51,7 @@ def test_ideal_sensors_read_the_state_itself(ideal: PlantParameters) -> None:
 
 
 @pytest.mark.parametrize("delay_ms", [0, 1, 12, 60])
-def test_load_cells_lag_by_their_delay_to_the_tick(ideal: PlantParameters, delay_ms: int) -> None:
+def test_load_cells_lag_by_exactly_their_delay(ideal: PlantParameters, delay_ms: int) -> None:
     late = Simulator(with_sensors(ideal, force_delay=1e-3 * delay_ms), x=STANDING)
     prompt = Simulator(ideal, x=STANDING)
     seen, true = [], []
@@ -79,7 +79,7 @@ def test_load_cell_noise_has_its_standard_deviation_and_no_memory(ideal: PlantPa
     assert max(abs(lagged), abs(between)) < 5 / np.sqrt(8_000)
 
 
-def test_load_cells_read_every_step_of_16_bits_over_twice_the_limit_to_either_side(ideal: PlantParameters) -> None:
+def test_load_cells_have_16_bit_steps_over_twice_the_limit_on_either_side(ideal: PlantParameters) -> None:
     """±100 N in 65536 steps: no reading between two steps (a finer cell), and none left out (a coarser one)."""
     step = 200.0 / 2**16
     parameters = with_sensors(ideal, converter_bits=16)
@@ -94,7 +94,7 @@ def test_load_cells_read_every_step_of_16_bits_over_twice_the_limit_to_either_si
     assert np.unique(seen).size > 100
 
 
-def test_same_seed_same_run_another_seed_another(lab: PlantParameters) -> None:
+def test_a_seed_determines_the_run(lab: PlantParameters) -> None:
     def forces(seed: int) -> list[float]:
         simulator = Simulator(lab, seed=seed, x=STANDING)
         seen = []
@@ -107,7 +107,7 @@ def test_same_seed_same_run_another_seed_another(lab: PlantParameters) -> None:
     assert forces(1) != forces(2)
 
 
-def test_converters_round_the_voltage_to_16_bits_and_hold_it_within_10_V(ideal: PlantParameters) -> None:
+def test_converters_round_the_voltage_to_16_bits_and_clip_it_to_10_V(ideal: PlantParameters) -> None:
     parameters = with_sensors(ideal, converter_bits=16)
     step = 20.0 / 2**16
 
@@ -145,7 +145,7 @@ def drive_until_tripped(simulator: Simulator, command: MotorCommand) -> None:
     pytest.fail("the safety module never tripped")
 
 
-def test_too_much_tension_cuts_the_motors_and_stays_cut(ideal: PlantParameters) -> None:
+def test_excessive_tension_disables_the_motors_permanently(ideal: PlantParameters) -> None:
     simulator = Simulator(ideal, x=STANDING_SAFETY)
     drive_until_tripped(simulator, FULL)
     assert 50.0 < simulator.read().F_A < 75.0
@@ -161,7 +161,7 @@ def test_too_much_tension_cuts_the_motors_and_stays_cut(ideal: PlantParameters) 
     assert simulator.read().safety_trip == 1.0
 
 
-def test_acknowledging_is_refused_until_the_cause_is_gone(ideal: PlantParameters) -> None:
+def test_acknowledgement_is_rejected_until_the_cause_is_gone(ideal: PlantParameters) -> None:
     simulator = Simulator(ideal, x=STANDING_SAFETY)
     drive_until_tripped(simulator, FULL)
     with refused(PlantError, "limit_still_exceeded"):
@@ -177,7 +177,7 @@ def test_acknowledging_is_refused_until_the_cause_is_gone(ideal: PlantParameters
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_joint_beyond_its_range_trips_on_either_side(ideal: PlantParameters, side: float) -> None:
+def test_a_joint_beyond_its_range_trips_on_either_side(ideal: PlantParameters, side: float) -> None:
     q_max = ideal.geometry.q_max
     for q, trip in ((side * (q_max - 0.01), 0.0), (side * (q_max + 0.01), 1.0)):
         wound = ideal.geometry.r_j / ideal.geometry.r_m * q
@@ -186,7 +186,7 @@ def test_joint_beyond_its_range_trips_on_either_side(ideal: PlantParameters, sid
         assert simulator.read().safety_trip == trip
 
 
-def test_it_trusts_its_own_force_sensor_not_the_delayed_load_cell(ideal: PlantParameters) -> None:
+def test_the_safety_module_uses_its_own_force_sensor_not_the_delayed_load_cell(ideal: PlantParameters) -> None:
     slow = replace(ideal, sensors=replace(ideal.sensors, force_delay=0.060))
     simulator = Simulator(slow, x=STANDING_SAFETY)
     drive_until_tripped(simulator, FULL)

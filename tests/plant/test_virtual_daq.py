@@ -1,4 +1,4 @@
-"""The virtual card: its terminals, and what is broken at them on purpose."""
+"""The virtual card: its terminals and the faults injected there."""
 
 import math
 import re
@@ -31,8 +31,8 @@ PARAMETERS = load_parameters("lab")
 WIRING = load_wiring("pcie-6323")
 
 
-def test_a_bent_table_gives_the_volts_of_the_line_between_its_points() -> None:
-    """Where the card gives the volts of its own table, against numpy's line through the same points."""
+def test_a_table_gives_the_volts_interpolated_between_its_points() -> None:
+    """The card produces the volts of its own table, compared with numpy's interpolation of the same points."""
     F, V = (0.0, 5.0, 20.0, 60.0), (0.1, 1.0, 2.0, 9.0)
     cell = LoadCellScaling(math.nan, 0.0, np.column_stack((F, V)))
     for force in np.linspace(0.0, 60.0, 241):
@@ -46,7 +46,7 @@ def test_a_bent_table_gives_the_volts_of_the_line_between_its_points() -> None:
     ("position", "q", "held"),
     [(1.0, -1.1, False), (1.0, 0.9, False), (1.0, 1.1, True), (-0.5, -0.6, True), (-0.5, 0.6, False)],
 )
-def test_the_end_switch_is_read_whichever_level_it_holds(active: str, position: float, q: float, held: bool) -> None:
+def test_the_end_switch_is_read_at_either_active_level(active: str, position: float, q: float, held: bool) -> None:
     wiring = replace(WIRING, end_switch=replace(WIRING.end_switch, active=active, position=position))
     slack = -abs(q) * PARAMETERS.geometry.r_j / PARAMETERS.geometry.r_m
     start = PlantState(*Simulator(PARAMETERS).x)._replace(q=q, theta_A=slack, theta_B=slack)
@@ -57,7 +57,7 @@ def test_the_end_switch_is_read_whichever_level_it_holds(active: str, position: 
     rig.close()
 
 
-def test_a_converter_ends_at_its_first_and_last_code() -> None:
+def test_a_converter_saturates_at_its_first_and_last_code() -> None:
     step = 20.0 / 2**16
     assert (quantize_volts(25.0), quantize_volts(-25.0)) == (10.0 - step, -10.0)
     assert (quantize_volts(10.0), quantize_volts(10.0 - step)) == (10.0 - step, 10.0 - step)
@@ -65,7 +65,7 @@ def test_a_converter_ends_at_its_first_and_last_code() -> None:
     assert math.isnan(quantize_volts(math.nan))
 
 
-def test_a_card_in_stepped_time_that_is_gone_goes_on_with_its_last_volts_until_its_watchdog_expires() -> None:
+def test_a_disconnected_card_keeps_its_last_volts_until_its_watchdog_expires() -> None:
     rig = VirtualRig(WIRING, Simulator(PARAMETERS, 0))
     rig.open()
     rig.read()
@@ -86,7 +86,7 @@ SAID = load_wiring("pcie-6323")
 
 
 def differing(wiring: Wiring) -> list[str]:
-    """Return the entries in which a wiring is not what its file says, as section.entry."""
+    """Return the entries in which a wiring differs from its file, as section.entry."""
     return [
         f"{section}.{entry}"
         for section in SECTIONS
@@ -96,7 +96,7 @@ def differing(wiring: Wiring) -> list[str]:
 
 
 @pytest.mark.parametrize("kind", [kind for kind in InjectedFaultKind if not kind.startswith("swapped")])
-def test_only_what_happens_at_a_terminal_is_another_wiring(kind: InjectedFaultKind) -> None:
+def test_only_faults_at_terminals_change_the_wiring(kind: InjectedFaultKind) -> None:
     expected = {
         InjectedFaultKind.LOST_COUNTS: ["encoder_A.counts_per_rev"],
         InjectedFaultKind.SATURATION: ["load_cell_B.slope", "load_cell_B.offset"],
@@ -106,7 +106,7 @@ def test_only_what_happens_at_a_terminal_is_another_wiring(kind: InjectedFaultKi
     assert apply_miswiring(SAID, None) == SAID
 
 
-def test_three_of_ten_counts_are_lost_and_a_saturated_cell_stands_beyond_the_range() -> None:
+def test_three_of_ten_counts_are_lost_and_a_saturated_cell_exceeds_the_range() -> None:
     lost = apply_miswiring(SAID, InjectedFault(InjectedFaultKind.LOST_COUNTS, Sensor.Q)).encoder_q
     assert lost.counts_per_rev == pytest.approx(0.7 * SAID.encoder_q.counts_per_rev, rel=1e-12)
     cell = apply_miswiring(SAID, InjectedFault(InjectedFaultKind.SATURATION, Sensor.F_A)).load_cell_A
@@ -121,7 +121,7 @@ def test_three_of_ten_counts_are_lost_and_a_saturated_cell_stands_beyond_the_ran
         (InjectedFaultKind.SWAPPED_MOTORS, ("motor_A", "motor_B"), "channel"),
     ],
 )
-def test_swapped_wires_change_places_and_twice_swapped_are_right(
+def test_swapped_wires_exchange_signals_and_a_second_swap_restores_them(
     kind: InjectedFaultKind, pair: tuple[str, str], terminal: str
 ) -> None:
     swapped = apply_miswiring(SAID, InjectedFault(kind))
@@ -137,7 +137,7 @@ def test_swapped_wires_change_places_and_twice_swapped_are_right(
 
 @pytest.mark.parametrize("sensor", Sensor)
 @pytest.mark.parametrize("kind", InjectedFaultKind)
-def test_words_hold_no_name_of_the_code(kind: InjectedFaultKind, sensor: Sensor) -> None:
+def test_texts_of_injected_faults_contain_no_identifiers(kind: InjectedFaultKind, sensor: Sensor) -> None:
     words = InjectedFault(kind, sensor).words
     assert FaultInjector(InjectedFault(kind, sensor)).description == words
     assert not re.search(r"[a-z]{2,}_|_[a-z]|theta", words), words
@@ -145,7 +145,7 @@ def test_words_hold_no_name_of_the_code(kind: InjectedFaultKind, sensor: Sensor)
     assert words.endswith(f" of {sensor.replace('theta', 'θ')}") == about_a_sensor
 
 
-def test_a_sensor_goes_by_its_symbol() -> None:
+def test_a_sensor_is_named_by_its_symbol() -> None:
     assert InjectedFault(InjectedFaultKind.DRIFT_UP, Sensor.THETA_A).words == "drift up of θ_A"
     assert InjectedFault(InjectedFaultKind.WATCHDOG_DEATH).words == "watchdog death"
 
@@ -160,7 +160,7 @@ def test_a_sensor_goes_by_its_symbol() -> None:
         (Sensor.F_B, 400.0, 100.0),
     ],
 )
-def test_a_drift_goes_on_evenly_to_its_end_and_a_load_cell_reads_nothing_at_least(
+def test_a_drift_is_linear_to_its_end_and_load_cells_never_read_below_zero(
     sensor: Sensor, per_s: float, most: float
 ) -> None:
     m = NOT_MEASURED._replace(**{sensor.value: 5.0})

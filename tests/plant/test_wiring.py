@@ -1,4 +1,4 @@
-"""A wiring file is checked line by line: everything wrong with it is told at once, with what to do."""
+"""A wiring file is checked line by line: all problems are reported together, with remedies."""
 
 import math
 from collections.abc import Callable
@@ -33,7 +33,7 @@ def line_of(text: str, words: str) -> int:
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_shipped_wirings_load_and_name_the_source_of_each_number(name: str) -> None:
+def test_shipped_wirings_load_and_state_the_source_of_each_number(name: str) -> None:
     wiring = load_wiring(name)
     assert wiring.card.watchdog_s <= 0.05
     numbers = {
@@ -55,7 +55,7 @@ LINE_A = 'slope = { value = 10.0, unit = "N/V", source = "placeholder: 100 N at 
 
 
 class Wrong(NamedTuple):
-    """A change of the file, words in its line, and the problem of the entry with its remedy."""
+    """A change of the file, text in its line, and the problem of the entry with its remedy."""
 
     change: Callable[[str], str]
     words: str
@@ -165,7 +165,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("wrong", WRONG)
-def test_a_wrong_wiring_is_refused_with_line_entry_and_remedy(tmp_path: Path, wrong: str) -> None:
+def test_an_invalid_wiring_is_rejected_with_line_entry_and_remedy(tmp_path: Path, wrong: str) -> None:
     change, words, entry, problem, remedy = WRONG[wrong]
     text = change(SHIPPED_TEXT)
     found = next(found for found in problems(tmp_path, text) if found.entry == entry)
@@ -178,7 +178,7 @@ def test_a_wrong_wiring_is_refused_with_line_entry_and_remedy(tmp_path: Path, wr
     assert (sentence.code, sentence.values) == ("wiring_problem", values)
 
 
-def test_all_problems_are_told_at_once_in_the_order_of_their_lines(tmp_path: Path) -> None:
+def test_all_problems_are_reported_together_in_line_order(tmp_path: Path) -> None:
     text = SHIPPED_TEXT
     for wrong in (WRONG["unknown channel"], WRONG["wrong unit"], WRONG["slow watchdog"]):
         text = wrong.change(text)
@@ -188,11 +188,11 @@ def test_all_problems_are_told_at_once_in_the_order_of_their_lines(tmp_path: Pat
 
 
 @pytest.mark.parametrize("text", ["[card", "\x00", "card = 5"])
-def test_what_is_no_wiring_is_refused_in_a_sentence(tmp_path: Path, text: str) -> None:
+def test_a_file_that_is_no_wiring_is_rejected_in_one_sentence(tmp_path: Path, text: str) -> None:
     assert problems(tmp_path, text)
 
 
-def test_a_file_that_is_not_there_is_refused_with_what_is_shipped() -> None:
+def test_a_missing_wiring_file_is_rejected_with_the_shipped_names() -> None:
     with pytest.raises(WiringError) as error:
         load_wiring("no-such-wiring")
     (problem,) = error.value.problems

@@ -167,7 +167,7 @@ def test_a_planned_restart_and_end_without_voltages_are_no_trip(setup: Setup) ->
 
 
 def test_the_service_clears_the_outputs_when_watchdog_and_loop_are_both_dead(setup: Setup) -> None:
-    """The last protection on the simulator; a reset starts a new watchdog and proof-tests it before the drives go on."""
+    """The last protection on the simulator; a reset starts and proof-tests a new watchdog before the drives go on."""
 
     async def session() -> None:
         supervisor = Supervisor(setup)
