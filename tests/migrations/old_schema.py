@@ -25,7 +25,7 @@ def at_revision(data_dir: Path, revision: str) -> Iterator[Engine]:
 
 
 def migrated(opened: Database, data_dir: Path, revision: str) -> Database:
-    """Return a database opened anew, after it has gone back to a revision."""
+    """Return a database opened again, after a downgrade to a revision."""
     with opened.engine.connect() as connection, database._free_to_rebuild_tables(connection), connection.begin():
         command.downgrade(database._configuration(connection), revision)
     opened.close()

@@ -87,7 +87,7 @@ def test_opening_again_changes_nothing(tmp_path: Path) -> None:
     assert not (tmp_path / "backups").exists()
 
 
-def test_newer_database_is_refused_unchanged(tmp_path: Path) -> None:
+def test_a_newer_database_is_rejected_unchanged(tmp_path: Path) -> None:
     opened = open_database(tmp_path)
     with opened.session() as session:
         session.execute(text("UPDATE alembic_version SET version_num = '9999_from_the_future'"))
@@ -99,7 +99,7 @@ def test_newer_database_is_refused_unchanged(tmp_path: Path) -> None:
     engine.dispose()
 
 
-def test_recordings_of_an_earlier_schema_get_their_size(tmp_path: Path, later_scripts: Path) -> None:
+def test_recordings_of_an_earlier_schema_get_a_size(tmp_path: Path, later_scripts: Path) -> None:
     versions = later_scripts / "versions"
     newer = [script for script in versions.glob("0*.py") if script.name >= "0003"]
     texts = {script: script.read_text() for script in newer}
@@ -127,10 +127,8 @@ def test_recordings_of_an_earlier_schema_get_their_size(tmp_path: Path, later_sc
     opened.close()
 
 
-def test_a_longer_name_of_a_plant_leaves_runs_and_their_numbers_as_they_are(
-    tmp_path: Path, later_scripts: Path
-) -> None:
-    """SQLite makes the table anew: a number that was given out once is not given out again."""
+def test_a_wider_plant_name_column_keeps_runs_and_their_numbers(tmp_path: Path, later_scripts: Path) -> None:
+    """SQLite rebuilds the table: a number that was assigned once is not assigned again."""
     kept, gone = 1, 2
     newer = [script for script in (later_scripts / "versions").glob("0*.py") if script.name >= "0006"]
     texts = {script: script.read_text() for script in newer}
@@ -153,7 +151,7 @@ def test_a_longer_name_of_a_plant_leaves_runs_and_their_numbers_as_they_are(
     opened.close()
 
 
-def test_going_back_gives_no_number_out_again(tmp_path: Path) -> None:
+def test_a_downgrade_assigns_no_number_again(tmp_path: Path) -> None:
     make_with_data(tmp_path)
     engine = connect_database(sqlite_url(tmp_path))
     with engine.connect() as connection, migrate._free_to_rebuild_tables(connection), connection.begin():
@@ -166,7 +164,7 @@ def test_going_back_gives_no_number_out_again(tmp_path: Path) -> None:
     assert kept == [("bank", 7), ("identification", 7), ("run", 7)]
 
 
-def test_the_queue_goes_down_and_up_again_and_leaves_the_runs(tmp_path: Path) -> None:
+def test_the_queue_migrates_down_and_up_and_keeps_the_runs(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     with database.session() as session:
         run = runs.create(session, NEW_RUN).id
@@ -187,7 +185,7 @@ def test_the_queue_goes_down_and_up_again_and_leaves_the_runs(tmp_path: Path) ->
     database.close()
 
 
-def test_a_rebuilt_table_keeps_its_rows_and_those_that_refer_to_it(tmp_path: Path, later_scripts: Path) -> None:
+def test_a_rebuilt_table_keeps_its_rows_and_their_references(tmp_path: Path, later_scripts: Path) -> None:
     before = make_with_data(tmp_path)
     add_later_revision(later_scripts, before)
     database = open_database(tmp_path)
@@ -223,11 +221,11 @@ def test_a_failing_migration_changes_nothing(
     engine.dispose()
 
 
-def test_the_newest_revision_is_the_one_that_alembic_finds() -> None:
+def test_the_newest_revision_matches_alembic() -> None:
     assert newest_revision() == ScriptDirectory(str(SCRIPTS)).get_current_head()
 
 
-def test_quantities_in_texts_of_the_service_are_marked_and_a_persons_words_are_left(tmp_path: Path) -> None:
+def test_quantities_are_marked_in_service_texts_but_not_in_personal_texts(tmp_path: Path) -> None:
     """Up, down and up again: the texts of version 0.1, which had a space before each unit."""
     texts = {
         "fault": ("q = 1.6 rad, F_A = 7e-05 N", "q = 1.6~rad, F_A = 7e-05~N"),

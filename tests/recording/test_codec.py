@@ -30,7 +30,7 @@ def test_special_values_survive() -> None:
 
 @given(TABLES)
 @settings(deadline=None, max_examples=50)
-def test_summary_holds_every_number_and_no_other(table: np.ndarray[tuple[int, ...], np.dtype[np.float32]]) -> None:
+def test_summaries_cover_exactly_the_finite_values(table: np.ndarray[tuple[int, ...], np.dtype[np.float32]]) -> None:
     low, high = np.split(summarize_buckets(table), 2)
     assert len(low) == math.ceil(len(table) / BUCKET_TICKS)
     for bucket in range(len(low)):
@@ -45,12 +45,12 @@ def test_summary_holds_every_number_and_no_other(table: np.ndarray[tuple[int, ..
 
 
 @given(st.binary(max_size=200), st.integers(1, 40))
-def test_damaged_bytes_are_refused(damaged: bytes, columns: int) -> None:
+def test_damaged_bytes_are_rejected(damaged: bytes, columns: int) -> None:
     with pytest.raises(CodecError) as caught:
         unpack(damaged, columns)
     assert caught.value.message.code in ("samples_not_unpacked", "samples_are_no_table")
 
 
-def test_wrong_number_of_columns_is_refused() -> None:
+def test_a_wrong_number_of_columns_is_rejected() -> None:
     with refused(CodecError, "samples_are_no_table", size_bytes=24, columns=5):
         unpack(pack_table(np.zeros((3, 2), np.float32)), 5)

@@ -29,7 +29,7 @@ ROOT = Path(__file__).parents[2]
 STAND_IN = Path(__file__).with_name("recorder_stand_in.py")
 
 
-def test_killed_while_recording_loses_at_most_the_last_second(tmp_path: Path) -> None:
+def test_a_killed_recorder_loses_at_most_the_last_second(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     run = new_run(database)
     writer = Writer(Ring.create(65536))
@@ -98,7 +98,7 @@ class DeadlyDatabase(Database):
 
 
 @pytest.mark.parametrize("commits", [1, 2, 3, 4], ids=["the beginning", "twenty seconds", "what is left", "the end"])
-def test_a_recorder_that_dies_after_a_commit_goes_on_where_it_was(
+def test_a_recorder_that_dies_after_a_commit_continues_from_there(
     database: Database, long_writer: Writer, commits: int
 ) -> None:
     run = new_run(database)
@@ -118,7 +118,9 @@ def test_a_recorder_that_dies_after_a_commit_goes_on_where_it_was(
     assert (recording.missed, recording.problem) == (0, "")
 
 
-def test_a_run_given_up_before_its_first_samples_were_read_ends_as_they_say(database: Database, writer: Writer) -> None:
+def test_a_run_aborted_before_its_first_samples_are_read_gets_their_end_state(
+    database: Database, writer: Writer
+) -> None:
     run = new_run(database)
     recorder = Recorder(database, writer.ring)
     with database.session() as session:
@@ -137,7 +139,7 @@ def test_a_run_given_up_before_its_first_samples_were_read_ends_as_they_say(data
 
 
 def fill(database: Database) -> None:
-    """Let the file grow by no page from here on, as on a full disk."""
+    """Prevent any growth of the file from here on, as on a full disk."""
     _for_all_connections(database, "PRAGMA max_page_count=1")
 
 
@@ -158,7 +160,7 @@ def repair(database: Database) -> None:
 @pytest.mark.parametrize(
     ("breaks", "words"), [(fill, "database or disk is full"), (make_read_only, "attempt to write a readonly database")]
 )
-def test_samples_wait_in_the_ring_and_none_is_lost(
+def test_samples_wait_in_the_ring_buffer_and_none_is_lost(
     database: Database, writer: Writer, breaks: Callable[[Database], None], words: str
 ) -> None:
     run = new_run(database)
@@ -186,7 +188,7 @@ def test_samples_wait_in_the_ring_and_none_is_lost(
     np.testing.assert_array_equal(samples.columns["q"], np.concatenate(rows)[:, INDEX["q"]].astype(np.float32))
 
 
-def test_what_the_ring_could_not_keep_is_a_gap_of_the_run(database: Database, writer: Writer) -> None:
+def test_samples_overwritten_in_the_ring_buffer_are_a_gap_of_the_run(database: Database, writer: Writer) -> None:
     run = new_run(database)
     recorder = recorder_of(writer, database)
     writer.write(1000, run.id)
@@ -206,7 +208,7 @@ def test_what_the_ring_could_not_keep_is_a_gap_of_the_run(database: Database, wr
     assert recording.problem == lost
 
 
-def test_a_recorder_that_ends_with_samples_unstored_says_so(database: Database, writer: Writer) -> None:
+def test_a_recorder_that_ends_with_unstored_samples_reports_them(database: Database, writer: Writer) -> None:
     run = new_run(database)
     recorder = recorder_of(writer, database)
     writer.write(500, run.id)
@@ -219,7 +221,7 @@ def test_a_recorder_that_ends_with_samples_unstored_says_so(database: Database, 
     assert find_database_errors(database.engine) == []
 
 
-def test_a_run_whose_folder_is_gone_is_not_called_complete_and_goes_on_once_it_is_back(
+def test_a_run_without_its_folder_is_incomplete_and_resumes_with_the_folder(
     database: Database, writer: Writer, tmp_path: Path
 ) -> None:
     run = new_run(database)

@@ -1,4 +1,4 @@
-"""Signals that follow from others: formulas and envelopes, also of long recordings."""
+"""Derived signals: formulas and envelopes, also of long recordings."""
 
 import asyncio
 import json
@@ -96,25 +96,25 @@ def test_an_envelope_has_the_extremes_of_the_sums(
             assert found.maximum[name][bucket] == pytest.approx(high, rel=1e-6, abs=1e-7, nan_ok=True)
 
 
-def test_alone_they_bring_no_column(recorded: tuple[Database, int, Rows]) -> None:
+def test_a_derived_signal_adds_no_other_column(recorded: tuple[Database, int, Rows]) -> None:
     database, run, _ = recorded
     with database.reading() as session:
         assert list(read_envelope(session, run, 100, ["q - q_ref"]).minimum) == ["q - q_ref"]
 
 
-def test_what_cannot_be_had_is_nan(recorded: tuple[Database, int, Rows]) -> None:
+def test_unavailable_derived_signals_are_nan(recorded: tuple[Database, int, Rows]) -> None:
     database, run, _ = recorded
     with database.reading() as session:
         assert np.isnan(read_envelope(session, run, 100, ["S - S_true"]).minimum["S - S_true"]).all()  # as on a rig
 
 
-def test_exports_know_columns_only(recorded: tuple[Database, int, Rows]) -> None:
+def test_exports_contain_recorded_columns_only(recorded: tuple[Database, int, Rows]) -> None:
     database, run, _ = recorded
     with database.reading() as session, refused(UnknownSignalError, "signals_not_recorded", signals=["q - q_ref"]):
         read_samples(session, run, ["q - q_ref"])
 
 
-def test_each_has_the_unit_of_its_terms() -> None:
+def test_each_derived_signal_has_the_unit_of_its_terms() -> None:
     metres = {"x_A", "x_B"}
     assert {one.name for one in COMBINED_SIGNALS if one.unit == "m"} == metres
     assert len(COMBINED_SIGNAL_BY_NAME) == len(COMBINED_SIGNALS)
@@ -161,7 +161,7 @@ def test_every_signal_may_be_named(name: str) -> None:
     np.testing.assert_allclose(derived.values(columns, LENGTHS, 2), [2 * one, 2 * one], rtol=1e-12)
 
 
-def test_a_column_or_a_length_that_is_not_there_is_a_gap() -> None:
+def test_a_missing_column_or_length_gives_a_gap() -> None:
     derived = parse_derived_signal("made", "1", "q + F_wall")
     assert np.isnan(derived.values({"q": np.ones(3)}, {}, 3)).all()
     assert np.isnan(
@@ -177,8 +177,8 @@ def test_a_column_or_a_length_that_is_not_there_is_a_gap() -> None:
          "sqrt(q)", "q * S - S / q", "max(q, -S, 1)", "(q > 0) + (S > 0)", "not q", "q < S < 50"]
     ),
 )  # fmt: skip
-def test_it_says_what_the_language_of_experiments_says(q: float, S: float, expression: str) -> None:
-    """Where that refuses a value, as of a division by zero, there is a gap."""
+def test_formulas_agree_with_the_language_of_experiments(q: float, S: float, expression: str) -> None:
+    """Where that language rejects a value, for example a division by zero, the signal has a gap."""
     derived = parse_derived_signal("made", "1", expression)
     (value,) = derived.values({"q": np.array([q]), "S": np.array([S])}, {}, 1)
     names = {"q": q, "S": S}
@@ -213,14 +213,14 @@ def test_it_says_what_the_language_of_experiments_says(q: float, S: float, expre
         ("-" * 40 + "q", Reason("expression_nested_too_deep", maximum=30)),
     ],
 )
-def test_what_is_refused(expression: str, reason: Reason) -> None:
+def test_invalid_formulas_are_rejected(expression: str, reason: Reason) -> None:
     with pytest.raises(ExpressionError) as refused:
         parse_derived_signal("made", "1", expression)
     assert refused.value.message == reason
 
 
 @pytest.mark.parametrize("name", ["q", "x_A", "min", "pi", "and", "t", "1a", "a b", "", "a" * 21, "_a"])
-def test_names_that_are_taken_or_odd_are_refused(name: str) -> None:
+def test_duplicate_or_invalid_names_are_rejected(name: str) -> None:
     with pytest.raises(ExpressionError):
         parse_derived_signal(name, "1", "q")
 
@@ -237,7 +237,7 @@ AT = 321
 
 @pytest.fixture(scope="module")
 def long_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Database, int]]:
-    """A recording as it is stored, made of seconds at rest, and of some with a spike of a millisecond."""
+    """A stored recording: seconds at rest, and some seconds with a spike of one millisecond."""
     database = open_database(tmp_path_factory.mktemp("long"))
     geometry = {"r_m": {"value": R_M_LONG}, "r_j": {"value": R_J_LONG}}
     with database.session() as session:
@@ -264,7 +264,7 @@ def packed_second(error: float) -> tuple[bytes, bytes]:
     return pack_table(summarize_buckets(table)), pack_table(table)
 
 
-def test_the_whole_of_a_long_recording_has_the_extremes_of_every_sample(long_run: tuple[Database, int]) -> None:
+def test_the_envelope_of_a_long_recording_has_the_extremes_of_all_samples(long_run: tuple[Database, int]) -> None:
     database, run = long_run
     with database.reading() as session:
         found = read_envelope(session, run, 2000, ["q - q_ref", "x_A"])
@@ -279,7 +279,7 @@ def test_the_whole_of_a_long_recording_has_the_extremes_of_every_sample(long_run
     assert np.median(found.minimum["x_A"]) == pytest.approx(R_M_LONG * 2.0 - R_J_LONG * q.max(), rel=1e-5)
 
 
-def test_what_reads_that_many_samples_is_read_in_the_process_beside_the_service(
+def test_queries_of_many_samples_run_in_the_worker_process(
     long_run: tuple[Database, int],
 ) -> None:
     database, run = long_run

@@ -1,4 +1,4 @@
-"""Differences of runs, and jumps."""
+"""Differences between runs, and jumps."""
 
 import csv
 import math
@@ -40,7 +40,7 @@ def signals(seed: int, step_at: int, length: int = LENGTH) -> dict[str, np.ndarr
 
 @given(seed=SEEDS, steps=st.tuples(*[st.integers(10, 1400)] * 2), gap=st.integers(0, 1400), band=st.floats(0.0, 0.4))
 @settings(max_examples=40, deadline=None)
-def test_figures_are_those_of_a_plain_look(
+def test_metrics_of_differences_match_a_direct_computation(
     database: Database, seed: int, steps: tuple[int, int], gap: int, band: float
 ) -> None:
     lost = range(gap, gap + 40)
@@ -76,7 +76,7 @@ def test_figures_are_those_of_a_plain_look(
         assert found.largest_at_s == pytest.approx(worst * 1e-3)
 
 
-def test_buckets_hold_the_extremes_of_their_samples_and_stand_still(database: Database) -> None:
+def test_buckets_hold_the_extremes_of_their_samples_at_fixed_positions(database: Database) -> None:
     one, other = signals(1, 100), signals(2, 100)
     both = [recorded_run(database, one), recorded_run(database, other)]
     apart = [np.asarray(values["q"], np.float32).astype(float) for values in (other, one)]
@@ -94,13 +94,13 @@ def test_buckets_hold_the_extremes_of_their_samples_and_stand_still(database: Da
             assert (low, high) == (inside.min(), inside.max())
 
 
-def test_between_samples_a_curve_is_straight_and_over_a_gap_there_is_none() -> None:
+def test_curves_are_linear_between_samples_and_interrupted_at_gaps() -> None:
     curve = Curve(np.array([0.0, 1.0, 2.0, 5.0, 6.0]), np.array([0.0, 2.0, np.nan, 1.0, 3.0]), 1.0)
     found = curve.interpolate(np.array([-0.5, 0.0, 0.25, 1.0, 1.5, 3.0, 5.0, 5.5, 6.0, 6.5]))
     np.testing.assert_allclose(found, [np.nan, 0.0, 0.5, 2.0, np.nan, np.nan, 1.0, 2.0, 3.0, np.nan])
 
 
-def test_what_a_run_lacks_is_said_and_the_others_are_compared(database: Database) -> None:
+def test_missing_signals_are_reported_and_the_others_are_compared(database: Database) -> None:
     plain = recorded_run(database, signals(1, 100))
     with_step = recorded_run(database, signals(2, 300))
     without = recorded_run(database, signals(3, 10**6))
@@ -150,7 +150,7 @@ def test_runs_are_aligned_by_an_event_of_each(database: Database) -> None:
     assert third[0].not_aligned == f"run {found[0]} has 2 events of the kind tuning; alignment requires at least 3"
 
 
-def test_a_file_gives_back_every_sample_and_says_what_it_is(database: Database) -> None:
+def test_an_exported_difference_contains_every_sample_and_its_description(database: Database) -> None:
     one, other = signals(4, 100), signals(5, 250, 900)
     reference, run = recorded_run(database, one), recorded_run(database, other)
     asked = DifferencesRequest(run=[reference, run], by=AlignBy.STEP)
@@ -172,7 +172,7 @@ def test_a_file_gives_back_every_sample_and_says_what_it_is(database: Database) 
         assert (value, apart) == (b[k + 150], b[k + 150] - a[k]) if there else math.isnan(value) and math.isnan(apart)
 
 
-def test_the_table_tells_what_differs(database: Database) -> None:
+def test_the_table_lists_the_differences(database: Database) -> None:
     found = [recorded_run(database, signals(seed, 10)) for seed in (1, 2)]
     lines = b"".join(stream_table_file(database, ComparisonRequest(run=found))).decode().splitlines()
     rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
@@ -205,8 +205,8 @@ def drawn(parts: list[tuple[str, int, float]]) -> list[float]:
     return values
 
 
-def looked_at(values: list[float], lost: range) -> list[float]:
-    """Every sample that differs from the one before, beside which the signal stands still, in milliseconds."""
+def find_jumps_directly(values: list[float], lost: range) -> list[float]:
+    """Every sample that differs from the one before, between constant intervals of the signal, in milliseconds."""
     y = np.asarray(values, np.float32)
     there = [k for k in range(len(y)) if k not in lost]
     begin = there[0] if there else 0
@@ -227,14 +227,14 @@ def looked_at(values: list[float], lost: range) -> list[float]:
     at_once=st.sampled_from([1, 3, 12_000]),
 )
 @settings(max_examples=40, deadline=None)
-def test_every_jump_is_found_and_nothing_else(
+def test_exactly_the_jumps_are_found(
     database_jumps: Database, parts: list[tuple[str, int, float]], lost_at: int, lost_for: int, at_once: int
 ) -> None:
     values, lost = drawn(parts), range(lost_at, lost_at + lost_for)
     if all(k in lost for k in range(len(values))):
         return
     run = recorded_run(database_jumps, {"q_ref": values}, lost)
-    expected = looked_at(values, lost)
+    expected = find_jumps_directly(values, lost)
     with pytest.MonkeyPatch.context() as patched, database_jumps.reading() as session:
         patched.setattr(reader, "_MOST_SUMMARIES", at_once)
         assert [round(at_s, 6) for at_s in jumps(session, run, "q_ref")] == expected

@@ -1,4 +1,4 @@
-"""Around each trip ten seconds before and five after are kept, every tick of them."""
+"""Flight records: every tick from ten seconds before each trip to five after it."""
 
 import asyncio
 import sqlite3
@@ -40,7 +40,9 @@ def trip(tick: int, fault: Fault = Fault.SLACK) -> Stopped:
     return Stopped(fault, True, tick, tick, 0.1, "F_A = 0.2 N")
 
 
-def test_ten_seconds_before_and_five_after_with_every_tick(database: Database, writer: Writer) -> None:
+def test_a_flight_record_has_all_ticks_from_ten_seconds_before_to_five_after(
+    database: Database, writer: Writer
+) -> None:
     run = new_run(database)
     recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     before = writer.write(20_000, run=run.id)
@@ -61,7 +63,7 @@ def test_ten_seconds_before_and_five_after_with_every_tick(database: Database, w
 
 
 def test_a_trip_whose_loop_was_replaced_is_stored_at_once(database: Database, writer: Writer) -> None:
-    """A reset starts another loop where the watchdog is dead; that is no death of the loop, and nobody tells of it."""
+    """A reset replaces the loop where the watchdog is dead; this is not reported as the death of the loop."""
     present = writer
     recorder = FlightRecorder(database, lambda: present.ring, QUOTA)
     writer.write(1_000)
@@ -75,9 +77,7 @@ def test_a_trip_whose_loop_was_replaced_is_stored_at_once(database: Database, wr
     assert (flight.fault, flight.count) == ("watchdog_dead", 1_300)
 
 
-def test_a_record_is_stamped_with_the_time_of_its_trip_and_stands_there_among_the_events(
-    database: Database, writer: Writer
-) -> None:
+def test_a_flight_record_has_the_time_of_its_trip_in_the_event_log(database: Database, writer: Writer) -> None:
     recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     writer.write(3_000)
     since = datetime.now(UTC)
@@ -102,7 +102,7 @@ def test_a_record_is_stamped_with_the_time_of_its_trip_and_stands_there_among_th
     assert [event.id for event in told] == [late.event_id, first.event_id, reset.id]
 
 
-def test_trips_soon_after_each_other_are_one_record_that_names_them(database: Database, writer: Writer) -> None:
+def test_trips_in_quick_succession_share_one_flight_record(database: Database, writer: Writer) -> None:
     recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     writer.write(3_000)
     recorder.on_event(trip(3_000))
@@ -116,7 +116,7 @@ def test_trips_soon_after_each_other_are_one_record_that_names_them(database: Da
     assert f"Followed by {told}." in flight.text
 
 
-def test_a_fault_that_trips_in_every_tick_is_a_record_each_five_seconds(database: Database, writer: Writer) -> None:
+def test_a_fault_in_every_tick_gives_one_flight_record_per_five_seconds(database: Database, writer: Writer) -> None:
     recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     writer.write(10_000)
     for tick in range(10_000, 13_000):
@@ -134,7 +134,7 @@ def test_a_fault_that_trips_in_every_tick_is_a_record_each_five_seconds(database
 
 
 @pytest.mark.parametrize(("quota", "kept"), [(Quota(2, 10**9), 2), (Quota(100, 1), 1)])
-def test_the_oldest_give_way_to_the_newest_and_an_event_says_so(
+def test_new_flight_records_replace_the_oldest_and_an_event_reports_it(
     database: Database, writer: Writer, quota: Quota, kept: int
 ) -> None:
     recorder = FlightRecorder(database, lambda: writer.ring, quota)
@@ -149,7 +149,7 @@ def test_the_oldest_give_way_to_the_newest_and_an_event_says_so(
     assert sum("F_A = 0.2 N" in text for text in told) == 4, "the events of the trips stay"
 
 
-def test_the_death_of_the_loop_ends_what_waits_and_has_a_record_of_its_own(database: Database, writer: Writer) -> None:
+def test_the_death_of_the_loop_ends_pending_records_and_has_its_own_record(database: Database, writer: Writer) -> None:
     recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     writer.write(12_000)
     recorder.on_event(trip(12_000))
@@ -161,7 +161,7 @@ def test_the_death_of_the_loop_ends_what_waits_and_has_a_record_of_its_own(datab
     assert (death.fault, death.trip_tick, death.count) == (DIED, 12_100, 10_000)
 
 
-def test_a_record_that_cannot_be_stored_is_told_and_tried_again(
+def test_a_failed_flight_record_is_reported_and_retried(
     database: Database, writer: Writer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
@@ -181,8 +181,8 @@ def _disk_full(*_: object) -> None:
     raise StorageError("database or disk is full")
 
 
-def test_a_loop_that_dies_while_a_trip_is_written(database: Database, writer: Writer, tmp_path: Path) -> None:
-    """The list that waits is changed by the event loop while a thread stores from it."""
+def test_a_loop_may_die_while_a_trip_is_stored(database: Database, writer: Writer, tmp_path: Path) -> None:
+    """The event loop changes the pending list while a thread stores from it."""
 
     async def session() -> None:
         recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
@@ -215,7 +215,7 @@ async def _until(reached: Callable[[], bool]) -> None:
         await asyncio.sleep(0.01)
 
 
-def test_what_waits_is_stored_when_the_service_ends(database: Database, writer: Writer) -> None:
+def test_pending_flight_records_are_stored_when_the_service_ends(database: Database, writer: Writer) -> None:
     recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     writer.write(2_000)
     recorder.on_event(trip(1_500))
@@ -223,6 +223,6 @@ def test_what_waits_is_stored_when_the_service_ends(database: Database, writer: 
     assert [flight.count for flight in stored(database)] == [2_000]
 
 
-def test_an_unknown_record_is_told(database: Database) -> None:
+def test_an_unknown_flight_record_is_reported(database: Database) -> None:
     with refused(UnknownRecordError, "record_not_found", record="flight record", number=7):
         read_flight_columns(database, 7)

@@ -1,4 +1,4 @@
-"""Figures of ranges of a recording."""
+"""Statistics, spectra and values of ranges of a recording."""
 
 import asyncio
 import json
@@ -47,7 +47,7 @@ def asked(database: Database) -> RangeQuery:
 
 
 @pytest.mark.parametrize("at_hand", [COUNT, 1000])
-def test_threads_and_process_give_the_same_lines(
+def test_threads_and_worker_process_give_the_same_lines(
     database: Database, asked: RangeQuery, at_hand: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(signals, "AT_HAND_SAMPLES", at_hand)
@@ -63,7 +63,7 @@ def test_threads_and_process_give_the_same_lines(
 
 
 @pytest.mark.parametrize("at_hand", [COUNT, 1000])
-def test_a_stream_that_is_left_frees_its_place(
+def test_an_abandoned_stream_frees_its_slot(
     database: Database, asked: RangeQuery, at_hand: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(signals, "AT_HAND_SAMPLES", at_hand)
@@ -94,7 +94,7 @@ SIGNALS = ("q", "q_ref", "S", "u_A", "q - q_ref", "x_A")
 
 
 def made_up() -> dict[str, NDArray[np.floating]]:
-    """Return what only every sample tells: noise between spikes of one sample, on a large offset."""
+    """Return a signal that requires every sample: noise with spikes of one sample, on a large offset."""
     chance = np.random.default_rng(5)
     t = np.arange(COUNT_RANGES) * T_s
     q = 0.4 * np.sin(2 * np.pi * 0.2 * t) + 1e-3 * chance.standard_normal(COUNT_RANGES)
@@ -115,7 +115,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Database,
 
 @pytest.fixture(scope="module")
 def whole(stored: tuple[Database, int], tmp_path_factory: pytest.TempPathFactory) -> dict[str, NDArray[np.float64]]:
-    """The run's data.csv, read as anybody reads it; beside it what is computed from its columns."""
+    """The run's data.csv, read like any CSV, with the signals computed from its columns."""
     file = tmp_path_factory.mktemp("csv") / "data.csv"
     file.write_bytes(b"".join(writers.write_csv(export_run(*stored))))
     return with_computed(read_csv(file))
@@ -127,7 +127,7 @@ def with_computed(columns: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[
 
 
 def read_csv(file: Path) -> dict[str, NDArray[np.float64]]:
-    """Read recorded columns in single precision, as they are written: the digits give each value back exactly."""
+    """Read recorded columns in single precision, as written: the digits restore each value exactly."""
     with file.open() as lines:
         comments = sum(1 for _ in takewhile(lambda line: line.startswith("#"), lines))
     types = pyarrow.csv.ConvertOptions(column_types=dict.fromkeys(STORED_NAMES, pa.float32()))
@@ -136,7 +136,7 @@ def read_csv(file: Path) -> dict[str, NDArray[np.float64]]:
 
 
 def last_of(lines: Iterator[bytes]) -> dict[str, Any]:
-    """Return the result, after checking that the lines before told that it comes."""
+    """Return the result, after a check that the lines before it report progress."""
     *under_way, last = [json.loads(line) for line in lines]
     shares = [line["share"] for line in under_way]
     assert shares == sorted(shares)
@@ -173,7 +173,7 @@ def test_statistics_are_those_of_the_csv(
 
 
 def test_statistics_of_ten_minutes_are_those_of_the_csv(tmp_path: Path) -> None:
-    """Read in double precision, as most read a CSV: the digits written differ from what is stored by less than 1e-9."""
+    """Read in double precision, like most CSV readers: the digits differ from the stored values by less than 1e-9."""
     t = np.arange(600_000) * T_s
     drift, chance = 30.0 + 0.01 * t, np.random.default_rng(7)
     columns = {"F_A": drift + chance.standard_normal(t.size), "u_A": 10.0 * np.sign(np.sin(9.0 * t)), "q": 1e-3 * drift}
@@ -243,7 +243,7 @@ def test_spectra_are_those_of_scipy(
     assert (refused.value.value, refused.value.maximum) == (2 * within.sum(), 100_000)
 
 
-def test_a_spectrum_takes_no_segment_over_a_gap_and_says_what_it_left_out(stored: tuple[Database, int]) -> None:
+def test_a_spectrum_excludes_segments_with_gaps_and_reports_them(stored: tuple[Database, int]) -> None:
     database, run = stored
     result = last_of(stream_spectra(database, RangeQuery(run, 39.0, 80.0, ("S", "u_A", "q_ref"))))
     assert (result["samples"], result["missing"]) == (41_001 - 700, 700)
@@ -274,7 +274,7 @@ def test_a_spectrum_takes_no_segment_over_a_gap_and_says_what_it_left_out(stored
         (3.0002, 3.0008, "range", T_s, None),
     ],
 )
-def test_a_range_that_is_none_is_refused_with_its_bounds(
+def test_an_invalid_range_is_rejected_with_its_bounds(
     stored: tuple[Database, int],
     from_s: float,
     to_s: float | None,
@@ -291,7 +291,7 @@ def test_a_range_that_is_none_is_refused_with_its_bounds(
         assert refused.value.maximum == (None if maximum is None else pytest.approx(maximum))
 
 
-def test_what_is_not_there_is_refused(stored: tuple[Database, int]) -> None:
+def test_unknown_runs_and_signals_are_rejected(stored: tuple[Database, int]) -> None:
     database, run = stored
     for lines in (stream_statistics, stream_spectra, stream_range_csv):
         with pytest.raises(UnknownSignalError):

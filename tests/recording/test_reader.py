@@ -73,7 +73,9 @@ def test_a_slice_holds_exactly_the_samples_within(recorded: Recorded, a: int, b:
 
 @given(a=st.integers(0, TICKS), length=st.integers(1, TICKS), points=st.integers(1, 3000))
 @settings(max_examples=60, deadline=None)
-def test_envelope_bounds_the_samples_and_stands_still(recorded: Recorded, a: int, length: int, points: int) -> None:
+def test_an_envelope_bounds_the_samples_at_fixed_positions(
+    recorded: Recorded, a: int, length: int, points: int
+) -> None:
     b = min(a + length, TICKS)
     envelope = recorded.envelope(points, a * 1e-3, b * 1e-3)
     width = round(envelope.width_s / 1e-3)
@@ -93,7 +95,7 @@ def test_envelope_bounds_the_samples_and_stands_still(recorded: Recorded, a: int
 
 
 @pytest.mark.parametrize("points", [1, 7, 240, 300, 5000, 100_000])
-def test_whole_envelope_is_the_plain_minimum_and_maximum(recorded: Recorded, points: int) -> None:
+def test_the_whole_envelope_is_the_minimum_and_maximum(recorded: Recorded, points: int) -> None:
     envelope = recorded.envelope(points)
     width = round(envelope.width_s / 1e-3)
     buckets = recorded.ticks // width
@@ -107,19 +109,19 @@ def test_whole_envelope_is_the_plain_minimum_and_maximum(recorded: Recorded, poi
             assert np.isnan(high)
 
 
-def test_lost_samples_are_a_hole(recorded: Recorded) -> None:
+def test_lost_samples_are_a_gap(recorded: Recorded) -> None:
     envelope = recorded.envelope(240)
     hole = (envelope.t > 3.0) & (envelope.t < 4.65)
     assert np.all(np.isnan(envelope.minimum["q"][hole]))
     assert not np.any(np.isnan(envelope.minimum["q"][(envelope.t < 2.9) | (envelope.t > 4.8)]))
 
 
-def test_no_names_means_all_signals(recorded: Recorded) -> None:
+def test_a_query_without_names_returns_all_signals(recorded: Recorded) -> None:
     with recorded.database.reading() as session:
         assert tuple(read_samples(session, recorded.run_id, to_s=0.01).columns) == STORED_NAMES
 
 
-def test_what_cannot_be_read_is_refused(recorded: Recorded) -> None:
+def test_unreadable_recordings_are_rejected(recorded: Recorded) -> None:
     with recorded.database.reading() as session:
         with refused(UnknownSignalError, "signals_not_recorded", signals=["Q"], recorded=list(STORED_NAMES)):
             read_samples(session, recorded.run_id, ["Q"])
@@ -158,7 +160,7 @@ def test_a_signal_that_only_later_versions_record_is_nan(tmp_path: Path, monkeyp
 # Columns to compute with and columns to draw, from the same recording.
 
 
-def test_columns_hold_every_sample_and_drawings_their_extremes(database: Database, writer: Writer) -> None:
+def test_columns_hold_every_sample_and_charts_their_extremes(database: Database, writer: Writer) -> None:
     run = new_run(database)
     recorder = recorder_of(writer, database)
     written = writer.write(6_000, run.id)

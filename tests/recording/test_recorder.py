@@ -1,4 +1,4 @@
-"""Recorded runs: samples, gaps, ends, walls, and a real loop."""
+"""Recorded runs: samples, gaps, ends, obstacles, and a real loop."""
 
 import asyncio
 import itertools
@@ -46,7 +46,7 @@ def assert_stored(database: Database, run_id: int, rows: np.ndarray[tuple[int, .
 
 
 @pytest.mark.parametrize("lengths", [(1,), (999,), (1000,), (1001,), (2500,), (300, 1700)])
-def test_all_samples_of_a_run_come_back(database: Database, writer: Writer, lengths: tuple[int, ...]) -> None:
+def test_all_samples_of_a_run_are_read_back(database: Database, writer: Writer, lengths: tuple[int, ...]) -> None:
     run = new_run(database)
     recorder = recorder_of(writer, database)
     writer.write(37)
@@ -64,7 +64,7 @@ def test_all_samples_of_a_run_come_back(database: Database, writer: Writer, leng
     recorder.close()
 
 
-def test_runs_that_follow_each_other_are_kept_apart(database: Database, writer: Writer) -> None:
+def test_consecutive_runs_are_stored_separately(database: Database, writer: Writer) -> None:
     first, second = new_run(database), new_run(database)
     recorder = recorder_of(writer, database)
     rows = [writer.write(450, first.id), writer.write(1200, second.id)]
@@ -77,7 +77,7 @@ def test_runs_that_follow_each_other_are_kept_apart(database: Database, writer: 
     assert_stored(database, second.id, rows[1])
 
 
-def test_a_recorder_left_behind_tells_the_gap(database: Database, writer: Writer) -> None:
+def test_an_overtaken_recorder_reports_the_gap(database: Database, writer: Writer) -> None:
     run = new_run(database)
     recorder = recorder_of(writer, database)
     head = writer.write(1000, run.id)
@@ -94,7 +94,7 @@ def test_a_recorder_left_behind_tells_the_gap(database: Database, writer: Writer
     assert recording.problem == messages.samples_overwritten(count=500, tick=1000)
 
 
-def test_a_run_whose_beginning_is_lost_says_so(database: Database, writer: Writer) -> None:
+def test_a_run_without_its_beginning_reports_the_gap(database: Database, writer: Writer) -> None:
     run = new_run(database)
     recorder = recorder_of(writer, database)
     writer.write(20)
@@ -106,7 +106,7 @@ def test_a_run_whose_beginning_is_lost_says_so(database: Database, writer: Write
         assert recordings.get(session, run.id).missed == 100
 
 
-def test_dead_loop_ends_the_run_with_all_its_samples(database: Database, writer: Writer) -> None:
+def test_a_dead_loop_ends_the_run_with_all_its_samples(database: Database, writer: Writer) -> None:
     run = new_run(database)
     recorder = recorder_of(writer, database)
     rows = writer.write(1234, run.id)
@@ -126,7 +126,7 @@ def test_dead_loop_ends_the_run_with_all_its_samples(database: Database, writer:
     recorder.close()
 
 
-def test_closing_keeps_what_is_there_and_ends_the_run(database: Database, writer: Writer) -> None:
+def test_closing_stores_the_samples_and_ends_the_run(database: Database, writer: Writer) -> None:
     run = new_run(database)
     recorder = recorder_of(writer, database)
     rows = writer.write(1500, run.id)
@@ -135,7 +135,7 @@ def test_closing_keeps_what_is_there_and_ends_the_run(database: Database, writer
     assert stored_run(database, run.id).end_state == EndState.STOPPED
 
 
-def test_samples_of_an_unknown_run_are_left_out_and_that_is_told(database: Database, writer: Writer) -> None:
+def test_samples_of_an_unknown_run_are_skipped_and_reported(database: Database, writer: Writer) -> None:
     recorder = recorder_of(writer, database)
     writer.write(1500, run=99)
     known = new_run(database)
@@ -148,7 +148,7 @@ def test_samples_of_an_unknown_run_are_left_out_and_that_is_told(database: Datab
     assert "run 99" in told.text
 
 
-def test_thread_records_while_the_loop_writes(database: Database, writer: Writer) -> None:
+def test_the_recorder_thread_records_while_the_loop_writes(database: Database, writer: Writer) -> None:
     run = new_run(database)
     recorder = recorder_of(writer, database)
     recording = threading.Thread(target=recorder.run_recording)
@@ -162,7 +162,7 @@ def test_thread_records_while_the_loop_writes(database: Database, writer: Writer
 
 
 class Hindrance:
-    """A pragma put on every connection: SQLite then refuses to write as on a full disk or a read-only file."""
+    """A pragma on every connection: SQLite then rejects writes as on a full disk or a read-only file."""
 
     def __init__(self, database: Database) -> None:
         self.pragma = "PRAGMA query_only=OFF"
@@ -176,7 +176,7 @@ HINDRANCES = [
 
 
 @pytest.mark.parametrize(("hinder", "relieve", "reason"), HINDRANCES)
-def test_a_database_that_takes_nothing_is_reported_and_tried_again(
+def test_an_unwritable_database_is_reported_and_retried(
     database: Database, writer: Writer, hinder: str, relieve: str, reason: str
 ) -> None:
     run = new_run(database)
@@ -200,7 +200,7 @@ def test_a_database_that_takes_nothing_is_reported_and_tried_again(
     assert_stored(database, run.id, np.concatenate(rows))
 
 
-def test_closing_on_a_database_that_takes_nothing_is_an_error(database: Database, writer: Writer) -> None:
+def test_closing_on_an_unwritable_database_raises(database: Database, writer: Writer) -> None:
     run = new_run(database)
     recorder = recorder_of(writer, database)
     writer.write(1500, run.id)
@@ -211,7 +211,7 @@ def test_closing_on_a_database_that_takes_nothing_is_an_error(database: Database
     assert stored_run(database, run.id).end_state == EndState.RUNNING
 
 
-def test_locked_database_delays_nothing_but_the_storing(database: Database, writer: Writer, tmp_path: Path) -> None:
+def test_a_locked_database_delays_only_the_storage(database: Database, writer: Writer, tmp_path: Path) -> None:
     run = new_run(database)
     recorder = recorder_of(writer, database)
     rows = [writer.write(1000, run.id)]
@@ -243,7 +243,7 @@ def test_chunks_cover_the_run_without_overlap(database: Database, writer: Writer
     assert [chunk.first_tick for chunk in chunks] == [0, *list(ends)[:-1]]
 
 
-def test_seconds_that_waited_are_stored_as_each_would_have_been(database: Database, long_writer: Writer) -> None:
+def test_delayed_seconds_are_stored_like_immediate_ones(database: Database, long_writer: Writer) -> None:
     at_once, one_by_one = new_run(database), new_run(database)
     recorder = recorder_of(long_writer, database)
     long_writer.write(41_300, at_once.id)
@@ -268,7 +268,7 @@ def test_seconds_that_waited_are_stored_as_each_would_have_been(database: Databa
     assert told == sizes
 
 
-def test_a_headless_station_drains_what_is_worth_it_and_each_end_that_is_told(
+def test_a_headless_recorder_drains_large_batches_and_each_reported_end(
     database: Database, long_writer: Writer
 ) -> None:
     run = new_run(database)
@@ -293,7 +293,7 @@ def test_a_headless_station_drains_what_is_worth_it_and_each_end_that_is_told(
     ("name", "value"),
     [("tick", 900.0), ("tick", np.nan), ("tick", 1000.5), ("tick", np.inf), ("run", np.nan), ("run", -1.0)],
 )
-def test_samples_that_cannot_follow_end_the_recording_of_their_run_alone(
+def test_samples_out_of_order_end_only_the_recording_of_their_run(
     database: Database, writer: Writer, name: str, value: float, drained: bool
 ) -> None:
     run, following = new_run(database), new_run(database)
@@ -321,7 +321,7 @@ def test_samples_that_cannot_follow_end_the_recording_of_their_run_alone(
     assert stored_run(database, following.id).end_state == EndState.COMPLETED
 
 
-def test_a_position_beyond_the_ring_is_noticed(database: Database, writer: Writer) -> None:
+def test_a_position_beyond_the_ring_buffer_is_detected(database: Database, writer: Writer) -> None:
     run = new_run(database)
     recorder = recorder_of(writer, database)
     recorder._position = 10**6
@@ -355,7 +355,7 @@ EARLY = messages.program_stopped()
     ],
 )
 @pytest.mark.parametrize("told", ["before its samples are stored", "between", "after them", "after the next began"])
-def test_a_run_ends_as_the_loop_says_whenever_that_is_told(
+def test_a_run_gets_the_end_state_of_the_loop_whenever_it_is_reported(
     database: Database, writer: Writer, told: str, why: ModeCause, detail: str, end_state: EndState, kept: str
 ) -> None:
     run, following = new_run(database), new_run(database)
@@ -383,7 +383,7 @@ def test_a_run_ends_as_the_loop_says_whenever_that_is_told(
     recorder.close()
 
 
-def test_what_samples_show_ends_no_run(database: Database, writer: Writer) -> None:
+def test_a_fault_in_the_samples_does_not_end_the_run(database: Database, writer: Writer) -> None:
     run = new_run(database)
     recorder = Recorder(database, writer.ring)
     writer.write(10, run.id)
@@ -397,8 +397,8 @@ def test_what_samples_show_ends_no_run(database: Database, writer: Writer) -> No
 
 
 @pytest.mark.parametrize("sampled", [0, 10])
-def test_an_end_told_before_the_loop_died_stays(database: Database, writer: Writer, sampled: int) -> None:
-    """Also where the run was over before it had a sample."""
+def test_an_end_reported_before_the_loop_died_remains(database: Database, writer: Writer, sampled: int) -> None:
+    """Also if the run ended before its first sample."""
     run, open_still = new_run(database), new_run(database)
     recorder = Recorder(database, writer.ring)
     if sampled:
@@ -435,7 +435,9 @@ ABOVE, BELOW = Obstacle(1.0, 0.3, 2e4, 1.0), Obstacle(-1.0, -0.4, 5e3, 0.0)
 DOWN = StoredWall(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def test_a_run_keeps_what_stood_in_its_samples_and_the_next_one_what_stands(database: Database, writer: Writer) -> None:
+def test_a_run_stores_the_obstacles_of_its_samples_and_the_next_the_active_one(
+    database: Database, writer: Writer
+) -> None:
     recorder = recorder_of(writer, database)
     first, second, third = (new_run(database).id for _ in range(3))
     recorder.on_event(WallChanged(100, 0, BELOW))
@@ -461,7 +463,7 @@ def test_a_run_keeps_what_stood_in_its_samples_and_the_next_one_what_stands(data
     assert kept[2] == (build_stored_wall(1.05, ABOVE),)
 
 
-def test_a_run_without_walls_and_one_of_a_new_loop_keep_none(database: Database, writer: Writer) -> None:
+def test_runs_without_obstacles_and_of_a_new_loop_store_none(database: Database, writer: Writer) -> None:
     recorder = recorder_of(writer, database)
     first, second = new_run(database).id, new_run(database).id
     writer.write(300, run=first)
@@ -480,7 +482,7 @@ def test_a_run_without_walls_and_one_of_a_new_loop_keep_none(database: Database,
     assert stored_run(database, second).set_to.walls is None
 
 
-def test_what_stands_at_a_moment() -> None:
+def test_the_obstacle_at_a_time_is_found() -> None:
     changes = merge_wall_changes(
         [build_stored_wall(0.5, ABOVE), build_stored_wall(0.2, BELOW)],
         [build_stored_wall(0.9, None), build_stored_wall(0.5, BELOW)],
@@ -499,7 +501,7 @@ def test_what_stands_at_a_moment() -> None:
     assert find_wall_at(many, MAX_WALL_CHANGES + 5.0) is None
 
 
-def test_many_changes_before_a_run_leave_the_last() -> None:
+def test_only_the_last_obstacle_change_before_a_run_is_stored() -> None:
     walls = ObstacleChanges()
     for tick in range(12_000):
         walls.add(WallChanged(tick, 0, ABOVE if tick % 2 else None))
@@ -512,7 +514,7 @@ def test_many_changes_before_a_run_leave_the_last() -> None:
 # The real loop on the simulator, recorded: every tick of the run is in the database as it was in the ring.
 
 
-def test_a_session_on_the_simulator_is_recorded_whole(database: Database) -> None:
+def test_a_session_on_the_simulator_is_recorded_completely(database: Database) -> None:
     async def session() -> None:
         parameters = load_parameters("lab")
         recorders: list[Recorder] = []

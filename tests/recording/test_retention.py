@@ -1,4 +1,4 @@
-"""Old recordings: what may go, what never goes, and that nothing goes unless it is named."""
+"""Old recordings: which are deletable, which never are, and that only listed ones are deleted."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -45,7 +45,7 @@ def ids(database: Database, rule: RetentionRule) -> list[int]:
     return [run.run_id for run in summarize_retention(database, rule).may_go]
 
 
-def test_under_the_limit_nothing_may_go(database: Database) -> None:
+def test_below_the_limit_no_recording_is_deletable(database: Database) -> None:
     run = recorded(database)
     found = summarize_retention(database, RetentionRule(BYTES, 30))
     assert (found.total_bytes, found.may_go, found.describe) == (BYTES, (), "")
@@ -53,7 +53,7 @@ def test_under_the_limit_nothing_may_go(database: Database) -> None:
         delete_recordings(database, RetentionRule(BYTES, 30), [run], "Ana")
 
 
-def test_the_oldest_go_first_and_only_as_many_as_have_to(database: Database) -> None:
+def test_only_the_necessary_number_of_oldest_recordings_is_deletable(database: Database) -> None:
     first, second, third = (recorded(database, days) for days in (90, 80, 70))
     assert ids(database, RetentionRule(3 * BYTES, 30)) == []
     assert ids(database, RetentionRule(2 * BYTES, 30)) == [first]
@@ -71,7 +71,7 @@ def test_the_oldest_go_first_and_only_as_many_as_have_to(database: Database) -> 
     )
 
 
-def test_what_is_young_or_open_stays(database: Database) -> None:
+def test_recent_and_open_recordings_are_not_deletable(database: Database) -> None:
     recorded(database, days=29)
     recorded(database, days=90, end=EndState.RUNNING)
     found = summarize_retention(database, RetentionRule(1, 30))
@@ -93,7 +93,9 @@ def _judged(session: Session, run: int) -> None:
 
 
 @pytest.mark.parametrize("use", [_identified, _judged])
-def test_what_a_model_or_result_came_from_never_goes(database: Database, use: Callable[[Session, int], None]) -> None:
+def test_sources_of_models_and_results_are_never_deletable(
+    database: Database, use: Callable[[Session, int], None]
+) -> None:
     used, unused = recorded(database, 90), recorded(database, 80)
     with database.session() as session:
         use(session, used)
@@ -106,14 +108,14 @@ def test_what_a_model_or_result_came_from_never_goes(database: Database, use: Ca
 
 
 @pytest.mark.parametrize("named", [[], [999]])
-def test_only_runs_of_the_list_can_be_named(database: Database, named: list[int]) -> None:
+def test_only_listed_runs_can_be_deleted(database: Database, named: list[int]) -> None:
     run = recorded(database)
     with refused(NotRemovableError, "runs_not_removable", refused=named):
         delete_recordings(database, RetentionRule(1, 30), named, "Ana")
     assert ids(database, RetentionRule(1, 30)) == [run]
 
 
-def test_the_samples_go_and_the_run_stays_and_says_so(database: Database) -> None:
+def test_deletion_removes_the_samples_and_marks_the_run(database: Database) -> None:
     gone, kept = recorded(database, 90), recorded(database, 80)
     left = delete_recordings(database, RetentionRule(1, 30), [gone], "Ana")
     assert [run.run_id for run in left.may_go] == [kept]

@@ -1,4 +1,4 @@
-"""Triggers: their conditions, and what they keep."""
+"""Triggers: their conditions and captures."""
 
 import math
 from datetime import UTC, datetime, timedelta
@@ -41,7 +41,7 @@ def test_a_ramp_is_above_a_level_at_the_first_tick_past_it() -> None:
     assert condition(ConditionKind.BELOW, -100.0).first(-ramp, 1.0) == 201
 
 
-def test_a_sine_rises_and_falls_through_a_level_where_its_arc_sine_says() -> None:
+def test_a_sine_crosses_a_level_at_the_times_of_its_arc_sine() -> None:
     level = 0.5
     rises, falls = math.asin(level) / math.pi, 1.0 - math.asin(level) / math.pi
     assert condition(ConditionKind.RISING, level).first(SINE, 0.0) == math.floor(rises / T_s) + 1
@@ -51,7 +51,7 @@ def test_a_sine_rises_and_falls_through_a_level_where_its_arc_sine_says() -> Non
     assert met.tolist() == [math.floor(rises / T_s) + 1, second]
 
 
-def test_a_level_is_met_at_once_and_an_edge_only_by_crossing_it() -> None:
+def test_a_level_is_met_at_once_and_an_edge_only_by_a_crossing() -> None:
     high = np.full(100, 2.0)
     assert condition(ConditionKind.ABOVE, 1.0).first(high, 2.0) == 0
     assert condition(ConditionKind.RISING, 1.0).first(high, 2.0) is None
@@ -67,7 +67,7 @@ def test_a_window_includes_its_ends() -> None:
 
 
 @pytest.mark.parametrize("kind", list(ConditionKind))
-def test_nan_never_triggers_nor_does_the_sample_after_it_by_an_edge(kind: ConditionKind) -> None:
+def test_nan_never_triggers_and_the_next_sample_is_no_edge(kind: ConditionKind) -> None:
     asked = condition(kind, 1.0, 2.0)
     assert asked.first(np.full(50, np.nan), np.nan) is None
     if kind in (ConditionKind.RISING, ConditionKind.FALLING):
@@ -80,7 +80,9 @@ def test_nan_never_triggers_nor_does_the_sample_after_it_by_an_edge(kind: Condit
     cut=st.integers(0, 40),
     kind=st.sampled_from(list(ConditionKind)),
 )
-def test_blocks_meet_it_where_the_whole_does(values: list[float], cut: int, kind: ConditionKind) -> None:
+def test_blocks_meet_a_condition_at_the_same_tick_as_the_whole(
+    values: list[float], cut: int, kind: ConditionKind
+) -> None:
     asked, array = condition(kind, 0.0, 1.0), np.array(values)
     first, rest = array[:cut], array[cut:]
     met = [asked.met(first, math.nan), asked.met(rest, first[-1] if len(first) else math.nan)]
@@ -109,7 +111,7 @@ def test_combined_signals_are_sums_of_columns_with_the_lengths_of_the_joint() ->
     np.testing.assert_allclose(values("x_B"), 0.01 * rows[:, INDEX["theta_B"]] + 0.1 * rows[:, INDEX["q"]])
 
 
-def test_a_formula_is_computed_for_each_sample_and_told_in_its_unit() -> None:
+def test_a_formula_is_computed_per_sample_and_described_in_its_unit() -> None:
     rows = np.arange(2.0 * len(NAMES)).reshape(2, -1)
     derived = parse_derived_signal("F_sum", "N", "F_A + 2 * F_B")
     asked = Condition("F_sum", ConditionKind.RISING, 3.0, derived=derived)
@@ -120,7 +122,7 @@ def test_a_formula_is_computed_for_each_sample_and_told_in_its_unit() -> None:
     assert np.isnan(asked.values(rows, {})[0])  # a gap meets nothing
 
 
-def test_it_is_told_with_its_unit() -> None:
+def test_a_condition_is_described_with_its_unit() -> None:
     assert condition(ConditionKind.RISING, 20.0).describe() == messages.edge_condition(
         signal="F_A", kind="rising", level=20.0, unit="N"
     )
@@ -162,7 +164,7 @@ def kept(database: Database) -> list[flights.Flight]:
     return stored(database)[::-1]
 
 
-def test_samples_before_and_after_are_exactly_those_asked_for(database: Database) -> None:
+def test_a_capture_has_exactly_the_requested_samples_before_and_after(database: Database) -> None:
     ring, run = Ring.create(8192), new_run(database)
     events = EventBus()
     trigger = trigger_on(database, ring, events=events)
@@ -207,7 +209,7 @@ def test_a_level_triggers_at_once_where_an_edge_waits_for_the_crossing(database:
     assert [flight.trip_tick for flight in kept(database)] == [500, 850]
 
 
-def test_what_was_before_it_was_armed_does_not_trigger_and_an_edge_may_be_at_the_first_sample(
+def test_earlier_samples_do_not_trigger_but_an_edge_at_the_first_one_does(
     database: Database,
 ) -> None:
     ring = Ring.create(8192)
@@ -220,7 +222,7 @@ def test_what_was_before_it_was_armed_does_not_trigger_and_an_edge_may_be_at_the
     assert [flight.trip_tick for flight in kept(database)] == [700]
 
 
-def test_it_arms_itself_again_until_all_captures_are_made(database: Database) -> None:
+def test_a_trigger_rearms_until_all_captures_are_made(database: Database) -> None:
     ring = Ring.create(8192)
     trigger = trigger_on(database, ring)
     trigger.arm(armed(ConditionKind.RISING, 0.5, before=20, after=50, captures=3))
@@ -235,7 +237,7 @@ def test_it_arms_itself_again_until_all_captures_are_made(database: Database) ->
     assert not trigger.is_armed
 
 
-def test_a_level_that_goes_on_is_captured_without_a_gap(database: Database) -> None:
+def test_a_lasting_level_is_captured_without_a_gap(database: Database) -> None:
     ring = Ring.create(8192)
     trigger = trigger_on(database, ring)
     append(ring, np.zeros(10))
@@ -256,7 +258,7 @@ def test_nan_never_triggers(database: Database, kind: ConditionKind) -> None:
     assert (trigger.is_armed, trigger.status and trigger.status.captured) == (True, 0)
 
 
-def test_what_the_loop_had_not_made_yet_is_told_as_missing(database: Database) -> None:
+def test_samples_not_yet_produced_are_reported_as_missing(database: Database) -> None:
     ring = Ring.create(8192)
     trigger = trigger_on(database, ring)
     trigger.arm(armed(ConditionKind.ABOVE, 0.5, before=100, after=50))
@@ -297,7 +299,7 @@ def test_an_edge_across_samples_that_were_overwritten_does_not_trigger(database:
     assert (trigger.is_armed, trigger.status and trigger.status.left) == (True, 0)
 
 
-def test_a_loop_that_starts_anew_ends_a_capture_and_the_trigger_stays_armed(database: Database) -> None:
+def test_a_restarted_loop_ends_a_capture_and_the_trigger_stays_armed(database: Database) -> None:
     first, second = Ring.create(8192), Ring.create(8192)
     present = first
     trigger = Trigger(database, lambda: present, QUOTA, lambda: LENGTHS, EventBus())
@@ -316,7 +318,7 @@ def test_a_loop_that_starts_anew_ends_a_capture_and_the_trigger_stays_armed(data
     assert (whole.first_tick, whole.trip_tick, whole.count) == (50, 60, 110), "no edge from one loop to the next"
 
 
-def test_disarming_keeps_what_there_is(database: Database) -> None:
+def test_disarming_stores_the_partial_capture(database: Database) -> None:
     ring = Ring.create(8192)
     trigger = trigger_on(database, ring)
     trigger.arm(armed(ConditionKind.ABOVE, 0.5, before=10, after=100, captures=5))
@@ -334,7 +336,7 @@ def test_disarming_keeps_what_there_is(database: Database) -> None:
     assert told in flight.text
 
 
-def test_combined_signals_and_the_time_of_the_trigger(database: Database) -> None:
+def test_combined_signals_trigger_and_the_time_is_stored(database: Database) -> None:
     ring = Ring.create(8192)
     trigger = trigger_on(database, ring)
     trigger.arm(armed(ConditionKind.ABOVE, 30.0, signal="x_B", after=1))  # r_j q, and q is the tick
@@ -347,7 +349,7 @@ def test_combined_signals_and_the_time_of_the_trigger(database: Database) -> Non
     assert abs(flight.at - (since - timedelta(milliseconds=599))) < timedelta(seconds=1)
 
 
-def test_trips_and_triggers_take_no_room_from_each_other(database: Database, writer: Writer) -> None:
+def test_flight_records_and_captures_have_separate_quotas(database: Database, writer: Writer) -> None:
     quota = Quota(2, 10**9)
     recorder, trigger = FlightRecorder(database, lambda: writer.ring, quota), trigger_on(database, writer.ring, quota)
     for turn in range(3):
@@ -366,9 +368,7 @@ def test_trips_and_triggers_take_no_room_from_each_other(database: Database, wri
     assert sum("flight records" in text for text in gave_way) == 1
 
 
-def test_a_capture_that_cannot_be_stored_is_told_and_tried_again(
-    database: Database, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_capture_is_reported_and_retried(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     ring = Ring.create(8192)
     trigger = trigger_on(database, ring)
     trigger.arm(armed(ConditionKind.ABOVE, 0.5))
@@ -387,7 +387,7 @@ def test_a_capture_that_cannot_be_stored_is_told_and_tried_again(
     assert (trigger.problem, len(stored(database))) == ("", 1)
 
 
-def test_what_is_armed_at_the_end_of_the_service_is_told_once_at_the_next_start(database: Database) -> None:
+def test_a_trigger_armed_at_the_end_of_the_service_is_reported_once_later(database: Database) -> None:
     ring = Ring.create(8192)
     trigger = trigger_on(database, ring)
     trigger.arm(armed(ConditionKind.ABOVE, 0.5, captures=2))

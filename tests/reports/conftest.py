@@ -17,12 +17,12 @@ def check_figures() -> Iterator[None]:
     """Check the labels and texts of every figure that a report draws in these tests, when it is saved."""
     drawn = Figure.savefig
 
-    def looked_at(self: Figure, *args: Any, **how: Any) -> None:
+    def save_checked(self: Figure, *args: Any, **how: Any) -> None:
         assert_figure_is_readable(self)
         drawn(self, *args, **how)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Figure, "savefig", looked_at)
+        patch.setattr(Figure, "savefig", save_checked)
         forget_drawings()
         yield
 

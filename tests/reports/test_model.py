@@ -160,11 +160,11 @@ def axes(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     seen: list[str] = []
     saved = Drawn.savefig
 
-    def looked_at(self: Drawn, *args: Any, **how: Any) -> None:
+    def find_jumps_directly(self: Drawn, *args: Any, **how: Any) -> None:
         seen.extend(axis.get_ylabel() for axis in self.axes)
         saved(self, *args, **how)
 
-    monkeypatch.setattr(Drawn, "savefig", looked_at)
+    monkeypatch.setattr(Drawn, "savefig", find_jumps_directly)
     forget_drawings()
     return seen
 

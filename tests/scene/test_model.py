@@ -51,7 +51,7 @@ def test_springs_shorten_by_their_elongation_at_any_joint_position(q: float, F: 
         assert not side.slack
 
 
-def test_a_slack_tendon_hangs_by_what_it_is_too_long() -> None:
+def test_a_slack_tendon_sags_by_its_excess_length() -> None:
     drawn = pose(sample(0.0, 0.0, 0.030), R_M, R_J, *SPRINGS)
     assert drawn.A.slack
     assert drawn.A.sag == pytest.approx(0.00646, abs=1e-5)
@@ -85,13 +85,13 @@ def test_the_fan_narrows_as_the_joint_stiffens() -> None:
     assert stiff.fan < soft.fan
 
 
-def test_without_references_the_ghost_stands_where_the_joint_is() -> None:
+def test_without_references_the_ghost_is_at_the_joint_position() -> None:
     drawn = pose(sample(0.3, 0.02, 0.02, q_ref=math.nan, F_A=math.nan), R_M, R_J, *SPRINGS)
     assert drawn.q_ref == 0.3
     assert drawn.A.force_N == 0.0
 
 
-def test_colours_grow_lighter_with_force_and_are_never_red() -> None:
+def test_colours_become_lighter_with_force_and_are_never_red() -> None:
     shades = [force_colour(F) for F in range(0, 51, 2)]
     lightness = [0.2126 * r + 0.7152 * g + 0.0722 * b for r, g, b in shades]
     assert lightness == sorted(lightness)
@@ -99,17 +99,17 @@ def test_colours_grow_lighter_with_force_and_are_never_red() -> None:
     assert all(g > 0.5 * r for r, g, _ in shades)
 
 
-def test_a_broken_sensor_leaves_the_last_picture() -> None:
+def test_a_broken_sensor_keeps_the_last_pose() -> None:
     assert can_be_drawn(sample(0.1, 0.02, 0.02, F_A=math.nan, q_ref=math.nan))
     assert not can_be_drawn({**sample(0.1, 0.02, 0.02), "theta_A": math.nan})
 
 
-def test_an_outside_force_that_is_not_known_is_drawn_as_none_and_earlier_recordings_have_none() -> None:
+def test_an_unknown_or_unrecorded_external_force_is_not_drawn() -> None:
     assert pose(sample(0.0, 0.02, 0.02, F_ext_hat=-3.0), R_M, R_J, *SPRINGS).F_ext_hat == -3.0
     assert math.isnan(pose(sample(0.0, 0.02, 0.02), R_M, R_J, *SPRINGS).F_ext_hat)
 
 
-def test_an_arrow_comes_from_where_the_force_comes_and_ends_at_the_joint() -> None:
+def test_the_force_arrow_points_in_the_force_direction_and_ends_at_the_joint() -> None:
     arrow = SimpleNamespace(points=None, visible=None)
     for force, visible in ((6.0, True), (-6.0, True), (0.4, False)):
         draw_force(arrow, force, 0.1, 0.5)
@@ -123,14 +123,14 @@ def test_an_arrow_comes_from_where_the_force_comes_and_ends_at_the_joint() -> No
 @pytest.mark.parametrize(
     ("F_wall", "pressed"), [(math.nan, False), (0.0, False), (0.04, False), (-3.0, True), (0.2, True)]
 )
-def test_a_wall_is_drawn_as_pressed_on_where_it_is(F_wall: float, pressed: bool) -> None:
+def test_an_obstacle_is_drawn_at_its_angle_with_its_force(F_wall: float, pressed: bool) -> None:
     assert pose(sample(0.0, 0.02, 0.02, F_wall=F_wall), R_M, R_J, *SPRINGS).pressed is pressed
 
 
 @pytest.mark.parametrize("q_wall", [-0.7, 0.0, 0.4])
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_wall_begins_where_the_links_flank_is_at_its_angle(side: float, q_wall: float) -> None:
-    """The link points to z at q = 0 and turns from z to −x: the wall's face lies along its flank, the rest beyond."""
+def test_an_obstacle_begins_at_the_flank_of_the_link_at_its_angle(side: float, q_wall: float) -> None:
+    """The link points to z at q = 0 and turns from z to −x: the face of the obstacle lies along its flank."""
     server = PortlessServer()
     stage = SceneNodes(server, R_J, R_M)
     stage.show_wall(Obstacle(side, q_wall, 1e4, 0.0))
@@ -154,7 +154,7 @@ def test_a_wall_begins_where_the_links_flank_is_at_its_angle(side: float, q_wall
 
 
 @pytest.mark.parametrize("length", [0.031, 0.05, model.SPRING_FREE])
-def test_a_coil_fills_its_length_and_no_more(length: float) -> None:
+def test_a_coil_has_exactly_its_length(length: float) -> None:
     mesh = model.make_coil(length)
     z = mesh.vertices[:, 2]
     assert z.max() <= 1e-9
@@ -163,7 +163,7 @@ def test_a_coil_fills_its_length_and_no_more(length: float) -> None:
     assert radii.max() == pytest.approx(model.SPRING_RADIUS + model.SPRING_WIRE, abs=2e-4)
 
 
-def test_a_loose_tendon_is_as_much_longer_as_it_sags() -> None:
+def test_the_excess_length_of_a_slack_tendon_matches_its_sag() -> None:
     sag = 0.006
     vertices = model.make_loose_tendon(1.0, sag).vertices.reshape(25, -1, 3)
     centre = vertices.mean(axis=1)
@@ -179,7 +179,7 @@ def test_a_disc_has_its_radius_its_bore_and_its_thickness() -> None:
     assert (vertices[:, 1].min(), vertices[:, 1].max()) == pytest.approx((-0.003, 0.004))
 
 
-def test_a_rounded_plate_keeps_to_its_outline() -> None:
+def test_a_rounded_plate_stays_within_its_outline() -> None:
     mesh = plate(round_rectangle(0.2, -0.3, 0.05, 0.02), 0.03, 0.04)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     np.testing.assert_allclose(low, [-0.1, 0.03, -0.3])
@@ -192,7 +192,7 @@ def test_a_sector_spans_its_angle() -> None:
     assert (angles.min(), angles.max()) == pytest.approx((-0.3, 0.3))
 
 
-def test_faces_point_at_vertices_that_are_there() -> None:
+def test_faces_refer_to_existing_vertices() -> None:
     mesh = join_meshes(tube(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), 0.1), disc(1.0, 0.0, 1.0))
     assert mesh.faces.min() == 0
     assert mesh.faces.max() == len(mesh.vertices) - 1

@@ -27,14 +27,14 @@ from tests.api.processes import children, held
 # viser's page as the dashboard serves it.
 
 
-def test_the_page_is_one_file_that_reconnects_without_the_focus() -> None:
+def test_the_page_is_one_file_that_reconnects_without_focus() -> None:
     html = page()
     assert html.index("document.hasFocus = () => true") < html.index("</head>")
     assert 'src="http' not in html
 
 
 @pytest.mark.parametrize("directive", ["default-src 'none'", "connect-src 'self'", "frame-ancestors 'self'"])
-def test_the_page_may_load_nothing_from_elsewhere(directive: str) -> None:
+def test_the_page_cannot_load_external_resources(directive: str) -> None:
     assert directive in POLICY
     assert "http" not in POLICY
 
@@ -43,7 +43,7 @@ def test_the_view_of_the_camera_stays_in_the_address() -> None:
     assert 'name.startsWith("initialCamera")' in page()
 
 
-def test_the_stages_that_it_tells_are_those_that_the_dashboard_has_words_for() -> None:
+def test_the_dashboard_has_texts_for_all_reported_stages() -> None:
     told = set(re.findall(r'tell\("(\w+)"\)', page()))
     source = (Path(__file__).parents[2] / "frontend" / "src" / "components" / "SceneFrame.tsx").read_text()
     (known,) = re.findall(r"const TOLD = \[(.*?)\]", source)
@@ -80,7 +80,7 @@ def scene() -> Iterator[SceneMirror]:
 
 
 class Viewer:
-    """Takes what it is sent, while it may."""
+    """Accepts the messages sent to it, while it may."""
 
     def __init__(self) -> None:
         self.messages: list[bytes] = []
@@ -105,11 +105,11 @@ async def until(reached: Callable[[], bool]) -> None:
 
 
 def sockets() -> set[str]:
-    """Sockets of this process but for the pairs by which event loops wake themselves."""
+    """Sockets of this process except the pairs by which event loops wake themselves."""
     return {link for link in held(os.getpid()) if link.startswith(("listening ", "connected tcp"))}
 
 
-def test_no_socket_is_opened_whatever_the_environment_says(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_socket_is_opened_for_any_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("_VISER_PORT_OVERRIDE", "8080")
     before = sockets()
     server = PortlessServer()
@@ -119,7 +119,7 @@ def test_no_socket_is_opened_whatever_the_environment_says(monkeypatch: pytest.M
     assert not server.is_alive
 
 
-def test_the_whole_scene_comes_first_and_then_what_moves(scene: SceneMirror) -> None:
+def test_viewers_receive_the_whole_scene_first_and_then_the_moving_parts(scene: SceneMirror) -> None:
     async def session() -> None:
         viewer = Viewer()
         looking = asyncio.create_task(scene.show(viewer.take))
@@ -132,7 +132,7 @@ def test_the_whole_scene_comes_first_and_then_what_moves(scene: SceneMirror) -> 
     run(session)
 
 
-def test_who_takes_slowly_gets_the_newest_and_delays_nobody(scene: SceneMirror) -> None:
+def test_a_slow_viewer_gets_the_newest_state_and_delays_no_other_viewer(scene: SceneMirror) -> None:
     async def session() -> None:
         slow, quick = Viewer(), Viewer()
         looking = [asyncio.create_task(scene.show(viewer.take)) for viewer in (slow, quick)]
@@ -152,7 +152,7 @@ def test_who_takes_slowly_gets_the_newest_and_delays_nobody(scene: SceneMirror) 
     run(session)
 
 
-def test_a_viewer_that_fails_is_told_and_forgotten(scene: SceneMirror) -> None:
+def test_a_failed_viewer_is_reported_and_removed(scene: SceneMirror) -> None:
     async def fail(_message: bytes) -> None:
         raise ConnectionResetError("the cable is out")
 
@@ -164,7 +164,7 @@ def test_a_viewer_that_fails_is_told_and_forgotten(scene: SceneMirror) -> None:
     run(session)
 
 
-def test_the_end_of_the_server_ends_its_viewers() -> None:
+def test_the_end_of_the_server_disconnects_its_viewers() -> None:
     async def session() -> None:
         server, viewer = PortlessServer(), Viewer()
         looking = asyncio.create_task(server.show(viewer.take))
@@ -180,7 +180,7 @@ def test_the_end_of_the_server_ends_its_viewers() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_when_visers_own_thread_dies_it_is_told_and_another_scene_put_up() -> None:
+def test_a_dead_viser_thread_is_reported_and_the_scene_is_rebuilt() -> None:
     async def session() -> None:
         supervision, viewer = Supervision(), Viewer()
         mirror = SceneMirror(load_parameters("ideal"), swinging)
@@ -205,8 +205,8 @@ def test_when_visers_own_thread_dies_it_is_told_and_another_scene_put_up() -> No
     run(session)
 
 
-def test_a_scene_that_is_never_put_up_holds_nobody_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Viewers are sent away, and the threads that all others share stay free."""
+def test_a_scene_that_never_starts_blocks_no_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Viewers are rejected, and the shared threads stay free."""
 
     async def session() -> None:
         mirror = SceneMirror(load_parameters("ideal"), swinging)
@@ -223,7 +223,7 @@ def test_a_scene_that_is_never_put_up_holds_nobody_up(monkeypatch: pytest.Monkey
     run(session)
 
 
-def test_nothing_that_a_browser_could_ask_for_has_a_handler(scene: SceneMirror) -> None:
+def test_no_browser_request_has_a_handler(scene: SceneMirror) -> None:
     server = scene.server
     assert server._websock_server._incoming_handlers == {}
     before = children(os.getpid())
@@ -232,8 +232,8 @@ def test_nothing_that_a_browser_could_ask_for_has_a_handler(scene: SceneMirror) 
     assert children(os.getpid()) == before
 
 
-def test_a_viser_that_listens_in_another_way_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Here viser's road is blocked: its worker finds the real ``serve``, as a later version might."""
+def test_a_viser_version_that_opens_a_socket_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here the interception is disabled: viser's worker finds the real ``serve``, as in a later version."""
     import websockets
     from viser.infra import WebsockServer, _infra
 
@@ -251,7 +251,7 @@ def test_a_viser_that_listens_in_another_way_is_refused(monkeypatch: pytest.Monk
     assert sockets() == before
 
 
-def test_viser_has_the_messages_that_are_feared() -> None:
-    """If they are called otherwise one day, what is tried against the service has to follow."""
+def test_viser_has_the_messages_that_the_attack_tests_use() -> None:
+    """If viser renames them, the attack tests against the service must follow."""
     names = {kind.__name__ for kind in _messages.Message.get_subclasses()}
     assert {"ShareUrlRequest", "ShareUrlDisconnect", "FileTransferStartUpload", "ViewerCameraMessage"} <= names

@@ -12,7 +12,7 @@ from tests.reasons import assert_reason
 
 @contextmanager
 def refused_search(place: int, code: str, **values: object) -> Iterator[pytest.ExceptionInfo[QueryError]]:
-    """Expect a query to be refused at this character, from 1, for a reason with this code and these of its values."""
+    """Expect a query to be rejected at this character, from 1, with this code and these values."""
     with pytest.raises(QueryError) as caught:
         yield caught
     message = caught.value.message

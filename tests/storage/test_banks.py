@@ -1,4 +1,4 @@
-"""What an entry of a bank is called, and how its fit is told."""
+"""Names of bank entries, and the display of their fit."""
 
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -44,7 +44,7 @@ FOUND = Identification(
 )
 
 
-def test_an_entry_goes_by_its_tension_and_without_one_by_its_stiffness() -> None:
+def test_a_bank_entry_is_named_by_its_tension_or_else_its_stiffness() -> None:
     assert [stored_entry_name(entry) for entry in ENTRIES] == ["10 N", "20.5 N", "12.43 N·m/rad"]
 
 
@@ -58,11 +58,11 @@ def test_an_entry_goes_by_its_tension_and_without_one_by_its_stiffness() -> None
         (7.0, "12.43 N·m/rad"),  # of a bank that has just been changed for one with fewer
     ],
 )
-def test_what_is_in_use_is_told_by_name(active: float, said: str) -> None:
+def test_the_active_entry_is_shown_by_name(active: float, said: str) -> None:
     assert active_entry_name(ENTRIES, active) == said
 
 
-def test_a_fit_is_that_of_its_own_identification_with_its_errors() -> None:
+def test_a_fit_belongs_to_its_own_identification_with_its_errors() -> None:
     fits = read_fits(FOUND)
     described = {name: fit.in_words() for name, fit in fits.items()}
     assert described["G_q"] == messages.quality_of_fit(
@@ -76,9 +76,7 @@ def test_a_fit_is_that_of_its_own_identification_with_its_errors() -> None:
 @pytest.mark.parametrize(
     ("model", "quality"), [({}, FOUND.quality), (FOUND.model, {}), (FOUND.model, FOUND.quality | {"version": 2})]
 )
-def test_nothing_is_known_of_an_identification_that_cannot_be_read(
-    model: dict[str, Any], quality: dict[str, Any]
-) -> None:
+def test_an_unreadable_identification_has_no_fit(model: dict[str, Any], quality: dict[str, Any]) -> None:
     found = replace(FOUND, model=model, quality=quality)
     assert read_fits(found) == dict.fromkeys(("G_q", "G_S"), StoredFit(None, None, None, None))
     assert read_fits(found)["G_q"].in_words() == messages.quality_of_fit(
@@ -87,5 +85,5 @@ def test_nothing_is_known_of_an_identification_that_cannot_be_read(
     assert read_method_name(found) == "default"
 
 
-def test_a_channel_without_a_method_of_its_own_has_that_of_the_identification() -> None:
+def test_a_channel_without_a_method_uses_that_of_the_identification() -> None:
     assert read_method_name(FOUND) == joint_method_name({"G_q": "output error", "G_S": "default"})

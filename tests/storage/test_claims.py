@@ -1,4 +1,4 @@
-"""One service works on a database at a time, by whatever path it is reached; a dead one is in nobody's way."""
+"""One service uses a database at a time, for every path; a dead service blocks no other."""
 
 import os
 import shutil
@@ -35,7 +35,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
     opened.close()
 
 
-def test_a_second_service_is_refused_by_whatever_path(
+def test_a_second_service_is_rejected_for_every_path(
     database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(claims, "LIFE_S", 3600.0)  # it is refused at once, not after a life without a beat
@@ -64,7 +64,7 @@ except StationTakenError:
 """
 
 
-def test_a_start_is_refused_before_it_imports_what_takes_long(database: Database, tmp_path: Path) -> None:
+def test_a_start_is_rejected_before_slow_imports(database: Database, tmp_path: Path) -> None:
     held = HeldClaim(database.engine, "")
     ended = subprocess.run(
         [sys.executable, "-c", REFUSED, str(tmp_path / "other"), f"sqlite:///{tmp_path}/data/sinew.db"],
@@ -76,7 +76,7 @@ def test_a_start_is_refused_before_it_imports_what_takes_long(database: Database
     held.release()
 
 
-def test_stations_of_one_database_are_claimed_apart(database: Database) -> None:
+def test_stations_of_one_database_are_claimed_separately(database: Database) -> None:
     first, second = HeldClaim(database.engine, "rig-a"), HeldClaim(database.engine, "rig-b")
     with refused(StationTakenError, "station_taken", service=first._claim.describe, station="rig-a"):
         HeldClaim(database.engine, "rig-a")
@@ -84,7 +84,7 @@ def test_stations_of_one_database_are_claimed_apart(database: Database) -> None:
     second.release()
 
 
-def test_a_service_that_was_killed_is_in_nobodys_way(database: Database, tmp_path: Path) -> None:
+def test_a_killed_service_blocks_no_other_service(database: Database, tmp_path: Path) -> None:
     claiming = (
         "import os, sys; from pathlib import Path; from backend.storage import open_database; "
         "from backend.storage.claims import HeldClaim; "
@@ -97,13 +97,13 @@ def test_a_service_that_was_killed_is_in_nobodys_way(database: Database, tmp_pat
 
 @pytest.fixture
 def elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let each claim seem to come from a kernel of its own, and a life be short."""
+    """Let each claim appear to come from another machine, and expire soon."""
     monkeypatch.setattr(claims, "_seen_by", lambda: os.urandom(4).hex())
     monkeypatch.setattr(claims, "LIFE_S", 1.0)
 
 
 @pytest.mark.usefixtures("elsewhere")
-def test_what_another_machine_claims_is_told_by_its_beats(database: Database) -> None:
+def test_a_claim_of_another_machine_is_judged_by_its_heartbeats(database: Database) -> None:
     held = HeldClaim(database.engine, "")
     found = held._claim
     for _ in range(3):
@@ -120,7 +120,7 @@ def test_what_another_machine_claims_is_told_by_its_beats(database: Database) ->
 
 
 @pytest.mark.usefixtures("elsewhere")
-def test_a_claim_that_beats_is_never_taken(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_claim_with_heartbeats_is_never_taken(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     held = HeldClaim(database.engine, "")
     monkeypatch.setattr("backend.storage.claims.time.sleep", lambda _: held.renew())
     with pytest.raises(StationTakenError):
@@ -128,14 +128,14 @@ def test_a_claim_that_beats_is_never_taken(database: Database, monkeypatch: pyte
     assert held.problem() == ""
 
 
-def test_another_process_of_the_same_number_is_not_the_one_that_claimed(database: Database) -> None:
+def test_another_process_with_the_same_pid_does_not_own_the_claim(database: Database) -> None:
     mine = own_claim()
     assert is_alive(database.engine, "", mine)
     assert not is_alive(database.engine, "", replace(mine, began="1"))
     assert not is_alive(database.engine, "", replace(mine, process=2**22 + 1))
 
 
-def test_a_life_is_longer_than_a_beat_may_wait() -> None:
+def test_a_claim_expires_later_than_a_heartbeat_can_be_delayed() -> None:
     assert LIFE_S > 5.0 + 2.0 * HEARTBEAT_S  # busy_timeout of SQLite
 
 
@@ -154,7 +154,7 @@ def test_no_database_is_migrated_while_a_service_works_on_it(tmp_path: Path) -> 
 
 
 def test_readers_migrate_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A schema with all that is read is read as it is; who writes is refused with the command."""
+    """Readers accept an old schema with all that they read; writers are rejected with the command."""
     open_database(tmp_path / "data").close()
     newest = newest_revision()
     later = tmp_path / "later"
@@ -172,8 +172,8 @@ def test_readers_migrate_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("revision", ["0003_recording_size", "0015_formulas"])
-def test_what_cannot_be_read_is_refused(tmp_path: Path, revision: str) -> None:
-    """A schema without what is read, and one whose documents may be of an earlier form."""
+def test_unreadable_recordings_are_rejected(tmp_path: Path, revision: str) -> None:
+    """A schema without the required tables, and one whose documents may have an earlier form."""
     with at_revision(tmp_path, revision) as engine:
         assert not can_read(engine)
         with refused(OutdatedError, "database_outdated", schema=revision, folder=tmp_path):

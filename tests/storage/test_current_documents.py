@@ -40,7 +40,7 @@ def rows(database: Database) -> dict[str, list[dict[str, Any]]]:
 
 
 def found_by(database: Database, name: str) -> dict[int, Any]:
-    """Return what the runs are searched by under a name."""
+    """Return the search values of the runs under a name."""
     query = (
         "SELECT run_id, value, word FROM run_value JOIN value_name ON value_name.id = name_id "
         f"WHERE source = 'setting' AND name = '{name}'"
@@ -49,7 +49,7 @@ def found_by(database: Database, name: str) -> dict[int, Any]:
         return {row.run_id: row.word or row.value for row in session.execute(text(query))}
 
 
-def test_a_database_of_an_earlier_version_is_rewritten_once(database: Database, tmp_path: Path) -> None:
+def test_a_database_of_an_earlier_version_is_migrated_once(database: Database, tmp_path: Path) -> None:
     put_run(database, 1, "session", {"mode": "run", **LOOP, "bank": None})
     put_run(database, 2, "tracking", BUDGET)
     put_run(database, 3, "session", PRESENT)
@@ -95,7 +95,7 @@ def test_a_database_of_an_earlier_version_is_rewritten_once(database: Database, 
         assert found_by(database, "lam_q") == {1: 0.5, 2: 0.5, 3: 0.5}
 
 
-def test_more_rows_than_are_read_at_once_are_all_rewritten(sqlite: Database, tmp_path: Path) -> None:
+def test_rows_beyond_one_batch_are_all_rewritten(sqlite: Database, tmp_path: Path) -> None:
     put_run(sqlite, 1, "tracking", BUDGET)
     for _ in range(401):
         keep(sqlite, "tuning in force", TUNING)
@@ -104,7 +104,7 @@ def test_more_rows_than_are_read_at_once_are_all_rewritten(sqlite: Database, tmp
     assert [value["bank"] for value in values] == [0] * 401
 
 
-def test_a_document_that_is_damaged_does_not_end_the_migration(sqlite: Database, tmp_path: Path) -> None:
+def test_a_damaged_document_does_not_end_the_migration(sqlite: Database, tmp_path: Path) -> None:
     put_run(sqlite, 1, "tracking", BUDGET)
     put_run(sqlite, 2, "tracking", BUDGET)
     with sqlite.session() as session:
@@ -114,7 +114,7 @@ def test_a_document_that_is_damaged_does_not_end_the_migration(sqlite: Database,
         assert runs.get(session, 2).set_to.loop.motion == "time-optimal"
 
 
-def test_a_sequence_is_an_experiment_and_goes_back_to_a_list_of_segments(database: Database, tmp_path: Path) -> None:
+def test_a_sequence_migrates_to_an_experiment_and_back_to_segments(database: Database, tmp_path: Path) -> None:
     segments = json.dumps(
         [
             {"duration_s": 1.5, "q_ref": 0, "S_ref": 10},

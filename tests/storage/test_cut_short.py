@@ -1,4 +1,4 @@
-"""A command that is killed leaves the old database or the new one, never none, and no leftovers."""
+"""A killed command leaves the old or the new database, and no leftovers."""
 
 import itertools
 import os
@@ -48,7 +48,7 @@ def with_backup(data: Path) -> Path:
     return copy
 
 
-def test_a_restore_killed_anywhere_is_completed_or_taken_back(tmp_path: Path) -> None:
+def test_a_restore_killed_anywhere_is_completed_or_reverted(tmp_path: Path) -> None:
     outcomes: list[str] = []
     for kill in itertools.count():
         data = tmp_path / str(kill)
@@ -75,7 +75,7 @@ def test_a_restore_killed_anywhere_is_completed_or_taken_back(tmp_path: Path) ->
     assert value_of(data) == "old"
 
 
-def test_the_next_command_completes_a_restore_and_says_so(tmp_path: Path) -> None:
+def test_the_next_command_completes_a_restore_and_reports_it(tmp_path: Path) -> None:
     copy = with_backup(tmp_path)
     os.replace(copy, tmp_path / "sinew.db.restored")
     os.replace(tmp_path / "sinew.db", tmp_path / "sinew.before-restore-20260101T000000.0Z.db")
@@ -88,7 +88,7 @@ def test_the_next_command_completes_a_restore_and_says_so(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("trace", ["backups/a.db", "sinew.before-restore-20260101T000000.0Z.db"])
-def test_no_empty_database_is_made_where_there_was_one(tmp_path: Path, trace: str) -> None:
+def test_a_missing_database_is_not_replaced_by_an_empty_one(tmp_path: Path, trace: str) -> None:
     (tmp_path / trace).parent.mkdir(exist_ok=True)
     with closing(sqlite3.connect(tmp_path / trace)) as copy:
         copy.execute("CREATE TABLE run (id)")
@@ -99,7 +99,7 @@ def test_no_empty_database_is_made_where_there_was_one(tmp_path: Path, trace: st
     assert not (tmp_path / "sinew.db").exists()
 
 
-def test_leftovers_of_killed_commands_are_removed_and_named(tmp_path: Path) -> None:
+def test_leftovers_of_killed_commands_are_removed_and_listed(tmp_path: Path) -> None:
     open_database(tmp_path).close()
     (tmp_path / "backups").mkdir()
     (tmp_path / "importing-x").mkdir()

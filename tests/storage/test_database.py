@@ -79,7 +79,7 @@ def test_every_connection_is_durable_and_checked(sqlite: Database) -> None:
             assert session.scalar(text("PRAGMA busy_timeout")) == 5000
 
 
-def test_an_error_in_the_block_leaves_nothing(database: Database) -> None:
+def test_an_error_in_a_transaction_stores_nothing(database: Database) -> None:
     def fail_midway() -> None:
         with database.session() as session:
             runs.create(session, NEW_RUN)
@@ -101,7 +101,7 @@ def test_a_reader_sees_one_state_while_others_write(database: Database) -> None:
         assert runs.count(after) == 1
 
 
-def test_a_second_writer_is_told_after_waiting(sqlite: Database, tmp_path: Path) -> None:
+def test_a_second_writer_gets_an_error_after_a_timeout(sqlite: Database, tmp_path: Path) -> None:
     with sqlite.session() as session:
         run = runs.create(session, NEW_RUN)
     other = sqlite3.connect(tmp_path / "sinew.db", isolation_level=None)
@@ -114,7 +114,7 @@ def test_a_second_writer_is_told_after_waiting(sqlite: Database, tmp_path: Path)
     other.close()
 
 
-def test_a_folder_that_cannot_hold_a_database_is_told(tmp_path: Path) -> None:
+def test_an_unusable_data_folder_is_reported(tmp_path: Path) -> None:
     (tmp_path / "sinew.db").mkdir()
     file, reason = tmp_path / "sinew.db", "unable to open database file"
     with refused(StorageError, "database_unusable", file=file, reason=reason, remedy=""):
@@ -139,14 +139,14 @@ def test_a_backup_is_complete_and_never_overwrites(sqlite: Database, tmp_path: P
         backup_database(sqlite.engine, below)
 
 
-def test_check_finds_what_is_wrong(database: Database) -> None:
+def test_check_finds_inconsistencies(database: Database) -> None:
     assert find_database_errors(database.engine) == []
     with database.session() as session:
         session.execute(text("DROP TABLE report"))
     assert any("report" in problem for problem in find_database_errors(database.engine))
 
 
-def test_check_finds_references_to_nothing(sqlite: Database, tmp_path: Path) -> None:
+def test_check_finds_dangling_references(sqlite: Database, tmp_path: Path) -> None:
     careless = sqlite3.connect(tmp_path / "sinew.db")
     names = "run_id, fields, period_s, missed, problem, size_bytes"
     careless.execute(f"INSERT INTO recording ({names}) VALUES (77, '[]', 0.001, 0, '', 0)")
@@ -196,7 +196,7 @@ def count_runs(data: Path) -> int:
 
 
 def damage(file: Path) -> None:
-    """Write over some pages in the middle, as a failing disk does."""
+    """Overwrite some pages in the middle, like a failing disk."""
     with file.open("r+b") as opened:
         opened.seek(file.stat().st_size // PAGE // 2 * PAGE)
         opened.write(b"\xff" * 3 * PAGE)
@@ -229,7 +229,7 @@ def delete_log(data: Path) -> None:
 
 
 @pytest.mark.parametrize("takes_away", [delete_folder, move_file, replace_file, delete_log])
-def test_nothing_is_written_to_a_file_that_nobody_finds(
+def test_a_deleted_or_moved_database_file_is_not_written(
     database_database_monitor: Database, tmp_path: Path, takes_away: Callable[[Path], None]
 ) -> None:
     store_runs(database_database_monitor, 1)
@@ -240,7 +240,7 @@ def test_nothing_is_written_to_a_file_that_nobody_finds(
         assert runs.count(session) == 201  # what is there can still be read
 
 
-def test_a_file_that_is_back_is_written_to_again(database_database_monitor: Database, tmp_path: Path) -> None:
+def test_a_restored_file_is_written_again(database_database_monitor: Database, tmp_path: Path) -> None:
     aside = tmp_path.rename(tmp_path.with_name(f"{tmp_path.name}-aside"))
     with pytest.raises(GoneError):
         store_runs(database_database_monitor, 1)
@@ -249,7 +249,7 @@ def test_a_file_that_is_back_is_written_to_again(database_database_monitor: Data
     assert count_runs(tmp_path) == 201
 
 
-def test_an_emptied_file_is_refused_with_the_backups_by_name(
+def test_an_emptied_file_is_rejected_with_the_names_of_the_backups(
     database_database_monitor: Database, tmp_path: Path
 ) -> None:
     database_database_monitor.close()
@@ -259,7 +259,7 @@ def test_an_emptied_file_is_refused_with_the_backups_by_name(
     assert (tmp_path / "sinew.db").stat().st_size == 0
 
 
-def test_damaged_pages_are_found_and_the_way_back_works(database_database_monitor: Database, tmp_path: Path) -> None:
+def test_damaged_pages_are_found_and_the_remedy_works(database_database_monitor: Database, tmp_path: Path) -> None:
     require_intact_database(database_database_monitor, tmp_path)
     database_database_monitor.close()
     damage(tmp_path / "sinew.db")
@@ -269,7 +269,7 @@ def test_damaged_pages_are_found_and_the_way_back_works(database_database_monito
     assert count_runs(tmp_path) == 200
 
 
-def test_a_large_file_is_looked_at_in_the_background(
+def test_a_large_file_is_checked_in_the_background(
     database_database_monitor: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(maintenance, "is_quick_to_check", lambda _file: False)
@@ -286,7 +286,7 @@ def test_a_large_file_is_looked_at_in_the_background(
 
 
 @pytest.mark.parametrize(("content", "code"), [(b"", "database_empty"), (b"junk" * 4096, "database_unusable")])
-def test_a_backup_is_brought_back_over_what_is_no_database(
+def test_a_backup_can_replace_a_file_that_is_no_database(
     database_database_monitor: Database, tmp_path: Path, content: bytes, code: str
 ) -> None:
     database_database_monitor.close()
@@ -300,7 +300,7 @@ def test_a_backup_is_brought_back_over_what_is_no_database(
     assert kept.read_bytes() == content
 
 
-def test_a_start_cut_short_leaves_no_empty_database(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_start_leaves_no_empty_database(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def cut_short(_engine: object) -> None:
         assert not (tmp_path / "sinew.db").exists()
         raise sqlite3.OperationalError("power cut")
@@ -388,18 +388,18 @@ WHO_AND_WHERE = {"who": PEOPLE, "station": STATIONS}
 
 
 @pytest.mark.parametrize("column", BOUNDED)
-def test_what_the_program_composes_fits(column: str) -> None:
+def test_composed_texts_fit_their_columns(column: str) -> None:
     composed = list(COMPOSED.get(column) or WHO_AND_WHERE[column.partition(".")[2]])
     assert composed
     assert [words for words in map(str, composed) if len(words) > BOUNDED[column]] == []
 
 
-def test_each_list_is_of_a_column_that_there_is() -> None:
+def test_each_list_belongs_to_an_existing_column() -> None:
     assert set(COMPOSED) <= set(BOUNDED)
 
 
 @pytest.mark.parametrize("column", BOUNDED)
-def test_a_longer_text_is_refused_with_column_and_length(sqlite: Database, column: str) -> None:
+def test_a_too_long_text_is_rejected_with_column_and_length(sqlite: Database, column: str) -> None:
     table, _, name = column.partition(".")
     (row,) = (mapper.class_ for mapper in Base.registry.mappers if mapper.class_.__tablename__ == table)
     longer = "x" * (BOUNDED[column] + 1)
@@ -410,7 +410,7 @@ def test_a_longer_text_is_refused_with_column_and_length(sqlite: Database, colum
         insert_new(session, row, [{name: longer}])
 
 
-def test_the_longest_text_is_kept_whole_and_one_more_character_refused(database: Database) -> None:
+def test_the_longest_text_is_stored_and_one_more_character_is_rejected(database: Database) -> None:
     longest = "ö" * BOUNDED["identification.method"]
     refusal = refused(UnfitError, "text_too_long", column="identification.method", text=f"{longest}x", maximum=200)
     with refusal, database.session() as session:
@@ -424,7 +424,7 @@ def test_the_longest_text_is_kept_whole_and_one_more_character_refused(database:
         assert session.scalar(text("SELECT tag FROM run_tag")) == "ö" * TAG_MAX
 
 
-def test_a_row_with_a_longer_text_from_an_earlier_version_can_be_changed_elsewhere(sqlite: Database) -> None:
+def test_other_columns_of_a_row_with_an_old_too_long_text_can_be_changed(sqlite: Database) -> None:
     with sqlite.session() as session:
         run = runs.create(session, NEW_RUN)
         session.execute(text("UPDATE run SET parameters_name = :longer"), {"longer": "x" * 300})
@@ -434,7 +434,7 @@ def test_a_row_with_a_longer_text_from_an_earlier_version_can_be_changed_elsewhe
         assert runs.get(session, run.id).end_state == EndState.COMPLETED
 
 
-def test_a_value_with_a_longer_name_is_stored_and_not_searched_by(database: Database) -> None:
+def test_a_value_with_a_too_long_name_is_stored_but_not_indexed(database: Database) -> None:
     values = {"geometry": {name: {"value": 1.0} for name in ("r_m", "x" * 300)}}
     with database.session() as session:
         run = runs.create(session, replace(NEW_RUN, parameters=values))
@@ -449,7 +449,7 @@ MODEL = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342}
 
 
 @pytest.mark.parametrize("alike", ["brief", "BRIEF", "\uff22rief", "Brief\u00a0"])
-def test_an_experiment_or_bank_whose_name_reads_like_another_is_refused(database: Database, alike: str) -> None:
+def test_confusable_names_of_experiments_and_banks_are_rejected(database: Database, alike: str) -> None:
     def add_both(name: str) -> None:
         with database.session() as session:
             experiments.add(session, name, "text", "Ana")

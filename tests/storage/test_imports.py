@@ -1,4 +1,4 @@
-"""Runs and identifications bundled and taken into an empty database."""
+"""Runs and identifications exported as bundles and imported into an empty database."""
 
 import asyncio
 from collections.abc import Iterator
@@ -47,7 +47,7 @@ SETTINGS = LoopSettings(seed=2)
 
 @pytest.fixture(scope="module", params=PLANS)
 def played(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Identification]:
-    """A bundle of a run that identified something, and what was found."""
+    """A bundle of a run with an identification, and its result."""
     folder = tmp_path_factory.mktemp("played")
     database = open_database(folder)
     with open_headless_rig(database, load_parameters("lab"), SETTINGS) as station:
@@ -61,7 +61,7 @@ def played(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     return bundle, found
 
 
-def test_an_identification_is_the_same_where_it_is_taken_in(
+def test_an_imported_identification_is_unchanged(
     played: tuple[Path, Identification], database: Database, tmp_path: Path
 ) -> None:
     bundle, found = played
@@ -94,7 +94,7 @@ CALIBRATIONS = {
 
 @dataclass(frozen=True)
 class Moved:
-    """A run where it was made, and its bundle."""
+    """A run in its original database, and its bundle."""
 
     database: Database
     run: int
@@ -102,7 +102,7 @@ class Moved:
 
 
 def shortest(name: str) -> Plan:
-    """Return an experiment whose times are the shortest and whose repetitions the fewest that it can have."""
+    """Return an experiment with its shortest times and fewest repetitions."""
     if name == "sequence":
         return find_experiment("sequence").default_plan
     small: dict[str, float] = {
@@ -148,7 +148,7 @@ def moved(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     database.close()
 
 
-def test_it_is_the_same_where_it_is_taken_in(moved: Moved, database: Database, tmp_path: Path) -> None:
+def test_an_imported_run_is_unchanged(moved: Moved, database: Database, tmp_path: Path) -> None:
     taken = import_run_file(database, moved.file, "Ben", tmp_path)
     assert (taken.was, taken.new) == (moved.run, True)
     with moved.database.reading() as here, database.reading() as there:

@@ -64,7 +64,7 @@ NEW_IDENTIFICATION = NewIdentification(
 )
 
 
-def test_a_run_remembers_its_plant_by_its_whole_name(database: Database) -> None:
+def test_a_run_stores_the_full_name_of_its_plant(database: Database) -> None:
     name = "x" * NAME_MAX
     with database.session() as session:
         run = runs.create(session, replace(NEW_RUN, plant=name))
@@ -72,7 +72,7 @@ def test_a_run_remembers_its_plant_by_its_whole_name(database: Database) -> None
         assert runs.get(session, run.id).plant == name
 
 
-def test_bank_walks_back_to_run(database: Database) -> None:
+def test_a_bank_is_traced_back_to_its_run(database: Database) -> None:
     with database.session() as session:
         run = runs.create(session, NEW_RUN)
         found = identifications.add(session, replace(NEW_IDENTIFICATION, run_id=run.id))
@@ -86,7 +86,7 @@ def test_bank_walks_back_to_run(database: Database) -> None:
         assert runs.get(session, run_id).parameters == {"r_m": 0.0075}
 
 
-def test_same_name_makes_next_version(database: Database) -> None:
+def test_a_bank_with_the_same_name_is_the_next_version(database: Database) -> None:
     low, high = BankEntry(8.24, {"K": 1.0}), BankEntry(14.06, {"K": 2.0})
     with database.session() as session:
         first = banks.add(session, "bench", [low], who="Ana")
@@ -103,14 +103,14 @@ def test_bank_without_entries_is_refused(database: Database) -> None:
         banks.add(session, "empty", [], who="Ana")
 
 
-def test_entry_of_unknown_identification_is_refused_whole(database: Database) -> None:
+def test_a_bank_with_an_unknown_identification_is_rejected_as_a_whole(database: Database) -> None:
     with pytest.raises(StorageError, match=r"(?i)foreign key"), database.session() as session:
         banks.add(session, "bench", [BankEntry(8.24, {}, identification_id=99)], who="Ana")
     with database.reading() as session:
         assert banks.find(session) == []
 
 
-def test_first_end_state_stays(database: Database) -> None:
+def test_the_first_end_state_remains(database: Database) -> None:
     with database.session() as session:
         run = runs.create(session, NEW_RUN)
         runs.end(session, run.id, EndState.TRIPPED, "force_limit")
@@ -156,7 +156,7 @@ def test_unknown_numbers_are_refused(database: Database) -> None:
             identifications.get(session, 7)
 
 
-def test_computing_again_keeps_the_first_result(database: Database) -> None:
+def test_a_second_computation_keeps_the_first_result(database: Database) -> None:
     with database.session() as session:
         run = runs.create(session, NEW_RUN)
         assert results.newest(session, run.id) is None
@@ -166,7 +166,7 @@ def test_computing_again_keeps_the_first_result(database: Database) -> None:
         assert first.id != second.id
 
 
-def test_report_comes_back_byte_for_byte(database: Database) -> None:
+def test_a_report_is_read_back_byte_for_byte(database: Database) -> None:
     content = bytes(range(256))
     with database.session() as session:
         run = runs.create(session, NEW_RUN)
@@ -178,14 +178,14 @@ def test_report_comes_back_byte_for_byte(database: Database) -> None:
         assert results.newest_report(session, run.id, "html") is None
 
 
-def test_nan_in_a_document_is_refused_and_nothing_is_stored(database: Database) -> None:
+def test_nan_in_a_document_is_rejected_and_nothing_is_stored(database: Database) -> None:
     with pytest.raises((StorageError, ValueError), match="not JSON compliant"), database.session() as session:
         runs.create(session, replace(NEW_RUN, settings={"lam_q": float("nan")}))
     with database.reading() as session:
         assert runs.find(session) == []
 
 
-def test_events_tell_who_and_when(database: Database) -> None:
+def test_events_have_author_and_time(database: Database) -> None:
     with database.session() as session:
         run = runs.create(session, NEW_RUN)
         events.add(session, "bank", "bench 2 activated", who="Ana", detail={"bank_id": 2})
@@ -196,7 +196,7 @@ def test_events_tell_who_and_when(database: Database) -> None:
         assert events.find(session, kind="bank")[0].detail == {"bank_id": 2}
 
 
-def test_settings_remember_earlier_values(database: Database) -> None:
+def test_settings_store_earlier_values(database: Database) -> None:
     with database.session() as session:
         assert settings.newest(session, "active_bank") is None
         settings.save(session, "active_bank", 1, who="Ana")
@@ -227,7 +227,7 @@ ESTIMATE = NewIdentification(
 
 
 def sha256(document: Any) -> str:
-    """Return the digest of a document as anybody can compute it: JSON without spaces, keys in order."""
+    """Return the digest of a document in its public form: JSON without spaces, keys in order."""
     return hashlib.sha256(
         json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False).encode()
     ).hexdigest()
@@ -250,7 +250,7 @@ def boxes(database: Database, run: int, largest_bytes: int = 10**9) -> dict[str,
     return {node.id: node for node in lineage.nodes}
 
 
-def test_gains_are_walked_back_to_samples_and_parameters(database: Database) -> None:
+def test_gains_are_traced_back_to_samples_and_parameters(database: Database) -> None:
     with database.session() as session:
         source = recorded(session, NEW)
         estimate = identifications.add(session, replace(ESTIMATE, run_id=source))
@@ -287,7 +287,7 @@ def test_gains_are_walked_back_to_samples_and_parameters(database: Database) -> 
     assert forth["gains"].origins == [parameters]
 
 
-def test_what_holds_no_more_is_marked_where_it_stands(database: Database) -> None:
+def test_outdated_sources_are_marked_in_the_lineage(database: Database) -> None:
     document = LAB.to_document()
     other = {**document, "geometry": {**document["geometry"], "r_j": {**document["geometry"]["r_j"], "value": 0.08}}}
     with database.session() as session:
@@ -320,7 +320,7 @@ def test_what_holds_no_more_is_marked_where_it_stands(database: Database) -> Non
     ]
 
 
-def test_calibrations_are_those_of_the_station_when_the_run_began(database: Database) -> None:
+def test_lineage_has_the_calibrations_of_the_station_at_the_start_of_the_run(database: Database) -> None:
     step = NewStepResult("tare", "card", "f" * 64, True, "", "Ana", calibrations=[{"tendon": "A", "offset": 0.1}])
     with database.session() as session:
         before = commissioning.add(session, step)
@@ -344,7 +344,7 @@ def test_calibrations_are_those_of_the_station_when_the_run_began(database: Data
     assert box.out_of_date == "repeated since: tare"
 
 
-def test_a_recording_has_the_same_digest_however_it_is_cut(database: Database) -> None:
+def test_the_digest_of_a_recording_does_not_depend_on_its_chunks(database: Database) -> None:
     head = json.dumps({"fields": FIELDS, "period_s": 1e-3}, separators=(",", ":")).encode() + b"\n"
     raw = SAMPLES.astype("<f4").tobytes()
     expected = hashlib.sha256(head + struct.pack("<q", 0) + raw).hexdigest()
@@ -363,7 +363,7 @@ def test_a_recording_has_the_same_digest_however_it_is_cut(database: Database) -
 
 
 @pytest.mark.parametrize("largest", [10**9, 1])
-def test_a_long_recording_is_not_read_through_while_a_page_waits(database: Database, largest: int) -> None:
+def test_a_long_recording_is_not_read_completely_while_a_page_waits(database: Database, largest: int) -> None:
     with database.session() as session:
         run = recorded(session, NEW)
     box = boxes(database, run, largest)[f"run-{run}"]

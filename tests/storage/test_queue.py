@@ -1,4 +1,4 @@
-"""What waits in the queue is stored in its order, for each station, under numbers that are not used twice."""
+"""The queue is stored in order, per station, under numbers that are never reused."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -28,7 +28,7 @@ def waiting(database: Database) -> list[str]:
         return [item.name for item in queue.load_waiting(session)]
 
 
-def test_what_waits_is_read_in_its_order(database: Database) -> None:
+def test_queued_runs_are_read_in_order(database: Database) -> None:
     first, second, third = add(database, "a", "b", "c")
     with database.session() as session:
         queue.arrange(session, [third, first, second])
@@ -43,14 +43,14 @@ def test_what_waits_is_read_in_its_order(database: Database) -> None:
     assert (item.id, item.settings, item.who) == (fourth, {"lam_q": 0.5, "segments": "[]"}, "Ana")
 
 
-def test_a_number_is_not_used_twice(database: Database) -> None:
+def test_a_queue_number_is_never_reused(database: Database) -> None:
     (last,) = add(database, "a")
     with database.session() as session:
         queue.remove(session, last)
     assert add(database, "b") > [last]
 
 
-def test_each_station_has_its_own(tmp_path: Path) -> None:
+def test_each_station_has_its_own_queue(tmp_path: Path) -> None:
     here, there = open_database(tmp_path, station="rig1"), open_database(tmp_path, station="rig2")
     (ours,) = add(here, "ours")
     (theirs,) = add(there, "theirs")
@@ -62,7 +62,7 @@ def test_each_station_has_its_own(tmp_path: Path) -> None:
         database.close()
 
 
-def test_what_waits_goes_with_the_name_of_its_station(tmp_path: Path) -> None:
+def test_queued_runs_follow_a_renamed_station(tmp_path: Path) -> None:
     nameless = open_database(tmp_path)
     add(nameless, "a")
     with nameless.session() as session:

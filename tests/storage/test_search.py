@@ -1,4 +1,4 @@
-"""Runs found by what is stored of them, their tags, and figures of the list."""
+"""The search for runs, their tags, and the metrics of the list."""
 
 from collections.abc import Callable
 from contextlib import closing
@@ -160,7 +160,7 @@ FINDS = {
 }
 
 
-def test_a_search_finds_what_fits(find: Find) -> None:
+def test_a_search_finds_matching_runs(find: Find) -> None:
     assert {query: find(query) for query in FINDS} == FINDS
 
 
@@ -200,7 +200,7 @@ REFUSED: tuple[tuple[str, int, str, dict[str, object]], ...] = (
 )
 
 
-def test_a_run_is_found_by_its_number_as_people_write_it(database: Database) -> None:
+def test_a_run_is_found_by_every_notation_of_its_number(database: Database) -> None:
     with database.session() as session:
         numbers = [runs.create(session, replace(NEW, note=note)).id for note in ("2 kg", "run 1 again", "")]
     first, second, _ = numbers
@@ -224,13 +224,13 @@ def test_a_run_is_found_by_its_number_as_people_write_it(database: Database) -> 
     assert {query: found(query) for query in queries} == queries
 
 
-def test_a_search_that_says_nothing_is_refused_at_its_place(find: Find) -> None:
+def test_an_invalid_search_is_rejected_with_the_position(find: Find) -> None:
     for query, place, code, values in REFUSED:
         with refused_search(place, code, **values):
             find(query)
 
 
-def test_a_word_that_is_not_known_is_answered_with_the_nearest_or_the_known_ones(find: Find) -> None:
+def test_an_unknown_word_is_rejected_with_suggestions(find: Find) -> None:
     for query, near in (("overshot_q_percent < 5", "overshoot_q_percent"), ("kind = trakcing", "tracking")):
         with pytest.raises(QueryError) as caught:
             find(query)
@@ -266,7 +266,7 @@ def test_dates_are_years_months_days_and_minutes(database: Database) -> None:
     assert found("date>=2026-12-31T12:00") == 1
 
 
-def test_what_is_found_follows_what_is_changed(database: Database) -> None:
+def test_search_results_follow_changes(database: Database) -> None:
     with database.session() as session:
         number = runs.create(session, NEW).id
 
@@ -293,7 +293,7 @@ def test_what_is_found_follows_what_is_changed(database: Database) -> None:
     assert total("end=service_died") == 1
 
 
-def test_what_an_earlier_version_has_indexed_is_renewed(database: Database) -> None:
+def test_an_index_of_an_earlier_version_is_rebuilt(database: Database) -> None:
     with database.session() as session:
         number = runs.create(session, NEW).id
     with database.session() as session:
@@ -309,7 +309,7 @@ def test_what_an_earlier_version_has_indexed_is_renewed(database: Database) -> N
         assert search.search(session, parse_query("ana"), everywhere=False, limit=9).run_ids == (lost, number)
 
 
-def test_a_run_that_cannot_be_read_is_found_by_what_can(database: Database) -> None:
+def test_a_partly_unreadable_run_is_found_by_its_readable_fields(database: Database) -> None:
     with database.session() as session:
         number = runs.create(session, replace(NEW, settings={"version": 99})).id
         session.execute(
@@ -324,7 +324,7 @@ def test_a_run_that_cannot_be_read_is_found_by_what_can(database: Database) -> N
             assert search.search(session, parse_query(query), everywhere=False, limit=9).run_ids == (number,)
 
 
-def test_a_name_of_two_things_has_to_be_told(database: Database) -> None:
+def test_an_ambiguous_name_must_be_qualified(database: Database) -> None:
     figure = MeasuredFigure("lam_q", "s", "λ", "", 0.9)
     with database.session() as session:
         number = runs.create(session, NEW).id
@@ -338,7 +338,7 @@ def test_a_name_of_two_things_has_to_be_told(database: Database) -> None:
             assert search.search(session, parse_query(query), everywhere=False, limit=9).total == expected
 
 
-def test_what_can_be_asked_for_is_told(find: Find, database: Database) -> None:
+def test_the_searchable_names_are_listed(find: Find, database: Database) -> None:
     assert find("") == ALL
     with database.reading() as session:
         known = search.known_words(session)
@@ -353,7 +353,7 @@ def test_what_can_be_asked_for_is_told(find: Find, database: Database) -> None:
 # Tags of runs: put on, taken off, renamed; what is no tag is refused.
 
 
-def test_tags_are_put_taken_and_renamed(database: Database) -> None:
+def test_tags_are_added_removed_and_renamed(database: Database) -> None:
     with database.session() as session:
         first, second = (runs.create(session, NEW).id for _ in range(2))
         tags.add(session, first, "Worn")
@@ -384,7 +384,7 @@ def test_an_accent_may_be_typed_as_one_character_or_two(database: Database) -> N
 NO_TAGS = ("", "none", "two words", "a,b", 'a"b', "a=b", "x" * 41, "\x00", "a/b")
 
 
-def test_what_is_no_tag_is_refused(database: Database) -> None:
+def test_invalid_tags_are_rejected(database: Database) -> None:
     with database.session() as session:
         number = runs.create(session, NEW).id
         for tag in NO_TAGS:
@@ -428,7 +428,7 @@ def fit_of(value: float, other: float) -> dict[str, dict[str, Any]]:
     return {"G_q": QUALITY | {"fit_percent": value}, "G_S": QUALITY | {"fit_percent": other}}
 
 
-def test_the_newest_estimate_tells_the_key_figure(database: Database) -> None:
+def test_the_newest_estimate_determines_the_headline_metric(database: Database) -> None:
     with database.session() as session:
         run, bare = recorded(session), recorded(session)
         identifications.add(session, replace(ESTIMATE, run_id=run, quality=fit_of(50.0, 60.0)))
@@ -463,7 +463,7 @@ FITS: dict[str, Callable[[Made], bool]] = {
 }
 
 
-def test_each_search_finds_what_fits_page_by_page(tmp_path: Path) -> None:
+def test_each_search_finds_matching_runs_page_by_page(tmp_path: Path) -> None:
     with closing(open_database(tmp_path)) as database:
         made = make_runs(database, COUNT)
         stored = StoredRuns(database, lambda: None, lambda _run: False)

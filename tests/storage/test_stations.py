@@ -63,7 +63,7 @@ def stations(database: Database, tmp_path: Path) -> Iterator[tuple[Database, Dat
         yield opened[0], opened[1]
 
 
-def test_each_station_has_its_own_of_everything(stations: tuple[Database, Database]) -> None:
+def test_each_station_has_its_own_data(stations: tuple[Database, Database]) -> None:
     step = NewStepResult("wiring", "card", "f" * 64, passed=False, text="", who="Ana")
     since = datetime.now(UTC) - timedelta(seconds=1)
     mine: list[dict[str, object]] = []
@@ -130,7 +130,7 @@ def test_a_start_closes_the_runs_of_its_own_station_only(stations: tuple[Databas
         assert runs.get(session, of_b).end_state == EndState.SERVICE_DIED
 
 
-def test_what_keeps_house_leaves_other_stations_alone(stations: tuple[Database, Database]) -> None:
+def test_maintenance_does_not_affect_other_stations(stations: tuple[Database, Database]) -> None:
     a, b = stations
     numbers = []
     for station in stations:
@@ -157,7 +157,7 @@ def test_what_keeps_house_leaves_other_stations_alone(stations: tuple[Database, 
         assert recordings.extent(session, numbers[1]).count == 10
 
 
-def test_lists_are_of_the_station_unless_others_are_asked_for(stations: tuple[Database, Database]) -> None:
+def test_lists_show_the_own_station_by_default(stations: tuple[Database, Database]) -> None:
     a, b = stations
     numbers = []
     for station in stations:
@@ -185,7 +185,7 @@ def test_lists_are_of_the_station_unless_others_are_asked_for(stations: tuple[Da
         assert search.known_words(session).stations == ("rig-a", "rig-b")
 
 
-def test_capitals_tell_stations_apart_where_nothing_else_does(database: Database) -> None:
+def test_station_names_are_case_sensitive(database: Database) -> None:
     for name in ("Rig", "rig", "Lab"):
         with Database(database.engine, station=name).session() as session:
             runs.create(session, NEW_RUN)
@@ -196,7 +196,7 @@ def test_capitals_tell_stations_apart_where_nothing_else_does(database: Database
             search.search(session, parse_query("station = RIG"), everywhere=True, limit=9)
 
 
-def test_what_is_said_of_a_run_is_changed_at_its_station(stations: tuple[Database, Database]) -> None:
+def test_notes_and_tags_of_a_run_are_changed_only_at_its_station(stations: tuple[Database, Database]) -> None:
     a, b = stations
     with a.session() as session:
         run = runs.create(session, NEW_RUN).id
@@ -214,7 +214,7 @@ def test_what_is_said_of_a_run_is_changed_at_its_station(stations: tuple[Databas
         assert (runs.get(session, run).note, tags.of_runs(session, [run])) == ("", {run: ["worn"]})
 
 
-def test_a_bank_of_another_station_is_read_but_not_driven_by(stations: tuple[Database, Database]) -> None:
+def test_a_bank_of_another_station_is_readable_but_cannot_be_active(stations: tuple[Database, Database]) -> None:
     a, b = stations
     with a.session() as session:
         bank = banks.add(session, "bench", [BankEntry(8.0, {})], who="Ana")
@@ -225,14 +225,14 @@ def test_a_bank_of_another_station_is_read_but_not_driven_by(stations: tuple[Dat
             banks.own(session, bank.id)
 
 
-def test_a_station_goes_with_its_database_into_other_processes(stations: tuple[Database, Database]) -> None:
+def test_other_processes_receive_the_station_with_the_database(stations: tuple[Database, Database]) -> None:
     again, arguments = stations[0].__reduce__()
     reopened = again(*arguments)
     assert reopened.station == "rig-a"
     reopened.close()
 
 
-def test_what_was_of_no_station_is_given_to_one(database: Database, tmp_path: Path) -> None:
+def test_data_without_a_station_is_assigned_to_one(database: Database, tmp_path: Path) -> None:
     url = database.engine.url.render_as_string(hide_password=False)
     with database.session() as session:
         run = runs.create(session, NEW_RUN)
@@ -258,7 +258,7 @@ def test_what_was_of_no_station_is_given_to_one(database: Database, tmp_path: Pa
         assert settings.newest(session, "active bank") is None
 
 
-def test_two_services_may_make_the_tables_at_once(postgres: str, tmp_path: Path) -> None:
+def test_two_services_may_create_the_tables_simultaneously(postgres: str, tmp_path: Path) -> None:
     url = new_database(postgres, "at_once")
     together = Barrier(2)
 
@@ -275,20 +275,20 @@ def test_two_services_may_make_the_tables_at_once(postgres: str, tmp_path: Path)
 
 
 @pytest.mark.parametrize("name", ["-a", "a b", "a/b", "ä", "a" * (STATION_NAME_LENGTH + 1), "\n", ".a"])
-def test_what_is_no_name_of_a_station_is_refused(name: str) -> None:
+def test_invalid_station_names_are_rejected(name: str) -> None:
     with pytest.raises(ValueError, match="letters, digits"):
         check_station_name(name)
 
 
 @pytest.mark.parametrize("name", ["", "a", "rig-2", "Lab.1_x", "a" * STATION_NAME_LENGTH])
-def test_names_of_stations_stay_as_they_are(name: str) -> None:
+def test_station_names_are_stored_unchanged(name: str) -> None:
     assert check_station_name(name) == name
 
 
 # One service works for a station, and another may as soon as it does not, however it ended.
 
 
-def test_one_service_for_each_station_of_a_server(postgres: str) -> None:
+def test_a_server_accepts_one_service_per_station(postgres: str) -> None:
     engines = [create_engine(postgres, poolclass=NullPool) for _ in range(3)]
     first, other = HeldStation(engines[0], "rig-a"), HeldStation(engines[1], "rig-b")
     with refused(StationTakenError, "station_taken", service="another service", station="rig-a"):
@@ -310,7 +310,7 @@ def test_a_station_is_free_before_its_connection_has_ended(postgres: str) -> Non
     other.dispose()
 
 
-def test_a_lock_of_a_service_that_was_killed_is_let_go(postgres: str) -> None:
+def test_the_lock_of_a_killed_service_is_released(postgres: str) -> None:
     engine, other = (create_engine(postgres) for _ in range(2))
     held = HeldStation(engine, "rig-a")
     with other.connect() as connection:
@@ -343,7 +343,9 @@ CHANGES: tuple[Callable[[Session, int], object], ...] = (
 
 
 @pytest.mark.parametrize("first", CHANGES)
-def test_two_changes_of_a_run_at_once_are_both_kept(server: Database, first: Callable[[Session, int], object]) -> None:
+def test_two_simultaneous_changes_of_a_run_are_both_stored(
+    server: Database, first: Callable[[Session, int], object]
+) -> None:
     with server.session() as session:
         run = runs.create(session, NEW_RUN).id
     others = [change for change in CHANGES if change is not first]
@@ -377,7 +379,7 @@ def test_two_changes_of_a_run_at_once_are_both_kept(server: Database, first: Cal
         assert "worn" in row.words
 
 
-def test_new_names_in_another_order_do_not_block_each_other(server: Database) -> None:
+def test_new_names_in_different_orders_do_not_deadlock(server: Database) -> None:
     one_has_one = Event()
 
     def give(names: tuple[str, str], wait: Callable[[], object]) -> None:
@@ -398,7 +400,7 @@ def test_new_names_in_another_order_do_not_block_each_other(server: Database) ->
         second.result(30)
 
 
-def test_a_bundle_that_is_taken_in_twice_at_once_is_stored_once(server: Database, tmp_path: Path) -> None:
+def test_a_bundle_imported_twice_simultaneously_is_stored_once(server: Database, tmp_path: Path) -> None:
     here = open_database(tmp_path / "here")
     run = tracked(here)
     file = tmp_path / "run.zip"

@@ -18,7 +18,7 @@ def begun(database: Database) -> int:
         return studies.add(session, NEW).id
 
 
-def test_rows_come_back_as_they_were_in_order_and_once(database: Database) -> None:
+def test_study_rows_are_read_back_unchanged_in_order_and_once(database: Database) -> None:
     study = begun(database)
     for points in ([OTHER], [FIRST, OTHER], []):
         with database.session() as session:
@@ -31,7 +31,7 @@ def test_rows_come_back_as_they_were_in_order_and_once(database: Database) -> No
         assert studies.count_rows(session, study) == 2
 
 
-def test_who_computes_a_study_goes_on_until_it_is_asked_to_stop_or_another_one_took_it(database: Database) -> None:
+def test_a_study_runner_continues_until_a_stop_or_another_claim(database: Database) -> None:
     study = begun(database)
 
     def may(runner: str) -> bool:
@@ -57,7 +57,7 @@ def test_who_computes_a_study_goes_on_until_it_is_asked_to_stop_or_another_one_t
     assert may("two:2")
 
 
-def test_a_study_is_its_stations_own(database: Database, tmp_path: Path) -> None:
+def test_a_study_belongs_to_its_station(database: Database, tmp_path: Path) -> None:
     study = begun(database)
     url = database.engine.url.render_as_string(hide_password=False)
     other = open_database(tmp_path / "other", url, station="rig-b")

@@ -1,4 +1,4 @@
-"""Everything that happened in one list: nothing twice, nothing left out at the edge of a page, each at its second."""
+"""The event log: no duplicate, no omission at the edge of a page, each event at its time."""
 
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -50,7 +50,7 @@ def test_every_mark_on_the_time_axis_has_its_kind_in_the_log() -> None:
     assert {str(kind) for kind in MarkKind} <= {str(kind) for kind in EventKind}
 
 
-def test_an_event_stands_at_its_second_of_the_run_that_was_recorded_then(database: Database) -> None:
+def test_an_event_has_its_time_in_the_run_recorded_at_that_time(database: Database) -> None:
     with database.session() as session:
         first = record(session, 0.0, 5000, 4000)
         second = record(session, 60.0, 5000, 4000)  # the same ticks, of another loop process
@@ -69,7 +69,7 @@ def test_an_event_stands_at_its_second_of_the_run_that_was_recorded_then(databas
     assert told == [(after(64.0), second), (after(60.0), second), (after(4.0), first), (after(0.0), first)]
 
 
-def test_pages_follow_each_other_without_a_gap_or_a_double(database: Database) -> None:
+def test_pages_of_the_log_have_no_gap_and_no_duplicate(database: Database) -> None:
     with database.session() as session:
         for number in range(40):
             events.add(session, EventKind.NOTE, f"event {number}", at=after(number // 3))
@@ -89,7 +89,7 @@ def test_pages_follow_each_other_without_a_gap_or_a_double(database: Database) -
     assert found == whole
 
 
-def test_words_kinds_and_times_narrow_it(database: Database) -> None:
+def test_words_kinds_and_times_filter_the_log(database: Database) -> None:
     with database.session() as session:
         events.add(session, EventKind.TUNING, "λ_q 0.5 → 0.7 s", who="Ana", at=after(1))
         events.add(session, EventKind.FAULT, "STOP", who="Bo", at=after(2))
@@ -130,7 +130,7 @@ SHOWN = {
 
 
 @pytest.mark.parametrize("angles", AngleUnit)
-def test_what_is_read_is_what_is_found(database: Database, angles: AngleUnit) -> None:
+def test_displayed_texts_can_be_searched(database: Database, angles: AngleUnit) -> None:
     texts = (
         ("push of 12.5 N for 1.0 s", "Mara Stein"),
         ("q_ref 1.0472\u202frad, S_ref 10 N·m/rad", "Ana"),
@@ -154,7 +154,7 @@ def counted(database: Database, asked: LogQuery) -> int:
         return timeline.count(session, asked)
 
 
-def test_a_search_for_an_angle_has_its_pages_too(database: Database) -> None:
+def test_a_search_for_an_angle_has_pages(database: Database) -> None:
     with database.session() as session:
         for number in range(30):
             angle = 1.0472 if number % 3 == 0 else 0.5
@@ -167,7 +167,7 @@ def test_a_search_for_an_angle_has_its_pages_too(database: Database) -> None:
     assert (len(first), end, counted(database, asked)) == (4, None, 10)
 
 
-def test_a_run_is_found_by_its_number_and_by_the_angle_that_it_ended_at(database: Database) -> None:
+def test_a_run_is_found_by_its_number_and_by_its_final_angle(database: Database) -> None:
     with database.session() as session:
         record(session, 0.0, 0, 1000)
         second = runs.create(session, NEW).id
@@ -178,7 +178,7 @@ def test_a_run_is_found_by_its_number_and_by_the_angle_that_it_ended_at(database
     assert len(all_of(database, LogQuery(words=["1.0472"], angles=AngleUnit.RADIANS))) > 0
 
 
-def test_what_is_said_of_an_event_is_replaced_and_taken_off_and_the_event_stays(database: Database) -> None:
+def test_notes_and_tags_of_an_event_are_replaced_and_removed(database: Database) -> None:
     with database.session() as session:
         stop = events.add(session, EventKind.FAULT, "STOP", who="Bo", at=NOON)
         timeline.remark(session, stop.id, "a finger", ["near", "Near"], "Ana")
@@ -191,7 +191,7 @@ def test_what_is_said_of_an_event_is_replaced_and_taken_off_and_the_event_stays(
     assert (bare.text, bare.note, bare.tags, bare.remark_by) == ("STOP", "", (), "")
 
 
-def test_a_bad_remark_is_refused_and_the_one_before_stays(database: Database) -> None:
+def test_an_invalid_note_is_rejected_and_the_old_one_remains(database: Database) -> None:
     with database.session() as session:
         stop = events.add(session, EventKind.FAULT, "STOP", at=NOON)
         timeline.remark(session, stop.id, "kept", [], "Ana")
@@ -208,7 +208,7 @@ def test_a_bad_remark_is_refused_and_the_one_before_stays(database: Database) ->
     assert [one.note for one in all_of(database)] == ["kept"]
 
 
-def test_another_station_has_a_log_of_its_own(sqlite: Database) -> None:
+def test_each_station_has_its_own_log(sqlite: Database) -> None:
     with sqlite.session() as session:
         here = events.add(session, EventKind.NOTE, "here", at=NOON)
     elsewhere = Database(sqlite.engine, station="elsewhere")

@@ -47,7 +47,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def services(url: str, folder: Path) -> Iterator[dict[str, Service]]:
-    """Both, started at the same time on a database that has no tables yet."""
+    """Both services, started simultaneously on a database without tables."""
     with ExitStack() as stack:
         with ThreadPoolExecutor(2) as threads:
             waiting = [threads.submit(started, stack, folder, name, url) for name in NAMES]
@@ -77,7 +77,9 @@ def play(client: httpx.Client, q_ref: float) -> None:
     until(lambda: all(run["evaluation"] == "done" for run in listed(client, kind="sequence")))
 
 
-def test_two_stations_at_work_at_once_mix_nothing(services: dict[str, Service], url: str, tmp_path: Path) -> None:
+def test_two_simultaneous_stations_do_not_mix_their_data(
+    services: dict[str, Service], url: str, tmp_path: Path
+) -> None:
     with ExitStack() as stack:
         clients = {name: stack.enter_context(client_with(services[name], "token")) for name in NAMES}
         a, b = (clients[name] for name in NAMES)
@@ -113,7 +115,7 @@ def test_two_stations_at_work_at_once_mix_nothing(services: dict[str, Service], 
 
 
 def require_own_samples(url: str, tmp_path: Path, of: dict[str, list[int]]) -> None:
-    """Each recording is whole, and holds the references of its own station only."""
+    """Check that each recording is complete and holds the references of its own station only."""
     with closing(open_database(tmp_path / "looking", url)) as database, database.reading() as session:
         for name, numbers in of.items():
             for number in numbers:
@@ -126,7 +128,7 @@ def require_own_samples(url: str, tmp_path: Path, of: dict[str, list[int]]) -> N
 
 
 def require_own_trip(a: httpx.Client, b: httpx.Client, run: int) -> None:
-    """A trip, its flight record and what is told of it stay at the station; the other goes on."""
+    """Check that a trip and its flight record stay at their station, and the other station continues."""
     assert a.get(f"/api/runs/{run}").json()["end_state"] == "completed"
     queue(b, LONG)
     b.post("/api/experiments/queue/run").raise_for_status()
@@ -144,7 +146,7 @@ def require_own_trip(a: httpx.Client, b: httpx.Client, run: int) -> None:
 
 
 def client_of_a_third(url: str, tmp_path: Path) -> str:
-    """Start a service of a name that is taken, and return what it says."""
+    """Start a service with a used name, and return its output."""
     command = [sys.executable, "-m", "backend", "serve", "--port", "0", "--station", "rig-a"]
     command += ["--data", str(tmp_path / "third")]
     environment = {**os.environ, "SINEW_DATABASE_URL": url}
@@ -153,7 +155,7 @@ def client_of_a_third(url: str, tmp_path: Path) -> str:
     return " ".join(ended.stderr.split())
 
 
-def test_a_service_that_is_killed_and_started_again_leaves_the_other_alone(
+def test_a_killed_and_restarted_service_does_not_affect_the_other(
     services: dict[str, Service], url: str, folder: Path
 ) -> None:
     with ExitStack() as stack:
