@@ -12,7 +12,7 @@ from plant.interface import Measurement
 from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop.baseline_loops import run_feedback_linearization, run_single_loop
 
-# Feedback linearization: what is left of the plant is the reference filter, and both channels are strangers.
+# Feedback linearization: the plant reduces to the reference filter, and both channels are decoupled.
 
 IDEAL = load_parameters("ideal")
 UNGOVERNED = 1e9

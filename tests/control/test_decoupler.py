@@ -164,7 +164,7 @@ def test_the_table_rises_monotonically() -> None:
         assert steps[:, SUM] == pytest.approx(steps[0, SUM])
 
 
-# The envelope around what the outer loops may ask for: which stiffness a tension takes, and what a push does to it.
+# The envelope of the inputs: the stiffness of each tension limit, and the effect of a push.
 
 PARAMETERS = load_parameters("ideal")
 D = build_decoupler(PARAMETERS)

@@ -17,7 +17,7 @@ from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop.outside_force import NO_BIAS, WARM, estimate_external_force, hold_joint, measure_bias
 from tests.closed_loop.random_moves import random_moves
 
-# The outside force without a sensor: what the observer says against the force that acts, and how late.
+# The external force without a sensor: the estimate compared with the acting force, and its delay.
 
 T_S = 1e-3
 R_J = 0.075
@@ -144,7 +144,7 @@ def test_a_joint_without_damping_is_the_limit_of_small_damping(lab: PlantParamet
         assert observer[1:] == pytest.approx(observers[0][1:], rel=1e-3)
 
 
-# Feed-forward of the outside force: what it adds, what it tells the position loop, and how it begins and ends.
+# Feed-forward of the external force: its output, its effect on the position loop, and its start and end.
 
 T_S_REJECTION, R_J_REJECTION, S = 1e-3, 0.075, 12.0
 IDEAL = load_parameters("ideal")

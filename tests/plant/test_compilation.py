@@ -129,7 +129,7 @@ def test_arguments_of_a_wrong_type_are_rejected(x: PlantState) -> None:
         is_exceeded(PLANT, BOUNDS, x)
 
 
-# A cell holds a value as compiled functions see it and as the interpreter put it: the same, and in one place.
+# A state block holds the same value for compiled functions and for the interpreter, in one place.
 
 
 class Inner(NamedTuple):

@@ -21,7 +21,7 @@ from plant.simulator import Simulator
 from tests.plant import example
 from tests.plant.recorded import trip_recorded
 
-# What a Plant promises holds for the simulator, the rig on a virtual card, a recording, and a package's plant.
+# The contract of a plant holds for the simulator, the rig on a virtual card, a recording, and a package's plant.
 
 NOT_FOR_A_RECORDING = {"a_voltage_acts", "a_write_counts_from_the_next_reading", "keeps_to_its_voltages"}
 """What is written to a recording has no effect."""

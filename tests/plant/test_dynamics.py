@@ -211,7 +211,7 @@ def test_friction_holds_a_motor_that_the_tendon_alone_would_turn() -> None:
     assert 0.0 < turned[1] < 0.02
 
 
-# A load at the gearbox shaft: closed form, energy, an integration of the test's own, what is refused.
+# A load at the gearbox shaft: closed form, energy, independent integration, rejected values.
 
 LOAD_NM = 0.375
 SLACK = PlantState(0.0, 0.0, SLACK_THETA, 0.0, 0.0, SLACK_THETA, 0.0, 0.0)
@@ -426,7 +426,7 @@ def test_a_table_with_uneven_steps_is_also_the_cubic_of_scipy() -> None:
         assert tendon_tension_slope(spring, value) == pytest.approx(reference(value, 1), abs=1e-8)
 
 
-# A wall in the joint's way: closed forms of an impact, energy, what is refused, and nothing changed without one.
+# An obstacle: closed forms of an impact, energy, rejected values, and no change without an obstacle.
 
 LAB_OBSTACLE = load_parameters("lab")
 H = T_s / SUBSTEPS

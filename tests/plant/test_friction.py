@@ -28,7 +28,7 @@ from plant.interface import NO_LOAD, ShaftLoad, T_s
 from plant.parameters import PlantParameters, load_parameters
 from tests.plant.test_dynamics import energy
 
-# Friction that sticks (LuGre): closed forms, an integration of the test's own, and what a stuck motor must do.
+# Static friction (LuGre): closed forms, independent integration, and the behaviour of a stuck motor.
 
 STICK = load_parameters("lab-stick")
 SIGMA_0, SIGMA_1, RATIO, OMEGA_S = 40.0, 0.6, 1.4, 0.05
@@ -192,7 +192,7 @@ def test_swapping_A_and_B_mirrors_the_motion_with_friction(u_A: float, u_B: floa
     assert mirrored(reverse) == straight
 
 
-# The whole plant with friction that sticks: an independent integration, energy, and what knows nothing of it.
+# The whole plant with static friction: independent integration, energy, and the models without it.
 
 LAB, STICK_PLANT = load_parameters("lab"), load_parameters("lab-stick")
 UNLIKE = replace(STICK_PLANT, sided={"motor_B": {"sigma_0": 0.0}})

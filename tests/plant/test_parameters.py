@@ -25,7 +25,7 @@ from plant.parameters import (
 )
 from tests.refusals import refused
 
-# Parameter files: what is read, what is refused and how the refusal says what to mend.
+# Parameter files: accepted and rejected entries, and the remedies in the messages.
 
 TEXT = (Path(plant.parameters.__file__).parent / "parameters" / "lab.toml").read_text(encoding="utf-8")
 POINTS = "[[0.0065, 0.0], [0.02, 7.0], [0.035, 19.0], [0.05, 35.0], [0.0625, 51.5]]"

@@ -23,7 +23,7 @@ from tests.plant.recorded import columns_of, session, trip_recorded
 from tests.realtime.bench_top import BenchTop
 from tests.refusals import refused
 
-# A recording that Sinew wrote, played back: the same readings, the same trip, told how far the voltages were.
+# Replay of a recording by Sinew: the same readings, the same trip, and the deviation of the voltages.
 
 Columns = dict[str, np.ndarray]
 

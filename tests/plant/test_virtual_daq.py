@@ -25,7 +25,7 @@ from plant.terminals import LoadCellScaling, compute_volts, quantize_volts
 from plant.virtual_daq import VirtualRig, apply_miswiring
 from plant.wiring import SECTIONS, Wiring, load_wiring
 
-# What a virtual card has on its terminals, against numpy and against where the joint stands.
+# Signals at the terminals of a virtual card, compared with numpy and with the joint position.
 
 PARAMETERS = load_parameters("lab")
 WIRING = load_wiring("pcie-6323")
@@ -80,7 +80,7 @@ def test_a_disconnected_card_keeps_its_last_volts_until_its_watchdog_expires() -
     rig.close()
 
 
-# What is broken at the terminals: one place of the wiring differs, by what is said, and nothing else does.
+# Faults at the terminals: each changes exactly one entry of the wiring.
 
 SAID = load_wiring("pcie-6323")
 
@@ -132,7 +132,7 @@ def test_swapped_wires_exchange_signals_and_a_second_swap_restores_them(
     assert apply_miswiring(swapped, InjectedFault(kind)) == SAID
 
 
-# What is broken on purpose is told in words, by the symbols of the paper, wherever it is told.
+# Injected faults are described in words, with the symbols of the paper.
 
 
 @pytest.mark.parametrize("sensor", Sensor)

@@ -46,7 +46,7 @@ from plant.parameters import load_parameters
 from tests.realtime.bench_top import BenchTop
 from tests.reasons import assert_reason
 
-# A contact is felt and the joint gives way: how soon, how soft, and until when.
+# The contact reaction: its delay, its compliance and its end.
 
 _E = TypeVar("_E")
 
@@ -268,7 +268,7 @@ def test_the_contact_reaction_prevents_a_trip_of_a_stiff_joint() -> None:
     assert bench.loop.mode is Mode.COMPLIANCE
 
 
-# A program with contacts of its own: a part ends, the joint gives way, and the program goes on in time.
+# A program with contacts: the segment ends, the joint is compliant, and the program continues on schedule.
 
 LAB_PROGRAM = load_parameters("lab")
 WALL = Obstacle(1.0, 0.2, 2e4, 1.0)
@@ -497,7 +497,7 @@ def test_inconsistent_contact_detection_is_rejected_before_motion(
     assert bench.loop.mode is Mode.PRETENSION
 
 
-# Pushes that are rejected by feed-forward: how soon the joint is back, what it takes to be allowed, and no bump.
+# Disturbance rejection by feed-forward: time of the return, preconditions, and bumpless switching.
 
 
 def held(name: str, lam_q: float, S: float = 10.0) -> tuple[BenchTop, SetTuning]:

@@ -218,7 +218,7 @@ def test_the_same_seed_gives_bit_identical_samples(lab: PlantParameters) -> None
     assert np.array_equal(record(), record(), equal_nan=True)
 
 
-# A plant that fails is told of once, and that it answers again once it has done so for a second.
+# A failing plant is reported once, and its recovery after one second without failures.
 
 
 def watched(failing: set[int], ticks: int) -> list[Event]:

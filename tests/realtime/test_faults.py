@@ -329,7 +329,7 @@ def test_samples_are_finite_again_after_a_nan_reading(lab: PlantParameters) -> N
     assert np.isfinite(bench.samples.rows[-1][INDEX["q_dot"]])
 
 
-# What a fault is told in: one sentence, what was seen of it after a colon, and no number without its unit.
+# Text of a fault: one sentence, the observation after a colon, and no number without its unit.
 
 SENTENCE = re.compile(r"[A-Z][^:]*(: .*[^.])?\.")
 WITHOUT_UNIT = re.compile(r"(?<![\w.-])-?\d+(?:\.\d+)?(?![\d.]|:? (?:rad|N|V|s|ms)\b| to -?\d)")
@@ -402,7 +402,7 @@ def test_a_nan_reading_is_reported_without_a_unit(lab: PlantParameters) -> None:
     assert "nan" not in detail
 
 
-# What must not be in the loop is a trip at zero volts, told and recorded; that loop is not reset.
+# An internal error trips at zero volts, is reported and recorded; that loop cannot be reset.
 
 
 class Written(Simulator):

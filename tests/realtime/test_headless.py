@@ -177,7 +177,7 @@ def test_pretension_is_reached_again_after_a_stop_released_the_tendons(make: Mak
     asyncio.run(session())
 
 
-# Each column of a sample holds what its name says: what the plant was asked and told, what was commanded.
+# Each column of a sample holds the quantity of its name: readings, written voltages, commands.
 
 
 class Witness(Simulator):

@@ -150,7 +150,7 @@ def test_the_end_of_the_service_is_a_soft_stop_with_its_cause(ideal: PlantParame
     assert (stopped.fault, stopped.hard, stopped.detail) == (Fault.SERVICE_ENDED, False, "service ended by SIGTERM")
 
 
-# No change of mode, law, bank or tuning moves what is at rest: neither the voltages nor the joint.
+# Changes of mode, law, bank and tuning at rest change neither the voltages nor the joint position.
 
 MOTIONS = {"lambda": (0.0,), "time-optimal": (8.5,), "both": (0.0, 8.5, 3.0)}
 

@@ -329,7 +329,7 @@ def test_a_segment_with_an_unknown_tuning_is_rejected_before_motion() -> None:
     assert_reason(answer.reason, "unknown_tuning", number=1, count=0)
 
 
-# The baselines in the live loop: they play a program, keep the joint held at both ends, and say what they refuse.
+# The baseline laws in the live loop: they run a program, hold the joint at both ends, and reject invalid programs.
 
 IDEAL = load_parameters("ideal")
 SEGMENTS_BASELINES = (Segment(4.0, 0.0, 10.0), Segment(4.0, 0.6, 10.0), Segment(4.0, 0.6, 12.0))

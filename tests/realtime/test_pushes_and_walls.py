@@ -30,7 +30,7 @@ from plant.simulator import Simulator
 from tests.realtime.bench_top import BenchTop
 from tests.reasons import Reason, TextWith, assert_reason
 
-# A push by an operator's hand: what the joint does under it, and that it is let go of for sure.
+# A push by an operator: the response of the joint, and the guaranteed end of the push.
 
 R_J = 0.075
 S_REF = 10.0

@@ -135,7 +135,7 @@ def test_a_run_aborted_before_its_first_samples_are_read_gets_their_end_state(
     assert len(stored.t) == 10
 
 
-# A full disk and a database that has become read-only, as SQLite itself refuses them: told, nothing half-written.
+# A full disk and a read-only database, as SQLite rejects them: reported, and no partial write.
 
 
 def fill(database: Database) -> None:

@@ -20,7 +20,7 @@ from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState
 from tests.recording.compared_runs import recorded_run
 
-# Differences of runs, their places and times, are what a plain look at every sample finds.
+# Differences of runs, their positions and times, match a direct comparison of every sample.
 
 LENGTH = 1500
 SEEDS = st.integers(0, 2**32 - 1)

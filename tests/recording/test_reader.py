@@ -22,7 +22,7 @@ from backend.storage.orm import UnknownRecordError
 from tests.recording.stand_in import Rows, Writer, new_run, recorder_of
 from tests.refusals import refused
 
-# Slices and envelopes agree with what was written, drawn together by a plain loop.
+# Slices and envelopes agree with the written samples, reduced by a plain loop.
 
 TICKS = 12_000
 
@@ -157,7 +157,7 @@ def test_a_signal_that_only_later_versions_record_is_nan(tmp_path: Path, monkeyp
     recorded.database.close()
 
 
-# Columns to compute with and columns to draw, from the same recording.
+# Columns for computation and columns for charts, from the same recording.
 
 
 def test_columns_hold_every_sample_and_charts_their_extremes(database: Database, writer: Writer) -> None:

@@ -33,7 +33,7 @@ from plant.simulator import Simulator
 from tests.recording.stand_in import Writer, new_run, read_problem, recorder_of, stored_run
 from tests.refusals import refused
 
-# Every sample of a run is stored once, and gaps are told; how runs end is below.
+# Every sample of a run is stored once, and gaps are reported; the ends of runs are tested below.
 
 
 def assert_stored(database: Database, run_id: int, rows: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> None:
@@ -429,7 +429,7 @@ def test_programs_ended_early_are_all_stopped_though_their_samples_are_stored_at
     assert stored_run(database, complete.id).end_state == EndState.COMPLETED
 
 
-# Which walls a run keeps: those that stood in its samples, whenever that was told.
+# Obstacles stored with a run: those active in its samples, whenever they were reported.
 
 ABOVE, BELOW = Obstacle(1.0, 0.3, 2e4, 1.0), Obstacle(-1.0, -0.4, 5e3, 0.0)
 DOWN = StoredWall(0.0, 0.0, 0.0, 0.0, 0.0)

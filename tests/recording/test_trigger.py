@@ -134,7 +134,7 @@ def test_a_condition_is_described_with_its_unit() -> None:
     )
 
 
-# What a trigger keeps: exactly the samples asked for around the exact tick, or what of them is missing.
+# Captures of a trigger: exactly the requested samples around the exact tick, or the number of missing ones.
 
 QUOTA = Quota(100, 10**9)
 LENGTHS = {"r_m": 0.0075, "r_j": 0.075}

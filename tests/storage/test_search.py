@@ -26,7 +26,7 @@ from tests.refusals import refused
 from tests.storage.refused_search import refused_search
 from tests.storage.test_lineage import METRICS, NEW_RUN
 
-# Runs are found by all that is stored of them; a search that says nothing is refused at its place.
+# Runs are found by all their stored data; an invalid search is rejected with the position.
 
 PARAMETERS = {
     "geometry": {"r_j": {"value": 0.075, "unit": "m"}},
@@ -350,7 +350,7 @@ def test_the_searchable_names_are_listed(find: Find, database: Database) -> None
     assert set(known.values["setting"]) == {"controller", "interpolate", "lam_q", "mode", "q_amplitude"}
 
 
-# Tags of runs: put on, taken off, renamed; what is no tag is refused.
+# Tags of runs: added, removed, renamed; invalid tags are rejected.
 
 
 def test_tags_are_added_removed_and_renamed(database: Database) -> None:
@@ -442,7 +442,7 @@ def test_the_newest_estimate_determines_the_headline_metric(database: Database) 
     assert listed[bare].headline is None
 
 
-# What a search finds among many runs is what somebody finds who looks at each of them.
+# A search among many runs finds the same runs as a check of each run.
 
 COUNT = 600
 FITS: dict[str, Callable[[Made], bool]] = {
