@@ -137,12 +137,12 @@ def test_the_drawn_step_has_a_round_size_in_the_unit_of_the_axis(
     seen: dict[str, float] = {}
     saved = Drawn.savefig
 
-    def find_jumps_directly(self: Drawn, *args: Any, **how: Any) -> None:
+    def save_checked(self: Drawn, *args: Any, **how: Any) -> None:
         ends = {axis.get_ylabel(): np.asarray(axis.lines[1].get_ydata())[-1] for axis in self.axes if axis.lines[1:]}
         seen.update({label: float(end) for label, end in ends.items()})
         saved(self, *args, **how)
 
-    monkeypatch.setattr(Drawn, "savefig", find_jumps_directly)
+    monkeypatch.setattr(Drawn, "savefig", save_checked)
     forget_drawings()
     made = build_report(replace(source(identification(), PLAYED), angles=angles))
     captions = [block.caption for section in made.sections for block in section.blocks if isinstance(block, Figure)]

@@ -160,11 +160,11 @@ def axes(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     seen: list[str] = []
     saved = Drawn.savefig
 
-    def find_jumps_directly(self: Drawn, *args: Any, **how: Any) -> None:
+    def save_checked(self: Drawn, *args: Any, **how: Any) -> None:
         seen.extend(axis.get_ylabel() for axis in self.axes)
         saved(self, *args, **how)
 
-    monkeypatch.setattr(Drawn, "savefig", find_jumps_directly)
+    monkeypatch.setattr(Drawn, "savefig", save_checked)
     forget_drawings()
     return seen
 

@@ -174,11 +174,11 @@ def drawn(monkeypatch: pytest.MonkeyPatch, draw: Any, *args: Any) -> Drawn:
     seen: list[Drawn] = []
     saved = Drawn.savefig
 
-    def find_jumps_directly(self: Drawn, *given: Any, **how: Any) -> None:
+    def save_checked(self: Drawn, *given: Any, **how: Any) -> None:
         seen.append(self)
         saved(self, *given, **how)
 
-    monkeypatch.setattr(Drawn, "savefig", find_jumps_directly)
+    monkeypatch.setattr(Drawn, "savefig", save_checked)
     forget_drawings()
     draw(*args)
     return seen[0]
