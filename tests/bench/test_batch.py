@@ -26,7 +26,7 @@ def test_results_do_not_depend_on_the_number_of_workers() -> None:
     assert run_batch([partial(mean_force, seed) for seed in range(12)], workers=3) == alone
 
 
-def test_runs_go_on_side_by_side() -> None:
+def test_runs_of_a_batch_are_executed_in_parallel() -> None:
     """Each waits for the other: one after the other they would never end."""
     both = Barrier(2, timeout=30.0)
     run_batch([both.wait, both.wait], workers=2)

@@ -72,18 +72,18 @@ once_each = settings(
 @schema.parametrize()
 @once_each
 @hypothesis.seed(SEED)
-def test_operator(case: Case, target: Target) -> None:
+def test_requests_of_an_operator_cause_no_server_error(case: Case, target: Target) -> None:
     send(case, target, "operator")
 
 
 @schema.parametrize()
 @once_each
 @hypothesis.seed(SEED)
-def test_viewer(case: Case, target: Target) -> None:
+def test_requests_of_a_viewer_cause_no_server_error(case: Case, target: Target) -> None:
     send(case, target, "viewer")
 
 
-def test_questions_asked_again_leave_nothing_in_memory(target: Target) -> None:
+def test_repeated_requests_do_not_increase_the_memory(target: Target) -> None:
     def ask_all() -> None:
         for asked in target.harmless:
             asked.headers.update(target.authorization("viewer"))

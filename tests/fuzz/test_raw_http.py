@@ -18,7 +18,7 @@ LISTEN_S = 0.5
 STATUS = re.compile(rb"HTTP/1\.[01] (\d{3}) ")
 
 
-def test_broken_requests(target: Target) -> None:
+def test_malformed_requests_cause_no_server_error(target: Target) -> None:
     dice = random.Random(SEED)
     for _ in range(REQUESTS // AT_ONCE):
         sent = [junk.request(dice) for _ in range(AT_ONCE)]
@@ -28,7 +28,7 @@ def test_broken_requests(target: Target) -> None:
             assert max(statuses, default=0) < 500, (request[:2000], answer[:2000])
 
 
-def test_requests_in_one_go_are_answered_in_turn(target: Target) -> None:
+def test_pipelined_requests_are_answered_in_order(target: Target) -> None:
     host = target.service.url.removeprefix("http://")
     ask = f"GET /api/health HTTP/1.1\r\nHost: {host}\r\n\r\n".encode()
     last = f"GET /api/health HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n".encode()

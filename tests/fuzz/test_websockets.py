@@ -24,7 +24,7 @@ SUBPROTOCOLS = {"/api/live": None, "/scene": [VISER], "/replay": [VISER]}
 
 @pytest.mark.parametrize("role", ["operator", "viewer"])
 @pytest.mark.parametrize("path", SUBPROTOCOLS)
-def test_messages(target: Target, path: str, role: Role) -> None:
+def test_random_messages_cause_no_abnormal_closure(target: Target, path: str, role: Role) -> None:
     dice = random.Random(f"{SEED}{path}{role}")
 
     async def one_connection(messages: list[str | bytes]) -> None:
@@ -60,7 +60,7 @@ async def hear(socket: ClientConnection) -> None:
 
 
 @pytest.mark.parametrize("path", SUBPROTOCOLS)
-def test_handshakes(target: Target, path: str) -> None:
+def test_random_handshakes_cause_no_server_error(target: Target, path: str) -> None:
     dice = random.Random(f"{SEED}{path}")
     host = target.service.url.removeprefix("http://")
     for _ in range(max(1, EXAMPLES // 2)):
@@ -73,7 +73,7 @@ def test_handshakes(target: Target, path: str) -> None:
 
 
 @pytest.mark.parametrize("path", SUBPROTOCOLS)
-def test_frames(target: Target, path: str) -> None:
+def test_random_frames_cause_no_server_error(target: Target, path: str) -> None:
     dice = random.Random(f"{SEED}{path}")
     host = target.service.url.removeprefix("http://")
     offered = {"Sec-WebSocket-Protocol": VISER} if SUBPROTOCOLS[path] else {}

@@ -44,12 +44,12 @@ def words(text: str) -> list[str]:
     return [token.string for token in tokenize.generate_tokens(io.StringIO(text).readline) if token.type in said]
 
 
-def test_each_operator_constant_and_sign_that_computes_is_changed_once() -> None:
+def test_every_operator_constant_and_sign_of_a_computation_is_changed() -> None:
     assert [(mutant.old, mutant.new) for mutant in mutants("f.py", SOURCE)] == CHANGES
     assert [mutant.after for mutant in mutants("f.py", SOURCE)][-1] == "return (λ * (n)) - 8"
 
 
-def test_a_mutant_is_another_program_that_says_the_same() -> None:
+def test_a_mutant_differs_in_one_line_and_has_the_same_texts() -> None:
     for mutant in chosen(60, seed=2):
         text = (ROOT / mutant.path).read_text(encoding="utf-8")
         changed = mutant.of(text)
@@ -58,7 +58,7 @@ def test_a_mutant_is_another_program_that_says_the_same() -> None:
         assert words(changed) == words(text), mutant
 
 
-def test_places_are_spread_over_the_packages_and_the_same_for_a_seed() -> None:
+def test_mutants_are_spread_over_the_packages_and_reproducible_by_seed() -> None:
     some = chosen(100, seed=1)
     assert some == chosen(100, seed=1) != chosen(100, seed=2)
     there = Counter(mutant.path for mutant in all_there())
@@ -72,7 +72,7 @@ def test_places_are_spread_over_the_packages_and_the_same_for_a_seed() -> None:
     assert [path for path, tests in near.items() if not tests] == []
 
 
-def test_a_change_that_nobody_can_see_is_not_made() -> None:
+def test_mutants_without_effect_are_not_generated() -> None:
     def made(text: str) -> list[tuple[str, str]]:
         return [(mutant.old, mutant.new) for mutant in mutants("f.py", text)]
 
@@ -84,7 +84,7 @@ def test_a_change_that_nobody_can_see_is_not_made() -> None:
     assert made("sqrt(1 + n)") == [("1", "2"), ("+", "-")]
 
 
-def test_all_tests_that_reach_a_file_are_known_and_those_that_start_a_service_reach_all() -> None:
+def test_mutants_are_assigned_to_importing_tests_and_to_all_live_tests() -> None:
     away = reaching(Imports().steps_to("backend/identification/motor.py"))
     near = belonging_to("backend/identification/motor.py", away)
     assert "tests/identification/test_motor.py" in near
@@ -95,11 +95,11 @@ def test_all_tests_that_reach_a_file_are_known_and_those_that_start_a_service_re
     assert not any("e2e" in test for test in live_tests())
 
 
-def test_what_is_explained_says_why() -> None:
+def test_every_explained_mutant_has_a_reason() -> None:
     assert all((ROOT / path).is_file() and len(because.split()) > 5 for (path, _, _), because in explained().items())
 
 
-def test_in_a_copy_the_change_runs_and_only_what_it_touches_is_compiled_anew(tmp_path: Path) -> None:
+def test_a_mutant_runs_in_a_copy_and_only_affected_code_is_recompiled(tmp_path: Path) -> None:
     base, tree = Tree(tmp_path / "base"), Tree(tmp_path / "tree")
     for copy in (base, tree):
         copy.bring_up_to_date(
