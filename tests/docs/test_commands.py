@@ -52,18 +52,18 @@ def commands(of: object, words: str = "") -> Iterator[tuple[str, TyperCommand]]:
         yield from commands(command, f"{words} {name}".strip())
 
 
-def test_the_pages_print_commands() -> None:
+def test_commands_are_found_in_the_documents() -> None:
     assert len(PRINTED) > 25
 
 
-def test_every_command_that_shows_something_shows_it_to_programs_too() -> None:
+def test_every_command_with_output_has_a_json_option() -> None:
     found = dict(commands(get_command(app)))
     silent = {words for words, command in found.items() if not any("--json" in p.opts for p in command.params)}
     assert silent == DO_AND_SAY_SO
 
 
 @pytest.mark.parametrize("line", PRINTED)
-def test_a_printed_command_has_a_command_with_its_options(line: str) -> None:
+def test_documented_commands_and_options_exist(line: str) -> None:
     words = shlex.split(line, comments=True)[1:]
     command = get_command(app)
     while isinstance(command, TyperGroup):

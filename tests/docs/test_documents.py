@@ -15,14 +15,14 @@ SECTIONS = {
 OF_THE_WHOLE = {"README.md", "glossary.md", "where.md"}
 
 
-def test_each_document_lies_in_the_folder_of_one_purpose() -> None:
+def test_documents_are_in_the_folder_of_their_purpose() -> None:
     assert {path.name for path in DOCS.glob("*.md")} <= OF_THE_WHOLE
     assert {path.parent.name for path in DOCS.glob("*/*.md")} == {*SECTIONS, "decisions"}
     names = [path.name for purpose in SECTIONS for path in (DOCS / purpose).glob("*.md")]
     assert len(names) == len(set(names)), "the page addresses a document by its name alone"
 
 
-def test_the_index_lists_each_document_under_its_purpose() -> None:
+def test_the_index_lists_every_document_under_its_purpose() -> None:
     index = (DOCS / "README.md").read_text(encoding="utf-8")
     for purpose, heading in SECTIONS.items():
         section = index.split(f"## {heading}\n", 1)[1].split("\n## ", 1)[0]
@@ -30,7 +30,7 @@ def test_the_index_lists_each_document_under_its_purpose() -> None:
         assert listed == {f"{purpose}/{path.name}" for path in (DOCS / purpose).glob("*.md")}
 
 
-def test_each_document_and_module_that_the_sources_name_exists() -> None:
+def test_documents_and_modules_named_in_the_sources_exist() -> None:
     """A text of the program that sends somebody to a document is a link, and so is a module in a docstring."""
     root = DOCS.parent
     modules = [path for folder in ("backend", "plant", "migrations", "tests") for path in (root / folder).rglob("*.py")]
@@ -64,7 +64,7 @@ def lines(folder: Path) -> int:
     )
 
 
-def test_every_place_is_there() -> None:
+def test_files_named_in_the_index_of_modules_exist() -> None:
     rows = re.findall(r"^\| (?!Addition|-)(.*) \|(.*)\|(.*)\|$", PAGE, re.MULTILINE)
     assert len(rows) == 27
     named = [[path for cell in row[1:] for path in re.findall(r"`([^`]+)`", cell)] for row in rows]
@@ -81,7 +81,7 @@ def test_no_package_is_too_large() -> None:
     assert lines(ROOT / "backend" / "api") < LARGEST_API
 
 
-def test_contributing_names_files_and_what_they_contain() -> None:
+def test_files_and_names_in_contributing_exist() -> None:
     page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     rows = [row for row in re.findall(r"^\| (`.*) \| (.*) \|$", page, re.MULTILINE) if "/" in row[0]]
     assert len(rows) > 20

@@ -109,7 +109,7 @@ def test_e1_printed_gain_rings_and_the_corrected_one_does_not() -> None:
         assert first_order_loop(K, T, *outer_gains(K, T, lam)).poles() == pytest.approx(-1 / lam, rel=1e-5)
 
 
-def test_e2_a_tenth_of_the_printed_coefficients_agrees_with_the_text() -> None:
+def test_e2_one_tenth_of_the_printed_coefficients_agrees_with_the_text() -> None:
     text = section("E2")
     S, factors = (np.array([row[column] for row in TABLE_1.values()]) for column in (0, 3))
     a2, a1 = factors.T
@@ -171,7 +171,7 @@ def test_e5_sensitivity_of_the_inner_loop() -> None:
         assert tuple(shown) == expected, lam
 
 
-def test_e5_where_the_inner_loop_is_conditionally_stable_and_where_M_s_turns() -> None:
+def test_e5_conditional_stability_of_the_inner_loop_and_minimum_of_M_s() -> None:
     text = section("E5")
     lambdas = np.arange(0.0550, 0.0650, 0.0001)
     conditional = [lam for lam in lambdas if np.any(crossings(sampled_inner_loop(lam)) < 1)]
@@ -191,7 +191,7 @@ def test_e6_loops_tuned_on_table_1_are_unstable() -> None:
         assert four_lag_poles(*outer_gains(2 * K_S * decoupler_S, T_S, 0.2)).real.max() < 0
 
 
-def test_e6_sensitivity_with_the_sum_of_lags() -> None:
+def test_e6_sensitivity_peak_for_the_sum_of_lags() -> None:
     text = section("E6")
     assert f"T = {4 * LAM_MOTOR:.3f} s" in text
     quoted = "{:.2f} at λ = 0.342, {:.2f} at 0.41 and {:.2f} at 0.51 s".format(
@@ -202,14 +202,14 @@ def test_e6_sensitivity_with_the_sum_of_lags() -> None:
     assert f"Below λ = {edge:.4f} s the loop is unstable" in text
 
 
-def test_e8_minimum_stiffness_is_the_one_at_zero_force() -> None:
+def test_e8_minimum_stiffness_is_the_stiffness_at_zero_force() -> None:
     text = section("E8")
     x = float(np.max(np.polynomial.Polynomial([k_0, k_1, k_2]).roots()))
     assert f"2 k1 r_j² = {2 * k_1 * r_j**2:.2f} N" in text
     assert f"({1e3 * x:.2f} mm) the stiffness is {2 * r_j**2 * (k_1 + 2 * k_2 * x):.2f} N" in text
 
 
-def test_e9_the_static_law_needs_no_states_of_its_own() -> None:
+def test_e9_relative_degrees_sum_to_the_number_of_states() -> None:
     """Relative degrees of the linearized joint with its two motors: 4 for q, 2 for S, together all six states."""
     text = section("E9")
     J_j, B_j, S_0, stiffer = 5.2e-4, 0.046, 10.5, 2 * r_j**2 * k_2 * r_m

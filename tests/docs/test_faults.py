@@ -24,7 +24,7 @@ def test_every_limit_is_listed_with_its_bit() -> None:
     ]
 
 
-def test_a_remedy_names_control_before_the_reset_that_is_refused_without_it() -> None:
+def test_remedies_state_take_control_before_reset() -> None:
     remedies = [explained.remedy for explained in EXPLANATIONS.values()] + [LOST_PAGES.consequence]
     told = [remedy.lower() for remedy in remedies if "take control" in remedy]
     assert len(told) == 2

@@ -25,18 +25,18 @@ DECLARED = [place for computation in COMPUTATIONS for place in computation.place
 
 
 @pytest.mark.parametrize("computation", [pytest.param(one, id=one.name) for one in COMPUTATIONS])
-def test_printed_figures_are_those_that_are_computed(computation: Computation) -> None:
+def test_printed_figures_equal_the_computed_figures(computation: Computation) -> None:
     assert differences(computation, computation.found()) == [], "make figures writes them anew"
 
 
-def test_each_marked_table_is_declared_and_each_declared_one_is_marked_once() -> None:
+def test_marked_tables_are_declared_and_declared_tables_are_marked_once() -> None:
     declared = sorted({(place.page, place.name) for place in DECLARED if isinstance(place, Table)})
     pages = sorted(path.relative_to(places.ROOT).as_posix() for path in (places.ROOT / "docs").rglob("*.md"))
     marked = sorted((page, name) for page in pages for name in places.marked_tables(page))
     assert marked == declared
 
 
-def test_each_row_that_is_printed_is_computed_by_one_of_the_computations() -> None:
+def test_every_printed_row_has_a_computation() -> None:
     """A row that no computation gives any more would stay in the page for good."""
     for table in {place for place in DECLARED if isinstance(place, Table)}:
         keys = [table.key_of(row) for row in printed_rows(table)]
@@ -59,7 +59,9 @@ def test_each_row_that_is_printed_is_computed_by_one_of_the_computations() -> No
         ("nan", "nan", True),
     ],
 )
-def test_figures_are_alike_within_a_unit_of_the_last_printed_digit(printed: str, computed: str, alike: bool) -> None:
+def test_figures_are_compared_within_one_unit_of_the_last_printed_digit(
+    printed: str, computed: str, alike: bool
+) -> None:
     assert same(printed, computed) is alike
 
 
@@ -93,19 +95,19 @@ def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_a_figure_that_differs_is_told_with_its_place(page: Path) -> None:
+def test_a_different_figure_is_reported_with_its_location(page: Path) -> None:
     told = differences(FIRST, {TABLE: [["`lab`", "lambda", "1.3 m"]], SENTENCE: {"size": 2.0, "least": -1.0}})
     assert told == ["docs/page.md, sizes, `lab` / lambda, size: printed '1.0 m', computed '1.3 m'"]
     told = differences(FIRST, {TABLE: [["`lab`", "lambda", "1.0 m"]], SENTENCE: {"size": 2.2, "least": -1.4}})
     assert [each.split(", ")[2].split(":")[0] for each in told] == ["size", "least"]
 
 
-def test_a_row_that_the_page_lacks_is_told(page: Path) -> None:
+def test_a_missing_row_is_reported(page: Path) -> None:
     told = differences(SECOND, {TABLE: [["`lab-stick`", "lambda", "1.0 m"]]})
     assert "printed '', computed '1.0 m'" in told[-1]
 
 
-def test_what_is_written_holds_and_all_else_stays(page: Path) -> None:
+def test_writing_updates_the_figures_and_leaves_other_text_unchanged(page: Path) -> None:
     assert write({FIRST: CHANGED}, (FIRST, SECOND)) == ["docs/page.md"]
     assert differences(FIRST, CHANGED) == []
     expected = PAGE.replace("| 1.0 m", "| 1.3 m").replace("is 2.0 m", "is 2.2 m").replace("−1.0 m", "−0.4 m")
@@ -113,13 +115,13 @@ def test_what_is_written_holds_and_all_else_stays(page: Path) -> None:
     assert write({FIRST: CHANGED}, (FIRST, SECOND)) == []
 
 
-def test_with_all_rows_computed_one_that_is_no_longer_computed_goes(page: Path) -> None:
+def test_a_row_without_computation_is_removed_when_all_rows_are_computed(page: Path) -> None:
     found: Found = {TABLE: [["`lab`", "lambda", "1.0 m"]]}
     write({SECOND: found}, (SECOND,))
     assert printed_rows(TABLE) == [["`lab`", "lambda", "1.0 m"]]
 
 
-def test_a_sentence_that_was_changed_is_told_and_nothing_is_written(page: Path) -> None:
+def test_a_changed_sentence_is_reported_and_nothing_is_written(page: Path) -> None:
     changed = PAGE.replace("the largest", "the biggest")
     page.write_text(changed, encoding="utf-8")
     with pytest.raises(PlaceError):
@@ -131,20 +133,20 @@ def numbers(cell: str) -> list[float]:
     return [float(number) for number in re.findall(r"-?\d+\.?\d*", cell)]
 
 
-def test_motor_is_identified_as_in_the_paper() -> None:
+def test_identified_motor_agrees_with_the_paper() -> None:
     rows = {row[0]: row[1:] for row in printed_rows(MOTOR)}
     K_m, T_m = (numbers(cell)[0] for cell in rows["A and B, 63.21 % rule"])
     assert pytest.approx(2.86, rel=0.002) == K_m
     assert pytest.approx(0.22, rel=0.01) == T_m
 
 
-def test_gains_are_geometric_at_every_tension() -> None:
+def test_identified_gains_equal_the_geometric_gains_at_every_tension() -> None:
     for row in printed_rows(GAINS):
         assert float(row[2]) == pytest.approx(0.05, rel=0.01)
         assert float(row[6]) == pytest.approx(0.721, rel=0.005)
 
 
-def test_published_columns_are_table_1_and_T_of_G_q_rises_with_tension() -> None:
+def test_published_columns_equal_table_1_and_T_of_G_q_increases_with_tension() -> None:
     before = 0.0
     for (tension, row), q, S in zip(
         TABLE_1.items(), printed_rows(FIRST_ORDER["q"]), printed_rows(FIRST_ORDER["S"]), strict=True

@@ -68,7 +68,7 @@ def test_lines_are_short(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", ALL)
-def test_no_retired_phrase_is_left(page: Path) -> None:
+def test_documents_contain_no_retired_phrase(page: Path) -> None:
     name = str(page.relative_to(ROOT))
     found = [
         f"{name}:{number}: {match[0]!r}; write {instead}"
@@ -81,7 +81,7 @@ def test_no_retired_phrase_is_left(page: Path) -> None:
     assert found == []
 
 
-def test_code_and_targets_of_links_are_not_prose() -> None:
+def test_code_and_link_targets_are_not_checked_as_prose() -> None:
     page = """- an item that
     goes on
 
@@ -151,7 +151,7 @@ def texts(module: Path) -> list[tuple[int, str]]:
 
 
 @pytest.mark.parametrize("package", ["backend", "plant"])
-def test_texts_of_the_service_use_no_rejected_phrase(package: str) -> None:
+def test_texts_of_the_service_contain_no_rejected_phrase(package: str) -> None:
     found = [
         f"{name}:{line}: {text[:80]!r}; write {instead}"
         for module in sorted((ROOT / package).rglob("*.py"))
@@ -164,7 +164,7 @@ def test_texts_of_the_service_use_no_rejected_phrase(package: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "phrase"), TEXT_EXCEPTIONS)
-def test_exceptions_are_needed(name: str, phrase: str) -> None:
+def test_every_exception_is_needed(name: str, phrase: str) -> None:
     assert any(re.search(phrase, text, re.IGNORECASE) for _, text in texts(ROOT / name))
 
 
@@ -173,7 +173,7 @@ TEMPLATE = re.compile(r"(?:GET|POST|PUT|PATCH|DELETE) /api/|.*\$.*\$|√|\s*<(?:
 
 
 @pytest.mark.parametrize("package", ["backend", "plant"])
-def test_no_text_shows_an_expression_in_place_of_its_value(package: str) -> None:
+def test_texts_contain_no_unevaluated_expressions(package: str) -> None:
     """A text split over several literals loses its values where one of them lacks its f."""
     found = [
         f"{module.relative_to(ROOT)}:{line}: {text[:80]!r}"

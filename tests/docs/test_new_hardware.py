@@ -26,14 +26,14 @@ def blocks(language: str) -> list[str]:
     return [code for name, code in BLOCKS if name == language]
 
 
-def test_the_table_has_every_part_of_a_plant() -> None:
+def test_the_table_lists_every_part_of_a_plant() -> None:
     rows = re.findall(r"^\| (`.*?) \|", TEXT, re.MULTILINE)
     listed = [name for row in rows for name in re.findall(r"`(\w+)`", row)]
     assert len(listed) == len(set(listed))
     assert {*ATTRIBUTES, *METHODS} <= set(listed) <= {*ATTRIBUTES, *METHODS, *vars(replay.Replay)}
 
 
-def test_names_of_the_code_are_names_of_the_code() -> None:
+def test_code_names_on_the_page_exist() -> None:
     known = {*vars(interface), *vars(replay), *vars(replay), *vars(replay.Replay), *ATTRIBUTES, *METHODS}
     known |= {*replay.UNITS, *replay.FURTHER}
     for name in re.findall(r"`([A-Za-z_]\w*)`", PROSE):
@@ -44,7 +44,7 @@ def test_names_of_the_code_are_names_of_the_code() -> None:
     assert set(replay.UNITS) <= set(re.findall(r"`(\w+)`", PROSE))
 
 
-def test_its_code_is_that_of_the_example_package_or_runs() -> None:
+def test_code_on_the_page_equals_the_example_package_or_runs() -> None:
     (entry,) = blocks("toml")
     assert tomllib.loads(entry)["project"]["entry-points"][GROUP][example.NAME]
     assert entry in (example.SOURCE / "pyproject.toml").read_text(encoding="utf-8")
@@ -59,7 +59,7 @@ def test_its_code_is_that_of_the_example_package_or_runs() -> None:
     assert len(names["findings"]) == len(CHECKS)
 
 
-def test_its_commands_take_what_they_are_given() -> None:
+def test_commands_on_the_page_accept_their_options() -> None:
     commands = [line for code in blocks("") for line in code.splitlines()]
     commands += re.findall(r"`(sinew [^`]+)`", PROSE)
     assert len(commands) >= 5
@@ -72,6 +72,6 @@ def test_its_commands_take_what_they_are_given() -> None:
             assert option in helped.output, command
 
 
-def test_the_modules_it_imports_from_are_there() -> None:
+def test_modules_imported_on_the_page_exist() -> None:
     for module in re.findall(r"^from (\S+) import", "\n".join(blocks("python")), re.MULTILINE):
         assert importlib.import_module(module)

@@ -19,19 +19,19 @@ def rows(heading: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.split("|")] for line in lines[2:]]
 
 
-def test_signals_are_the_columns_of_a_sample() -> None:
+def test_documented_signals_equal_the_columns_of_a_sample() -> None:
     written = [(code.strip("`"), symbol, unit, meaning) for symbol, code, unit, meaning, _ in rows("Signals")]
     assert written == [(field.name, field.symbol, field.unit, field.meaning) for field in FIELDS]
 
 
-def test_what_a_person_reads_of_a_signal_has_no_name_of_the_code_in_it() -> None:
+def test_meanings_of_signals_contain_no_code_names() -> None:
     for field in FIELDS:
         assert "backend." not in field.meaning, field.name
     meaning = next(field.meaning for field in FIELDS if field.name == "mode")
     assert meaning.endswith(", ".join(f"{code} {mode}" for code, mode in enumerate(MODES)))
 
 
-def test_parameters_are_those_of_the_plant() -> None:
+def test_documented_parameters_equal_those_of_the_plant() -> None:
     written = [(code.strip("`"), unit) for _, code, unit, _, _ in rows("Parameters of the plant")]
     assert written == [
         (f"{section}.{entry.name}", entry.metadata["unit"])
@@ -45,7 +45,7 @@ def test_the_sampling_period_is_one_millisecond() -> None:
     assert f"{T_s * 1000:g} ms" in meaning
 
 
-def test_code_names_occur_in_the_code() -> None:
+def test_documented_code_names_occur_in_the_code() -> None:
     root = Path(__file__).parents[2]
     source = "\n".join(
         path.read_text(encoding="utf-8") for part in ("plant", "backend") for path in (root / part).rglob("*.py")

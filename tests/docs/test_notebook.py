@@ -16,7 +16,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "notebook.md").read_text
 BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 
 
-def test_the_blocks_play_as_they_stand(
+def test_the_code_blocks_of_the_notebook_run_unchanged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert len(BLOCKS) == 5

@@ -24,7 +24,7 @@ def rows(heading: str) -> list[list[str]]:
     return [[cell.strip() for cell in line] for line in lines]
 
 
-def test_the_table_is_the_shipped_wiring() -> None:
+def test_the_table_equals_the_shipped_wiring() -> None:
     w = WIRING
     expected = {"`card.device`": (w.card.device, f"timed {w.card.timing}, watchdog {w.card.watchdog_s:g} s")}
     for side in "AB":
@@ -54,11 +54,11 @@ def test_the_table_is_the_shipped_wiring() -> None:
         f"takes more than {1e3 * CYCLE_MAX_S:g} ms",
     ],
 )
-def test_figures_are_those_of_the_code(statement: str) -> None:
+def test_figures_on_the_page_equal_those_of_the_code(statement: str) -> None:
     assert statement in SAID
 
 
-def test_what_doctor_says_is_called_as_doctor_calls_it() -> None:
+def test_findings_on_the_page_have_the_names_of_sinew_doctor() -> None:
     named = {re.findall(r"`([^`]+)`", row[2])[0] for row in rows("The machine")}
     known = set(re.findall(r'Finding\(\s*"([^"]+)"', inspect.getsource(server)))
     assert len(named) == 6

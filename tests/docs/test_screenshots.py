@@ -10,12 +10,12 @@ from tests.e2e.screenshots import FOLDER, FREQUENT, RARE, compact
 MOST_BYTES = 4_000_000
 
 
-def test_all_pictures_together_are_small() -> None:
+def test_the_total_size_of_the_screenshots_is_limited() -> None:
     total = sum(path.stat().st_size for path in FOLDER.iterdir())
     assert total <= MOST_BYTES, f"{total / 1e6:.1f} MB: take them anew with make screenshots"
 
 
-def test_a_picture_keeps_its_size_and_sharp_edges_in_few_colours() -> None:
+def test_compression_retains_size_and_sharp_edges_with_few_colours() -> None:
     drawn = Image.new("RGB", (640, 400), "#f6f7f9")
     pen = ImageDraw.Draw(drawn)
     for hue in range(200):

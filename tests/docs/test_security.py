@@ -35,7 +35,7 @@ def cells(heading: str, columns: int) -> list[list[str]]:
     return [[cell.strip() for cell in row] for row in rows if len(row) == columns]
 
 
-def test_numbers_are_those_of_the_code() -> None:
+def test_numbers_on_the_page_equal_those_of_the_code() -> None:
     settings = Settings()
     assert dict(cells("### Numbers\n", 2)[:22]) == {
         "largest body of a request": f"{security.MAX_BODY_BYTES // 1024} kB",
@@ -75,7 +75,7 @@ def test_numbers_are_those_of_the_code() -> None:
     assert authentication.ATTEMPTS_WINDOW_S == 60.0
 
 
-def test_what_follows_a_death_has_the_times_of_the_faults() -> None:
+def test_reaction_times_to_failures_equal_those_of_the_faults() -> None:
     outputs = {row[0]: row[1] for row in cells("### Failures and reactions\n", 3)}
     for dead, fault in {
         "the page in control": Fault.OPERATOR_LOST,
@@ -92,7 +92,7 @@ def test_what_follows_a_death_has_the_times_of_the_faults() -> None:
     assert f"within {kill_watchdog.BOTH_DEAD_S:g} s of the control loop's last write" in SECTIONS[Fault.WATCHDOG_DEAD]
 
 
-def test_promises_are_those_that_the_attack_measures_by() -> None:
+def test_guarantees_equal_the_limits_of_the_soak_attack() -> None:
     text = " ".join(PAGE.split())
     assert f"within {tally.STOP_S:g} s" in text
     assert f"reported within {tally.TOLD_S:g} s" in text
@@ -100,7 +100,7 @@ def test_promises_are_those_that_the_attack_measures_by() -> None:
     assert f"{parts.KILLS_IN_ALL} kills in all" in text
 
 
-def test_tests_and_attacks_that_it_names_are_there() -> None:
+def test_tests_and_attacks_named_on_the_page_exist() -> None:
     named = set(re.findall(r"`(tests/[\w/]+\.py)`", PAGE))
     assert len(named) > 20
     assert [name for name in sorted(named) if not (ROOT / name).is_file()] == []
@@ -158,17 +158,17 @@ def documented(name: str, cost: Cost, asks: str) -> list[str]:
     return [f"`{name}`", asks, cost.where, time, memory, cost.at_a_time]
 
 
-def test_each_route_says_what_it_may_cost() -> None:
+def test_every_route_declares_its_cost() -> None:
     assert described() == set(COSTS)
 
 
-def test_the_page_lists_what_computes_with_its_limits() -> None:
+def test_the_page_lists_the_computing_routes_with_their_limits() -> None:
     asks = dict(asking())
     expected = [documented(name, cost, asks[name]) for name, cost in COSTS.items() if cost.is_computation]
     assert cells("### Cost of requests\n", 6) == expected
 
 
-def test_what_comes_from_a_text_of_a_person_has_limits_and_places() -> None:
+def test_routes_that_evaluate_texts_have_time_memory_and_concurrency_limits() -> None:
     for name in (
         "POST /api/experiments/check",
         "POST /api/experiments/own",
@@ -182,7 +182,7 @@ def test_what_comes_from_a_text_of_a_person_has_limits_and_places() -> None:
         assert "per person" in cost.at_a_time, name
 
 
-def test_the_page_has_the_bounds_of_a_sheet() -> None:
+def test_the_page_states_the_limits_of_a_chart_sheet() -> None:
     text = " ".join(PAGE.split())
     for bound in (
         f"{sheet.MOST_ELEMENTS} elements",

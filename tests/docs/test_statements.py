@@ -60,11 +60,11 @@ def said(documented: object) -> str:
         f"would have exceeded {math.degrees(ENVELOPE.q_max):.1f}° to either side",
     ],
 )
-def test_times_and_bounds_of_the_faults_are_those_of_the_code(statement: str) -> None:
+def test_times_and_bounds_of_the_faults_equal_those_of_the_code(statement: str) -> None:
     assert statement in " ".join(FAULTS.split())
 
 
-def test_silence_is_as_long_wherever_it_is_told() -> None:
+def test_all_texts_state_the_same_heartbeat_timeouts() -> None:
     told = f"{process.SILENCE_S:g} s"
     assert f"receives no heartbeat for {told}" in decision_page("0001")
     assert f"{told} without a heartbeat" in supervisor._HEARTBEAT_PART.consequence
@@ -75,7 +75,7 @@ def test_silence_is_as_long_wherever_it_is_told() -> None:
         assert not re.search(r"nothing for 0\.\d+ s|heartbeat every 0\.\d+ s", inspect.getsource(module)), module
 
 
-def test_docstrings_say_what_the_code_does() -> None:
+def test_docstrings_agree_with_the_code() -> None:
     assert "returns to PRETENSION when it has ended" in said(commands.RunProgram)
     assert set(re.findall(r"``(\w+)``", said(motion_types.ControlOutput))) <= set(motion_types.ControlOutput._fields)
     window = f"the last {timing.WINDOW_TICKS * T_s:g} s"
@@ -83,7 +83,7 @@ def test_docstrings_say_what_the_code_does() -> None:
         assert window in (TimingView.model_fields[name].description or ""), name
 
 
-def test_what_can_be_controlled_is_said_in_the_first_lines() -> None:
+def test_readme_names_the_kinds_of_plants_before_the_first_picture() -> None:
     first = README.split("![", 1)[0]
     assert {kind for kind in PlantKind if kind.replace("_", " ") in first} >= {
         PlantKind.SIMULATOR,
@@ -92,19 +92,19 @@ def test_what_can_be_controlled_is_said_in_the_first_lines() -> None:
     }
 
 
-def test_readme_has_the_figures_of_the_code() -> None:
+def test_figures_in_the_readme_equal_those_of_the_code() -> None:
     assert f"until the tendon forces are {motion_primitives.PRETENSION_N:g} N" in README
     excitation_s = ActuatorIdentificationPlan().program().duration_s
     assert 25.0 < excitation_s < 35.0
     assert "for half a minute" in README
 
 
-def test_a_signal_is_defined_where_the_architecture_says() -> None:
+def test_signals_are_defined_in_the_file_that_the_architecture_names() -> None:
     assert "`FIELDS` of `backend/sample.py`" in ARCHITECTURE
     assert "`write_row` of `backend/control/step.py`" in ARCHITECTURE
 
 
-def test_motions_live_in_the_files_that_the_architecture_names() -> None:
+def test_motions_are_in_the_files_that_the_architecture_names() -> None:
     compiled = {step.__module__ for kind, step in STEP_FUNCTIONS.items() if kind is not Resting}
     sentence = re.search(r"Each mode has a motion: a state and a pure step \((.*?)\)", ARCHITECTURE)
     assert sentence is not None
@@ -121,7 +121,7 @@ def _interpreted(kind: type[PythonMotion]) -> Iterator[type[PythonMotion]]:
         yield from _interpreted(found)
 
 
-def test_imports_run_as_the_contract_has_them() -> None:
+def test_layers_in_the_architecture_equal_the_import_contract() -> None:
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
         "contracts"
     ]
@@ -130,7 +130,7 @@ def test_imports_run_as_the_contract_has_them() -> None:
     assert [line.strip() for line in drawn.split("\n\n", 1)[0].splitlines()] == layers
 
 
-def test_files_that_the_architecture_names_are_there() -> None:
+def test_files_that_the_architecture_names_exist() -> None:
     places = ("", "backend", "backend/realtime", "backend/control", "backend/experiments", "tests")
     for name in re.findall(r"`((?:\w+/)*\w+\.(?:py|toml))`", ARCHITECTURE):
         assert any((ROOT / place / name).is_file() for place in places), name
@@ -143,5 +143,5 @@ def test_files_that_the_architecture_names_are_there() -> None:
         f"without a heartbeat for {control_lease.LOST_S:g} s the page is lost; after {control_lease.HOLD_S:g} s more",
     ],
 )
-def test_times_of_the_architecture_are_those_of_the_code(statement: str) -> None:
+def test_times_in_the_architecture_equal_those_of_the_code(statement: str) -> None:
     assert statement in ARCHITECTURE

@@ -35,7 +35,7 @@ def close(left: Polynomial, right: Polynomial) -> None:
 
 
 @pytest.mark.parametrize("lam", [0.05, 0.0854, 0.3])
-def test_the_motors_formulas_are_those_in_use_and_place_four_poles(lam: float) -> None:
+def test_the_formulas_of_the_motor_loop_equal_the_code_and_place_four_poles(lam: float) -> None:
     K_m, T_m = 2.86, 0.22
     page = formulas(
         r"t_f = T_m λ/D .*?k_d = \S+ \S+ \S+ \S+ \S+/\(K_m λ D\)", K_m=K_m, T_m=T_m, lam=lam, D=4.0 * T_m - lam
@@ -47,7 +47,7 @@ def test_the_motors_formulas_are_those_in_use_and_place_four_poles(lam: float) -
 
 
 @pytest.mark.parametrize("lam", [0.2, 0.5])
-def test_the_first_order_formulas_are_those_in_use_and_place_two_poles(lam: float) -> None:
+def test_the_first_order_formulas_equal_the_code_and_place_two_poles(lam: float) -> None:
     K, T = 0.05, 0.342
     page = formulas(r"k_i = T/\(K λ²\) k_p = \(2 T − λ\)/\(K λ\)", K=K, T=T, lam=lam)
     assert (page["k_p"], page["k_i"]) == pytest.approx(outer_gains(K, T, lam)[:2], rel=1e-12)
@@ -56,7 +56,7 @@ def test_the_first_order_formulas_are_those_in_use_and_place_two_poles(lam: floa
 
 @pytest.mark.parametrize(("first", "second"), [(0.64, 0.09), (0.2, 0.2), (0.05 + 0.1j, 0.05 - 0.1j)])
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
-def test_the_formulas_for_two_poles_place_four(first: complex, second: complex, share: float) -> None:
+def test_the_formulas_for_two_plant_poles_place_four_poles(first: complex, second: complex, share: float) -> None:
     K, Pro, Sum = 0.7, (first * second).real, (first + second).real
     lam = share * 4.0 * Pro / Sum
     page = formulas(r"t_f = Π λ/D .*?k_d = .*?/\(K λ D\)", K=K, Pro=Pro, Sum=Sum, lam=lam, D=4.0 * Pro - lam * Sum)
@@ -65,7 +65,7 @@ def test_the_formulas_for_two_poles_place_four(first: complex, second: complex, 
     close(closed, K * page["k_i"] * (lam * s + 1) ** 4)
 
 
-def test_two_poles_of_which_one_is_an_integrator_are_the_motor() -> None:
+def test_the_two_pole_formulas_with_an_integrator_equal_the_motor_formulas() -> None:
     K_m, T_m, lam, far = 2.86, 0.22, 0.1, 1e9
     Pro, Sum = far * T_m, far + T_m
     page = formulas(

@@ -82,7 +82,7 @@ def test_no_page_violates_wcag_a_or_aa(same_operator: Operator, scheme: Scheme) 
     assert {name: found[name] for name in found if found[name]} == {}
 
 
-def test_stop_is_in_reach_while_a_dialog_is_open(same_operator: Operator) -> None:
+def test_stop_works_while_a_dialog_is_open(same_operator: Operator) -> None:
     operator, page = same_operator, same_operator.page
     operator.be_in_run()
     page.get_by_role("button", name="Keyboard shortcuts", exact=True).click()
@@ -92,7 +92,7 @@ def test_stop_is_in_reach_while_a_dialog_is_open(same_operator: Operator) -> Non
     operator.expect_mode("tripped")
 
 
-def test_the_keyboard_reaches_everything_and_its_focus_is_seen(same_operator: Operator) -> None:
+def test_the_keyboard_reaches_every_control_and_the_focus_is_visible(same_operator: Operator) -> None:
     operator, page = same_operator, same_operator.page
     operator.be_in_run()  # references are offered in run
     expect(page.get_by_role("slider", name="λ_q", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)

@@ -22,7 +22,7 @@ def box(page: Page) -> Locator:
 
 
 @pytest.mark.parametrize("how", ["click", "Tab", "Escape", "navigation"])
-def test_a_value_that_is_typed_and_left_moves_nothing(same_operator: Operator, how: str) -> None:
+def test_an_unconfirmed_value_is_not_sent(same_operator: Operator, how: str) -> None:
     page = same_operator.page
     same_operator.be_in_run()
     same_operator.enter(BOX, 0.0)
@@ -43,7 +43,7 @@ def test_a_value_that_is_typed_and_left_moves_nothing(same_operator: Operator, h
         expect(page.get_by_text(SHARED["wasNotSent"].replace("{value}", "25.0°"))).to_be_visible()
 
 
-def test_a_decimal_comma_is_the_decimal_point(same_operator: Operator) -> None:
+def test_a_decimal_comma_is_accepted_as_a_decimal_point(same_operator: Operator) -> None:
     same_operator.be_in_run()
     box(same_operator.page).fill("2,5")
     box(same_operator.page).press("Enter")
@@ -51,7 +51,7 @@ def test_a_decimal_comma_is_the_decimal_point(same_operator: Operator) -> None:
     same_operator.enter(BOX, 0.0)
 
 
-def test_the_wheel_over_a_chart_scrolls_the_page_after_a_click_too(same_operator: Operator) -> None:
+def test_the_wheel_over_a_clicked_chart_scrolls_the_page(same_operator: Operator) -> None:
     page = same_operator.page
     same_operator.be_in_run()
     chart = page.get_by_role("figure", name="Joint position", exact=True)
@@ -74,7 +74,7 @@ def middle(chart: Locator) -> tuple[float, float]:
     return place["x"] + 0.5 * place["width"], place["y"] + 0.5 * place["height"]
 
 
-def test_who_lacks_control_sees_why_and_takes_it_where_it_is_needed(
+def test_an_observer_sees_why_controls_are_disabled_and_takes_control_on_operate(
     same_operator: Operator, browser: Browser, service: Service
 ) -> None:
     same_operator.be_in_run()

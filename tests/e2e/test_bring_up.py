@@ -29,7 +29,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
         yield running
 
 
-def test_a_person_brings_the_rig_up(operator: Operator, browser: Browser, service: Service) -> None:
+def test_an_operator_commissions_the_rig_on_the_page(operator: Operator, browser: Browser, service: Service) -> None:
     page = operator.page
     operator.sign_in()
     expect(page.get_by_role("img", name="Virtual card", exact=True)).to_have_text("VIRTUAL CARD")

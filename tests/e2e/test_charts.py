@@ -38,7 +38,7 @@ def moving(watching: Operator) -> Operator:
     return watching
 
 
-def test_zoom_and_hold_survive_streaming_and_live_returns(moving: Operator) -> None:
+def test_zoom_and_hold_persist_during_streaming_and_live_resets_them(moving: Operator) -> None:
     page = moving.page
     page.get_by_role("button", name="Hold", exact=True).click()
     wheel(page, -400)
@@ -59,7 +59,7 @@ def test_zoom_and_hold_survive_streaming_and_live_returns(moving: Operator) -> N
     expect(in_sight).to_contain_text("20.0 s")
 
 
-def test_b_over_a_chart_chooses_axes_and_elsewhere_navigates(watching: Operator) -> None:
+def test_b_selects_axes_over_a_chart_and_opens_banks_elsewhere(watching: Operator) -> None:
     page = watching.page
     page.evaluate("document.activeElement.blur()")
     page.mouse.move(*middle_of_a_chart(page))
@@ -70,7 +70,7 @@ def test_b_over_a_chart_chooses_axes_and_elsewhere_navigates(watching: Operator)
     expect(page.get_by_role("heading", level=1, name="Banks")).to_be_attached()
 
 
-def test_two_cursors_measure_time_and_value_and_move_by_keys(watching: Operator) -> None:
+def test_two_cursors_measure_time_and_value_and_follow_the_arrow_keys(watching: Operator) -> None:
     page = watching.page
     measure, both = page.get_by_role("button", name="Measure", exact=True), page.locator("[data-role=delta-q]")
     first = page.locator("[data-role=cursor-0]")
@@ -94,7 +94,7 @@ def test_two_cursors_measure_time_and_value_and_move_by_keys(watching: Operator)
     expect(delta).to_be_hidden()
 
 
-def test_statistics_of_what_is_in_sight(moving: Operator) -> None:
+def test_statistics_cover_the_visible_interval_and_stay_open_after_a_reload(moving: Operator) -> None:
     page = moving.page
     with page.expect_response(kept("statistics", True)):
         page.get_by_role("button", name="Statistics", exact=True).click()
@@ -107,7 +107,7 @@ def test_statistics_of_what_is_in_sight(moving: Operator) -> None:
     expect(table).to_be_hidden()
 
 
-def test_the_spectrum_of_a_selection(watching: Operator) -> None:
+def test_the_spectrum_dialog_shows_the_selected_chart(watching: Operator) -> None:
     page = watching.page
     page.get_by_role("button", name="Spectrum", exact=True).click()
     dialog = page.get_by_role("dialog", name="Spectrum", exact=True)
@@ -120,7 +120,7 @@ def test_the_spectrum_of_a_selection(watching: Operator) -> None:
     expect(dialog).to_be_hidden()
 
 
-def test_picture_and_data_of_what_is_seen(moving: Operator) -> None:
+def test_saved_picture_and_data_contain_the_visible_interval(moving: Operator) -> None:
     page = moving.page
     with page.expect_download() as download:
         page.get_by_role("button", name="Save data", exact=True).click()
@@ -142,7 +142,7 @@ def test_picture_and_data_of_what_is_seen(moving: Operator) -> None:
     assert len(set(picture.convert("RGB").get_flattened_data())) > 8
 
 
-def test_colour_and_hidden_signals_are_remembered_for_the_person(watching: Operator) -> None:
+def test_colours_and_hidden_signals_are_stored_per_person(watching: Operator) -> None:
     page = watching.page
     page.get_by_role("button", name="Colour of q", exact=True).click()
     page.get_by_role("button", name="Colour #D55E00", exact=True).click()

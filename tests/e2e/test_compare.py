@@ -133,7 +133,7 @@ def ask(page: Page, path: str) -> Any:
     return page.evaluate("path => fetch(path).then(answer => answer.json())", path)
 
 
-def test_metrics_are_told_with_their_differences_to_the_chosen_run(operator: Operator) -> None:
+def test_metrics_are_shown_with_their_differences_to_the_reference_run(operator: Operator) -> None:
     page = show(operator, "/runs/1/2,3,4")
     expect(page.get_by_role("table", name=RUNS["comparison"], exact=True)).to_be_visible()
     check_metrics(page, 1)
@@ -182,7 +182,7 @@ def check_metrics(page: Page, reference: int) -> None:
     assert checked > 10
 
 
-def test_runs_are_aligned_by_a_step_and_one_without_is_left_out(
+def test_runs_are_aligned_by_a_step_and_a_run_without_a_step_is_excluded(
     operator: Operator, recorded: dict[int, Columns]
 ) -> None:
     page = show(operator, "/runs/1/2,3,4")
@@ -211,7 +211,7 @@ def test_runs_are_aligned_by_a_step_and_one_without_is_left_out(
     assert "number=2" in page.url  # what is no number changes nothing
 
 
-def test_where_a_run_leaves_the_band_is_told_as_the_samples_have_it(
+def test_deviations_beyond_the_tolerance_agree_with_the_samples(
     operator: Operator, recorded: dict[int, Columns]
 ) -> None:
     page = show(operator, "/runs/1/2,3,4/by=step")
@@ -268,7 +268,7 @@ def test_runs_are_aligned_by_an_event_of_the_log(operator: Operator) -> None:
     expect(page.get_by_role("alert").filter(has_text="run 2 has no event of the kind tuning")).to_be_visible()
 
 
-def test_files_hold_what_is_compared(operator: Operator, recorded: dict[int, Columns]) -> None:
+def test_downloaded_files_contain_the_compared_runs(operator: Operator, recorded: dict[int, Columns]) -> None:
     page = show(operator, "/runs/1/2,3/reference=2;by=step")
     expect(page.get_by_role("table", name=RUNS["deviations"], exact=True)).to_be_visible()
     text = operator.download(RUNS["curvesFile"].replace("{signal}", "q")).read_text(encoding="utf-8")
@@ -299,7 +299,7 @@ def test_files_hold_what_is_compared(operator: Operator, recorded: dict[int, Col
     assert {line["what"] for line in lines} == {"metric", "setting"}
 
 
-def test_a_comparison_is_read_and_steered_by_everybody(operator: Operator) -> None:
+def test_the_comparison_page_is_accessible_and_fits_small_windows(operator: Operator) -> None:
     page = show(operator, "/runs/1/2,3,4/by=step;band=0.02;odd")
     expect(page.get_by_role("alert").filter(has_text="odd")).to_contain_text(
         RUNS["invalidSettings"].replace("{parts}", "odd")

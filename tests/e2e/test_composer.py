@@ -61,7 +61,7 @@ def get(page: Page, service: Service, path: str) -> Any:
     return answer.json()
 
 
-def test_a_sequence_is_composed_previewed_kept_run_and_made_again(browser: Browser, service: Service) -> None:  # noqa: PLR0915  # one story
+def test_a_sequence_is_composed_previewed_saved_run_and_recreated(browser: Browser, service: Service) -> None:  # noqa: PLR0915  # one story
     page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused
     operator = Operator(page, service)
     operator.sign_in()

@@ -28,7 +28,7 @@ def blocking(browser: Browser, tmp_path: Path) -> Iterator[BrowserContext]:
         yield context
 
 
-def test_a_browser_that_blocks_cookies_says_so_and_what_to_do(blocking: BrowserContext, service: Service) -> None:
+def test_a_page_without_cookies_states_the_cause_and_the_remedy(blocking: BrowserContext, service: Service) -> None:
     watched = Watched(blocking.new_page())
     for address in (service.link, f"{service.url}/#/runs"):
         watched.page.goto(address)
@@ -39,7 +39,7 @@ def test_a_browser_that_blocks_cookies_says_so_and_what_to_do(blocking: BrowserC
     assert watched.complaints == []
 
 
-def test_large_cookies_of_other_applications_keep_nobody_out(operator: Operator) -> None:
+def test_large_cookies_of_other_applications_do_not_prevent_the_sign_in(operator: Operator) -> None:
     operator.page.context.add_cookies(
         [{"name": f"other{number}", "value": "x" * 3000, "url": operator.service.url} for number in range(7)]
     )

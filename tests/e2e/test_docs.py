@@ -29,7 +29,7 @@ def in_sight(page: Page, title: str) -> None:
     expect(page.get_by_role("article").get_by_role("heading", name=title, exact=True)).to_be_in_viewport()
 
 
-def test_what_is_written_is_read_and_found_in_the_dashboard(same_operator: Operator) -> None:
+def test_documents_are_shown_linked_and_searched_on_the_page(same_operator: Operator) -> None:
     operator, page = same_operator, same_operator.page
     operator.settled_mode()
     page.keyboard.press("d")
@@ -57,7 +57,7 @@ def test_what_is_written_is_read_and_found_in_the_dashboard(same_operator: Opera
     expect(page.get_by_role("main")).to_contain_text(TEXTS["notFound"].format(name="no-such-thing"))
 
 
-def test_everybody_can_read_it(same_operator: Operator) -> None:
+def test_the_documents_page_is_accessible_and_fits_small_windows(same_operator: Operator) -> None:
     page = same_operator.page
     page.goto(f"{same_operator.service.url}/#/docs/notation")  # wide tables
     expect(page.get_by_role("article").get_by_role("heading").first).to_be_visible()
@@ -69,7 +69,7 @@ def test_everybody_can_read_it(same_operator: Operator) -> None:
         assert document_scrolls_by(page) == 0
 
 
-def test_the_set_up_tells_how(same_operator: Operator) -> None:
+def test_setup_steps_link_to_their_documents(same_operator: Operator) -> None:
     operator, page = same_operator, same_operator.page
     page.get_by_role("button", name="Setup", exact=True).click()
     steps = page.get_by_role("list", name=SHARED["setupSteps"], exact=True)

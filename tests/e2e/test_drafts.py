@@ -71,7 +71,7 @@ FORMS: list[tuple[str, str, Callable[[Page], None], Box, str, str | None]] = [
 @pytest.mark.parametrize(
     ("name", "key", "begin", "box", "typed", "draft"), FORMS, ids=["own", "kind", "study", "identify", "push", "wall"]
 )
-def test_what_is_typed_survives_leaving_and_a_reload(
+def test_drafts_persist_after_navigation_and_reload_and_can_be_discarded(
     same_operator: Operator,
     name: str,
     key: str,

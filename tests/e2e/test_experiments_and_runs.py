@@ -52,7 +52,7 @@ def operator(shared: SharedPage, request: pytest.FixtureRequest) -> Iterator[Ope
         yield operator
 
 
-def test_somebody_new_is_shown_around_once(operator: Operator) -> None:
+def test_a_new_person_sees_the_tour_once(operator: Operator) -> None:
     page = operator.page
     tour = page.get_by_role("region", name="Tour", exact=True)
     expect(tour).to_contain_text("1 of 6", timeout=MOTION_TIMEOUT_MS)
@@ -67,7 +67,7 @@ def test_somebody_new_is_shown_around_once(operator: Operator) -> None:
     expect(tour).to_be_hidden()
 
 
-def test_an_own_experiment_is_tried_dry_then_queued_and_run(operator: Operator) -> None:
+def test_an_own_experiment_is_dry_run_queued_and_executed(operator: Operator) -> None:
     page = operator.page
     operator.go("Experiments")
     bring_to_run(operator.service)  # nobody has control: a page too busy to speak while it is tried dry stops nothing
@@ -102,7 +102,7 @@ def ended(operator: Operator) -> list[str]:
     return [run["end_state"] for run in runs]
 
 
-def test_a_run_is_replayed_traced_back_and_compared(operator: Operator) -> None:
+def test_the_page_of_a_run_shows_replay_lineage_and_comparison(operator: Operator) -> None:
     page = operator.page
     operator.go("Runs")
     page.get_by_role("combobox", name=RUNS["kind"], exact=True).select_option("experiment")
@@ -154,7 +154,7 @@ def test_a_run_is_replayed_traced_back_and_compared(operator: Operator) -> None:
         assert taken.value.failure() is None
 
 
-def test_runs_are_found_tagged_and_saved_as_a_search(operator: Operator) -> None:
+def test_runs_are_searched_and_tagged_and_the_search_is_saved(operator: Operator) -> None:
     page = operator.page
     operator.go("Runs")
     table = page.get_by_role("table", name=RUNS["table"], exact=True)
@@ -177,7 +177,7 @@ def test_runs_are_found_tagged_and_saved_as_a_search(operator: Operator) -> None
     expect(page.get_by_role("heading", level=1)).to_contain_text(RUNS["metricsOverTime"])
 
 
-def test_the_set_up_list_tells_what_is_done_and_leads_on(operator: Operator) -> None:
+def test_the_setup_list_shows_completed_steps_and_links_to_the_next(operator: Operator) -> None:
     page = operator.page
     page.get_by_role("button", name="Setup", exact=True).click()
     steps = page.get_by_role("list", name=SHARED["setupSteps"], exact=True)
@@ -189,7 +189,7 @@ def test_the_set_up_list_tells_what_is_done_and_leads_on(operator: Operator) -> 
     expect(page.get_by_role("heading", level=1, name="Banks")).to_be_attached()
 
 
-def test_an_address_of_nothing_is_told_at_once(browser: Browser, service: Service) -> None:
+def test_an_unknown_address_is_reported_without_repeated_requests(browser: Browser, service: Service) -> None:
     page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused
     operator = Operator(page, service)
     sign_in_at(page, service, "studies")

@@ -42,7 +42,7 @@ def get(operator: Operator, path: str) -> Any:
 
 
 @pytest.mark.timeout(1200)  # five runs in real time; each wait has an end of its own
-def test_the_first_hour_is_done_without_a_mouse(operator: Operator, tmp_path: Path) -> None:
+def test_the_first_hour_tutorial_is_completed_with_the_keyboard(operator: Operator, tmp_path: Path) -> None:
     operator.sign_in()
     keys = Keys(operator.page)
     look_around(operator, keys)

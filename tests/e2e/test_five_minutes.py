@@ -28,7 +28,7 @@ def service(fresh_service: Service) -> Service:
 
 
 @pytest.mark.timeout(300)
-def test_lambda_dragged_to_twice_its_value_doubles_the_time_of_a_step(operator: Operator) -> None:
+def test_doubling_lambda_doubles_the_duration_of_a_step(operator: Operator) -> None:
     operator.sign_in()
     operator.page.get_by_role("button", name="Skip tour", exact=True).click()
     operator.bring_up()

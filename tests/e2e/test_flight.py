@@ -17,7 +17,7 @@ RUNS = load_texts("pages/runs")
 DEG = 180.0 / math.pi
 
 
-def test_the_banner_of_a_trip_leads_to_its_tick_in_charts_and_3d(operator: Operator) -> None:
+def test_the_banner_of_a_trip_opens_its_flight_record_in_charts_and_3d(operator: Operator) -> None:
     page, service = operator.page, operator.service
     bring_to_run(service, 15.0 / DEG)
     sign_in_at(page, service, "studies")  # the banner is above every page

@@ -199,7 +199,7 @@ DONE: dict[str, tuple[Callable[[Stage], None], ...]] = {
 """What is done in each state. Tracking, with the most settings, is run in two; the others take their turn."""
 
 
-def test_each_kind_is_run_in_some_state_and_all_forms_are_looked_at_in_each() -> None:
+def test_every_kind_is_run_in_a_state_and_every_state_checks_all_forms() -> None:
     assert tuple(DONE) == STATES
     assert all(done[0] is all_forms for done in DONE.values())
     assert {one.__name__ for done in DONE.values() for one in done} >= {*EXPERIMENTS, *IDENTIFICATIONS}
@@ -209,12 +209,12 @@ def test_each_kind_is_run_in_some_state_and_all_forms_are_looked_at_in_each() ->
     ("state", "done"),
     [pytest.param(state, one, id=f"{state}-{one.__name__}") for state in STATES for one in DONE[state]],
 )
-def test_what_is_shown_is_what_is_done(stage: Stage, state: str, done: Callable[[Stage], None]) -> None:
+def test_forms_show_the_values_that_they_send(stage: Stage, state: str, done: Callable[[Stage], None]) -> None:
     stage.bring(state)
     done(stage)
 
 
-def test_a_viewers_forms_show_what_is_in_force_and_send_nothing_but_a_dry_run(stage: Stage, browser: Browser) -> None:
+def test_a_viewers_forms_show_the_active_values_and_send_only_dry_runs(stage: Stage, browser: Browser) -> None:
     stage.bring("after a restart")
     own = stage.in_force()
     page = viewer_of(stage, browser)

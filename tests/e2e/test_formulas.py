@@ -9,7 +9,7 @@ from tests.e2e.operator import Operator
 from tests.e2e.sharing import bring_to_run, sign_in_at
 
 
-def test_a_formula_is_saved_and_drawn_beside_the_signals_of_its_unit(operator: Operator) -> None:
+def test_a_saved_formula_is_drawn_in_the_chart_of_its_unit(operator: Operator) -> None:
     page, service = operator.page, operator.service
     bring_to_run(service)
     sign_in_at(page, service, "operate")

@@ -58,7 +58,7 @@ def told(page: Page, key: str) -> None:
             expect(tooltip(page)).to_contain_text(words)
 
 
-def test_words_explain_themselves_to_pointer_and_keyboard(operator: Operator) -> None:
+def test_terms_show_their_explanation_on_hover_and_on_focus(operator: Operator) -> None:
     page = operator.page
     operator.go("Operate")
     tuning = page.get_by_role("region", name="Tuning", exact=True)
@@ -100,7 +100,7 @@ def test_words_explain_themselves_to_pointer_and_keyboard(operator: Operator) ->
     expect(tooltip(page)).to_contain_text(ENTRIES["signal:S_ref"].meaning)
 
 
-def test_a_fault_explains_itself_as_the_state_tells_it(operator: Operator) -> None:
+def test_the_tooltip_of_a_fault_agrees_with_the_state(operator: Operator) -> None:
     page = operator.page
     operator.press("STOP")
     fault = page.get_by_role("alert", name="Fault", exact=True)
@@ -119,7 +119,7 @@ def test_a_fault_explains_itself_as_the_state_tells_it(operator: Operator) -> No
     told(page, "chain:safety_module")
 
 
-def test_figures_and_verdicts_of_a_result_explain_themselves(operator: Operator) -> None:
+def test_metrics_and_verdicts_of_a_result_have_tooltips(operator: Operator) -> None:
     page = operator.page
     with client_with(operator.service, "token") as script:
         script.post("/api/experiments/own", json={"text": SHORT}).raise_for_status()
@@ -142,7 +142,7 @@ def test_figures_and_verdicts_of_a_result_explain_themselves(operator: Operator)
     told(page, f"outcome:{result['outcome']}")
 
 
-def test_boxes_of_forms_say_what_the_service_says_of_them_and_accepts(operator: Operator) -> None:
+def test_tooltips_of_fields_show_the_meaning_and_the_limits_of_the_service(operator: Operator) -> None:
     page = operator.page
     with client_with(operator.service, "token") as script:
         kinds = script.get("/api/identification-kinds").json()["kinds"]
@@ -175,7 +175,7 @@ def test_boxes_of_forms_say_what_the_service_says_of_them_and_accepts(operator: 
     expect(tooltip(page)).to_have_count(0)
 
 
-def test_any_word_is_looked_up_in_the_glossary(operator: Operator) -> None:
+def test_the_glossary_finds_every_term(operator: Operator) -> None:
     page = operator.page
     page.keyboard.press("?")
     page.get_by_role("dialog", name="Keyboard shortcuts").get_by_role("link", name="Glossary").click()
@@ -192,7 +192,7 @@ def test_any_word_is_looked_up_in_the_glossary(operator: Operator) -> None:
 
 
 @pytest.mark.parametrize(("scheme", "size"), [("light", PHONE), ("dark", DESKTOP)], ids=["light-phone", "dark-desktop"])
-def test_explanations_violate_no_rule_and_stay_in_the_window(
+def test_tooltips_are_accessible_and_stay_inside_the_window(
     browser: Browser, service: Service, scheme: Literal["light", "dark"], size: ViewportSize
 ) -> None:
     by_touch = size == PHONE

@@ -101,7 +101,7 @@ def placed(page: Page) -> dict[str, Any]:
     return {name: [str(one) for one in boxes] for name, boxes in survey(page, MOVES).items()}
 
 
-def test_who_asks_is_answered_and_both_read_what_the_log_keeps(browser: Browser, service: Service) -> None:
+def test_requests_for_control_are_declined_or_granted_and_logged(browser: Browser, service: Service) -> None:
     with people(browser, service, "Ana", "Vera") as (ana, vera):
         ana.menu(TEXTS["takeControl"])
         ana.expect_control("you")
@@ -161,7 +161,7 @@ def test_who_asks_is_answered_and_both_read_what_the_log_keeps(browser: Browser,
         expect(vera.page.get_by_role("status", name="Mode", exact=True)).to_have_text("off", timeout=MOTION_TIMEOUT_MS)
 
 
-def test_control_is_offered_to_somebody_who_says_yes_or_no(browser: Browser, service: Service) -> None:
+def test_an_offer_of_control_is_accepted_or_declined(browser: Browser, service: Service) -> None:
     with people(browser, service, "Ana", "Vera") as (ana, vera):
         ana.menu(TEXTS["takeControl"])
         for reason in ("lunch", "lunch, really"):
@@ -188,7 +188,7 @@ def test_control_is_offered_to_somebody_who_says_yes_or_no(browser: Browser, ser
         ]
 
 
-def test_a_request_ends_with_the_page_of_who_asked_and_with_control(browser: Browser, service: Service) -> None:
+def test_a_request_ends_when_its_page_closes_or_control_is_released(browser: Browser, service: Service) -> None:
     with people(browser, service, "Ana", "Vera", "Oda") as (ana, vera, oda):
         ana.menu(TEXTS["takeControl"])
         for one in (vera, oda):

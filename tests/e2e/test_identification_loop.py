@@ -47,7 +47,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 
 
 @pytest.mark.timeout(900)  # three runs in real time; each wait has an end of its own
-def test_identify_judge_apply_and_undo(operator: Operator) -> None:
+def test_an_identification_is_judged_applied_and_reverted(operator: Operator) -> None:
     operator.sign_in()
     operator.press("Pretension")
     expect(operator.page.get_by_role("status", name="Status", exact=True)).to_contain_text(SHARED["statusReady"])

@@ -23,7 +23,7 @@ button => {
 TO_THE_TOP = "document.querySelectorAll('main, main *').forEach(one => one.scrollTop > 0 && one.scrollTo(0, 0))"
 
 
-def test_start_and_queue_are_in_sight_on_each_experiment_form(same_operator: Operator) -> None:
+def test_start_and_queue_are_visible_on_every_experiment_form(same_operator: Operator) -> None:
     operator, page = same_operator, same_operator.page
     operator.go("Experiments")
     kinds = page.get_by_role("combobox", name=EXPERIMENT_TEXTS["kindOfExperiment"])
@@ -35,7 +35,7 @@ def test_start_and_queue_are_in_sight_on_each_experiment_form(same_operator: Ope
         _in_sight(page, *(form.get_by_role("button", name=name) for name in names))
 
 
-def test_start_is_in_sight_on_each_identification_form(same_operator: Operator) -> None:
+def test_start_is_visible_on_every_identification_form(same_operator: Operator) -> None:
     operator, page = same_operator, same_operator.page
     operator.go("Identify")
     for kind in ("Actuator", "Motors", "Springs"):
@@ -43,7 +43,7 @@ def test_start_is_in_sight_on_each_identification_form(same_operator: Operator) 
         _in_sight(page, page.get_by_role("button", name=IDENTIFY_TEXTS["start"]))
 
 
-def test_what_changes_the_tuning_or_the_banks_is_in_sight(same_operator: Operator) -> None:
+def test_buttons_that_change_the_tuning_or_the_banks_are_visible(same_operator: Operator) -> None:
     operator, page = same_operator, same_operator.page
     operator.go("Operate")
     expect(page.get_by_role("slider", name="λ_q", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
@@ -64,7 +64,7 @@ def _in_sight(page: Page, *buttons: Locator) -> None:
     assert covered(page, FIELDS) == []
 
 
-def test_the_whole_forecast_of_a_step_is_above_what_decides(same_operator: Operator) -> None:
+def test_the_buttons_do_not_cover_the_forecast_of_a_step(same_operator: Operator) -> None:
     """At 1440 × 900, where its last line used to lie under the buttons that stay in sight."""
     page = same_operator.page
     page.set_viewport_size({"width": 1440, "height": 900})

@@ -25,7 +25,7 @@ LEAST_CHART_PX = 40
 """Below this height a curve says nothing."""
 
 
-def test_every_chart_is_reached_and_nothing_is_covered(operator: Operator) -> None:
+def test_every_chart_can_be_scrolled_into_view_and_nothing_is_covered(operator: Operator) -> None:
     page = operator.page
     operator.sign_in()
     operator.go("Operate")
@@ -80,7 +80,7 @@ def _overlapping(found: list[Box]) -> bool:
     return any(one.overlaps(other) for one, other in combinations(found, 2))
 
 
-def test_on_a_phone_what_is_so_comes_before_what_is_done(browser: Browser, service: Service) -> None:
+def test_a_phone_shows_charts_and_views_above_the_controls(browser: Browser, service: Service) -> None:
     context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     operator = Operator(context.new_page(), service)
     page = operator.page

@@ -41,7 +41,7 @@ def row_of(page: Page, text: str) -> Locator:
     return page.get_by_role("table", name="Log").get_by_role("row").filter(has_text=text).first
 
 
-def test_what_happened_is_read_searched_noted_and_followed_into_the_recording(operator: Operator) -> None:
+def test_log_entries_are_searched_annotated_and_linked_to_the_recording(operator: Operator) -> None:
     page = operator.page
     operator.sign_in()
     operator.be_in_run()
@@ -109,7 +109,7 @@ def bearer(operator: Operator) -> dict[str, str]:
     return {"Authorization": f"Bearer {token}"}
 
 
-def test_what_did_not_happen_is_not_shown(operator: Operator) -> None:
+def test_a_search_without_matches_shows_an_empty_log(operator: Operator) -> None:
     page = operator.page
     operator.sign_in()
     operator.go("Log")

@@ -8,7 +8,7 @@ from tests.e2e.page_texts import load_texts
 OPERATE = load_texts("pages/operate")
 
 
-def test_a_click_shows_the_target_and_a_button_sends_it(operator: Operator) -> None:
+def test_a_click_on_the_map_sets_the_target_and_a_button_sends_it(operator: Operator) -> None:
     operator.sign_in()
     operator.be_in_run()
     chart = operator.page.get_by_role("img", name=OPERATE["map"], exact=True)

@@ -68,7 +68,7 @@ def told(*pages: Page) -> list[list[str]]:
     return sorted(one for page in pages for one in page.evaluate(TOLD))
 
 
-def test_who_does_not_look_is_told_of_a_run_and_of_a_trip_once_and_led_there(
+def test_a_hidden_page_notifies_once_of_each_run_and_trip_and_links_to_it(
     tabs: tuple[Page, Page, Service],
 ) -> None:
     page, other, service = tabs

@@ -37,7 +37,7 @@ def service(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 
 
 @pytest.mark.parametrize("service", ["package"], indirect=True)
-def test_a_plant_of_a_package_goes_by_its_name_and_is_driven(operator: Operator) -> None:
+def test_the_plant_of_a_package_is_shown_by_name_and_accepts_commands(operator: Operator) -> None:
     operator.sign_in()
     expect(operator.page.get_by_role("img", name="Two-springs", exact=True)).to_have_text(example.NAME)
     operator.bring_up()
@@ -47,7 +47,7 @@ def test_a_plant_of_a_package_goes_by_its_name_and_is_driven(operator: Operator)
 
 
 @pytest.mark.parametrize("service", ["replay"], indirect=True)
-def test_a_recording_has_a_player_and_its_end_is_no_alarm(operator: Operator) -> None:
+def test_a_replayed_recording_has_a_player_and_its_end_raises_no_alarm(operator: Operator) -> None:
     page = operator.page
     operator.sign_in()
     expect(page.get_by_role("img", name="Replay", exact=True)).to_have_text("REPLAY")

@@ -47,7 +47,9 @@ def service(fresh_service: Service) -> Service:
     return fresh_service
 
 
-def test_it_is_written_refused_kept_tried_and_run(browser: Browser, service: Service, tmp_path: Path) -> None:
+def test_an_own_experiment_is_edited_validated_saved_dry_run_and_executed(
+    browser: Browser, service: Service, tmp_path: Path
+) -> None:
     page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused
     operator = Operator(page, service)
     bring_to_run(service)

@@ -25,7 +25,7 @@ def service(fresh_service: Service) -> Service:
     return fresh_service
 
 
-def test_a_person_is_asked_once_is_seen_by_all_and_signs_out(browser: Browser, service: Service) -> None:
+def test_the_page_asks_for_a_name_once_lists_all_people_and_signs_out(browser: Browser, service: Service) -> None:
     ana = browser.new_context(viewport=DESKTOP).new_page()
     ana.goto(service.link)
     question = ana.get_by_role("form", name="Your name")
@@ -86,7 +86,7 @@ def _expect_connected(page: Page, *listed: str, within_s: float = PATIENCE_S) ->
     assert [line.rpartition("since ")[2] for line in lines.all_inner_texts()] == came
 
 
-def test_a_closed_laptop_disappears_and_comes_back(browser: Browser, service: Service) -> None:
+def test_a_suspended_page_is_removed_from_the_list_and_returns(browser: Browser, service: Service) -> None:
     with relayed(service) as (through, relay):
         ana, vic = (browser.new_context(viewport=DESKTOP).new_page() for _ in range(2))
         for page, url, token in ((ana, through.url, "token"), (vic, service.url, "viewer-token")):

@@ -58,7 +58,7 @@ def page(operator: Operator) -> Page:
     return operator.page
 
 
-def test_figures_of_ten_minutes_are_those_of_every_sample(page: Page) -> None:
+def test_figures_of_a_ten_minute_run_are_computed_from_every_sample(page: Page) -> None:
     columns = {name: column.astype(np.float32).astype(float) for name, column in made_up().items()}
     _statistics(page, columns)
     _cursors(page, columns)

@@ -13,7 +13,7 @@ from tests.e2e.service import Service
 OPERATE = load_texts("pages/operate")
 
 
-def test_a_file_and_the_time_of_a_trial_are_refused_where_they_were_given(
+def test_refusals_of_a_file_and_of_a_trial_time_appear_at_their_fields(
     browser: Browser, service: Service, tmp_path: Path
 ) -> None:
     page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused

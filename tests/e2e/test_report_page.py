@@ -7,7 +7,7 @@ from backend.reports.model import to_html
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 
-def test_a_figure_is_enlarged_in_its_sheet_and_printed_whole(browser: Browser) -> None:
+def test_a_figure_of_a_report_can_be_enlarged_and_is_printed_completely(browser: Browser) -> None:
     context = browser.new_context(viewport={"width": 1000, "height": 900}, java_script_enabled=False)
     page = context.new_page()
     page.set_content(to_html(tracking_report(source_of(samples(PLAN)))))

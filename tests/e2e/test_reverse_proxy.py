@@ -72,7 +72,7 @@ def test_sign_in_live_stream_3d_view_and_stop_work(
     assert "refused" not in operator.service.log.read_text(encoding="utf-8")
 
 
-def test_a_proxy_that_changes_the_host_is_told_on_the_page_and_in_the_log(browser: Browser, tmp_path: Path) -> None:
+def test_a_changed_host_header_is_reported_on_the_page_and_in_the_log(browser: Browser, tmp_path: Path) -> None:
     with behind(browser, tmp_path, CONFIGURATIONS["plain"], public=False) as (operator, _):
         operator.sign_in()
         said = operator.page.get_by_role("alert", name=SHARED["addressSetup"])
@@ -85,7 +85,7 @@ def test_a_proxy_that_changes_the_host_is_told_on_the_page_and_in_the_log(browse
     assert "ASGI" not in log
 
 
-def test_a_proxy_that_keeps_websockets_is_told_on_the_page_and_in_the_log(browser: Browser, tmp_path: Path) -> None:
+def test_blocked_websockets_are_reported_on_the_page_and_in_the_log(browser: Browser, tmp_path: Path) -> None:
     without = CONFIGURATIONS["plain"].replace(UPGRADE, "")
     assert without != CONFIGURATIONS["plain"]
     with behind(browser, tmp_path, without) as (operator, _):
@@ -95,7 +95,7 @@ def test_a_proxy_that_keeps_websockets_is_told_on_the_page_and_in_the_log(browse
     assert "proxy_set_header Upgrade" in operator.service.log.read_text(encoding="utf-8")
 
 
-def test_https_without_a_public_url_is_told_on_the_page(browser: Browser, tmp_path: Path) -> None:
+def test_https_without_a_public_url_is_reported_on_the_page(browser: Browser, tmp_path: Path) -> None:
     with behind(browser, tmp_path, CONFIGURATIONS["tls"], public=False) as (operator, _):
         operator.sign_in()
         said = operator.page.get_by_role("alert", name=SHARED["addressSetup"])
@@ -103,7 +103,7 @@ def test_https_without_a_public_url_is_told_on_the_page(browser: Browser, tmp_pa
         expect(operator.page.get_by_role("status", name="Link", exact=True)).to_have_attribute("data-health", "live")
 
 
-def test_a_path_that_the_service_does_not_know_is_told_in_place_of_the_page(browser: Browser, tmp_path: Path) -> None:
+def test_an_unknown_path_prefix_is_reported_instead_of_the_page(browser: Browser, tmp_path: Path) -> None:
     kept = CONFIGURATIONS["path"].replace("http://127.0.0.1:8000/", "http://127.0.0.1:8000")
     assert kept != CONFIGURATIONS["path"]
     with behind(browser, tmp_path, kept, "/sinew/", public=False) as (operator, _):
@@ -113,7 +113,7 @@ def test_a_path_that_the_service_does_not_know_is_told_in_place_of_the_page(brow
         expect(operator.page.get_by_role("main")).to_contain_text("--public-url")
 
 
-def test_a_path_prefix_that_the_proxy_leaves_on_is_taken_off(browser: Browser, tmp_path: Path) -> None:
+def test_a_path_prefix_that_the_proxy_does_not_strip_is_removed(browser: Browser, tmp_path: Path) -> None:
     kept = CONFIGURATIONS["path"].replace("http://127.0.0.1:8000/", "http://127.0.0.1:8000")
     with behind(browser, tmp_path, kept, "/sinew/") as (operator, watched):
         operator.sign_in()

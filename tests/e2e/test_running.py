@@ -50,7 +50,7 @@ def seconds(told: str) -> float:
     return parts[0] if unit == "s" else 60 * parts[0] + parts[1]
 
 
-def test_a_run_is_followed_in_words_and_aborted_softly(operator: Operator) -> None:
+def test_the_progress_of_a_run_is_shown_and_the_run_is_aborted_softly(operator: Operator) -> None:
     page = operator.page
     bring_to_run(operator.service)
     operator.go("Experiments")
@@ -96,7 +96,7 @@ def test_a_run_is_followed_in_words_and_aborted_softly(operator: Operator) -> No
     assert (run["end_state"], run["samples"] > 3000) == ("stopped", True)
 
 
-def test_an_identification_is_followed_paused_between_tensions_and_aborted_softly(operator: Operator) -> None:
+def test_an_identification_shows_progress_pauses_between_tensions_and_aborts_softly(operator: Operator) -> None:
     page = operator.page
     bring_to_run(operator.service)
     operator.go("Identify")
@@ -149,7 +149,7 @@ def test_an_identification_is_followed_paused_between_tensions_and_aborted_softl
             assert values[place] == pytest.approx(at, abs=0.2)
 
 
-def test_voltages_of_a_motor_identification_are_drawn_ahead_on_a_phone(operator: Operator) -> None:
+def test_a_phone_shows_the_planned_voltages_of_a_motor_identification(operator: Operator) -> None:
     page = operator.page
     bring_to_run(operator.service)
     size = page.viewport_size

@@ -22,7 +22,7 @@ SCENE = re.compile(r"/scene/\?")
 ITS_PAGE = SHARED["sceneLoadingPage"]
 
 
-def test_the_view_says_what_it_waits_for_and_that_it_failed(browser: Browser, service: Service) -> None:
+def test_the_3d_view_shows_its_loading_state_and_a_failure(browser: Browser, service: Service) -> None:
     operator = Operator(browser.new_context(viewport=DESKTOP).new_page(), service)
     page = operator.page
     errors: list[Error] = []
@@ -48,7 +48,7 @@ def test_the_view_says_what_it_waits_for_and_that_it_failed(browser: Browser, se
     page.context.close()
 
 
-def test_the_view_is_as_this_person_left_it_at_another_machine(browser: Browser, service: Service) -> None:
+def test_the_settings_of_the_3d_view_are_restored_on_another_machine(browser: Browser, service: Service) -> None:
     here = Operator(browser.new_context(viewport=DESKTOP).new_page(), service)
     here.page.route(SCENE, lambda _: None)  # whether there is a picture is not asked here
     here.sign_in()
@@ -68,7 +68,7 @@ def test_the_view_is_as_this_person_left_it_at_another_machine(browser: Browser,
     there.page.context.close()
 
 
-def test_the_view_comes_back_after_a_drop_and_shows_what_moves(operator: Operator) -> None:
+def test_the_3d_view_reconnects_after_a_connection_loss_and_shows_the_motion(operator: Operator) -> None:
     page = operator.page
     with relayed(operator.service) as (operator.service, relay):
         operator.sign_in()

@@ -25,7 +25,7 @@ def service(fresh_service: Service) -> Service:
     return fresh_service
 
 
-def test_a_session_from_the_sign_in_link_to_stop(operator: Operator) -> None:
+def test_an_operator_signs_in_tunes_identifies_tracks_and_stops(operator: Operator) -> None:
     page = operator.page
     operator.sign_in()
     assert "token" not in page.url

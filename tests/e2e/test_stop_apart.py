@@ -101,9 +101,7 @@ def stops(page: Page, script: httpx.Client, press: Press) -> None:
     assert mode(script) == "tripped"
 
 
-def test_a_translated_page_stops_in_run_on_every_page(
-    context: BrowserContext, service: Service, script: httpx.Client
-) -> None:
+def test_stop_works_on_every_translated_page(context: BrowserContext, service: Service, script: httpx.Client) -> None:
     page = context.new_page()
     operator = Operator(page, service)
     for place, name in enumerate(PAGES):
@@ -128,7 +126,7 @@ def thrown(route: Route) -> None:
 
 
 @pytest.mark.parametrize("name", PAGES)
-def test_a_component_that_throws_leaves_stop_and_navigation(
+def test_stop_and_navigation_work_after_a_component_throws(
     context: BrowserContext, service: Service, script: httpx.Client, name: str
 ) -> None:
     page = context.new_page()
@@ -144,7 +142,7 @@ def test_a_component_that_throws_leaves_stop_and_navigation(
         stops(page, script, press)
 
 
-def test_without_storage_stop_works(
+def test_stop_works_without_browser_storage(
     context: BrowserContext, service: Service, script: httpx.Client, press: Press
 ) -> None:
     page = context.new_page()
@@ -154,7 +152,7 @@ def test_without_storage_stop_works(
     stops(page, script, press)
 
 
-def test_without_its_bundle_the_page_stops_and_says_so(
+def test_stop_works_without_the_bundle_and_the_page_states_the_error(
     context: BrowserContext, service: Service, script: httpx.Client, press: Press
 ) -> None:
     page = context.new_page()
@@ -165,7 +163,7 @@ def test_without_its_bundle_the_page_stops_and_says_so(
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_stop_that_is_not_confirmed_is_told_whole_at_every_size(
+def test_the_message_of_an_unconfirmed_stop_fits_every_window_size(
     context: BrowserContext, service: Service, scheme: str
 ) -> None:
     page = context.new_page()

@@ -23,7 +23,7 @@ axes:
 """
 
 
-def test_a_study_is_begun_stopped_resumed_and_drawn(browser: Browser, service: Service) -> None:
+def test_a_study_is_started_stopped_resumed_and_drawn(browser: Browser, service: Service) -> None:
     page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused
     operator = Operator(page, service)
     sign_in_at(page, service, "studies")

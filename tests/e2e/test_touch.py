@@ -19,7 +19,7 @@ SWEEP_TIMEOUT_MS = 120_000
 """Each of the five points waits for rest, a few seconds of the loop's time."""
 
 
-def test_a_contact_is_learned_armed_felt_and_released(same_operator: Operator) -> None:
+def test_contact_detection_is_calibrated_armed_triggered_and_released(same_operator: Operator) -> None:
     operator, page = same_operator, same_operator.page
     operator.be_in_run()
 
@@ -63,7 +63,7 @@ def test_a_contact_is_learned_armed_felt_and_released(same_operator: Operator) -
     expect(said).to_contain_text(OPERATE["notCalibrated"])
 
 
-def test_it_is_learned_over_S_by_itself_and_can_be_stopped(same_operator: Operator) -> None:
+def test_the_calibration_over_S_runs_automatically_and_can_be_stopped(same_operator: Operator) -> None:
     operator, page = same_operator, same_operator.page
     operator.be_in_run()
 

@@ -15,7 +15,7 @@ TEXTS = load_texts("pages/system")
 LEVEL_DEG, STEP_RAD = 5.0, 0.2
 
 
-def test_it_is_armed_outlasts_a_reload_and_leads_to_the_record_of_its_signal(operator: Operator) -> None:
+def test_an_armed_trigger_persists_after_a_reload_and_links_to_its_flight_record(operator: Operator) -> None:
     page, service = operator.page, operator.service
     bring_to_run(service)
     sign_in_at(page, service, "operate")

@@ -67,7 +67,7 @@ LIES = {
 
 
 @pytest.mark.parametrize("lie", LIES)
-def test_a_lie_is_found(around: Around, lie: str) -> None:
+def test_a_wrong_value_on_the_page_is_detected(around: Around, lie: str) -> None:
     """In off, where all that is true stands still: what is found is the lie, and nothing beside it."""
     selector, attribute, value, name = LIES[lie]
     around.page.bring_to_front()
@@ -87,7 +87,7 @@ def honest(page: Page) -> None:
 
 
 @pytest.mark.timeout(5400)  # a few seconds for each deed; each wait has an end of its own
-def test_after_each_deed_of_two_people_all_that_is_shown_is_so(
+def test_pages_agree_with_the_service_after_every_action_of_two_people(
     browser: Browser, service: Service, pytestconfig: pytest.Config
 ) -> None:
     asked, count = pytestconfig.getoption("--truth-seed"), pytestconfig.getoption("--truth-deeds")

@@ -107,7 +107,7 @@ def cells(operator: Operator, symbol: str) -> list[str]:
     return [cell.inner_text() for cell in row.get_by_role("cell").all()]
 
 
-def test_ten_lost_links_command_nothing_and_refill_the_charts(operator: Operator) -> None:
+def test_ten_connection_losses_send_no_command_and_the_charts_are_refilled(operator: Operator) -> None:
     put_back(operator.service)
     bring_to_run(operator.service, math.radians(15.0))
     with relayed(operator.service) as (operator.service, relay):
@@ -150,7 +150,7 @@ def lose_ten_links(tuning: Operator, relay: Relay) -> None:
     page.get_by_role("switch", name="Stage changes").uncheck()
 
 
-def test_a_trial_reverts_although_its_page_is_gone(operator: Operator, browser: Browser, service: Service) -> None:
+def test_a_trial_reverts_after_its_page_is_closed(operator: Operator, browser: Browser, service: Service) -> None:
     put_back(service)
     show_saved(operator)
     page = operator.page
@@ -191,7 +191,7 @@ def test_staged_edits_survive_a_reload_and_are_sent_only_when_applied(tuning: Op
     tuning.wait(lambda: cells(tuning, "λq") == ["0.500 s", "0.500 s", "–"])
 
 
-def test_what_decides_stays_under_the_pointer_while_figures_are_computed(tuning: Operator) -> None:
+def test_buttons_do_not_move_while_figures_are_computed(tuning: Operator) -> None:
     page, held, asked = tuning.page, list[Route](), set[str]()
     margins = page.get_by_role("status", name="Motor loop")
     preview = page.get_by_role("group", name=OPERATE["preview"].format(symbol="λ_q"), exact=True)
@@ -232,7 +232,7 @@ def test_what_decides_stays_under_the_pointer_while_figures_are_computed(tuning:
     switch.uncheck()
 
 
-def test_the_margins_of_the_motor_loop_stand_where_its_lambda_is_set(tuning: Operator) -> None:
+def test_the_margins_of_the_motor_loop_are_shown_next_to_its_lambda(tuning: Operator) -> None:
     """As computed of the sampled loop: at the λ in force on Operate, at the one typed in the form of an experiment."""
     page = tuning.page
     expect(page.get_by_role("status", name="Motor loop")).to_contain_text(shown(0.0854))
@@ -276,7 +276,7 @@ PREVIEWS = re.compile(r"/api/tuning/preview\?")
 
 
 @pytest.mark.parametrize(("motion", "lam_q"), [("lambda", 1.3), ("time-optimal", 1.4)])
-def test_a_preview_of_an_earlier_value_is_grey_until_its_own_is_there(
+def test_an_outdated_preview_is_grey_until_the_new_one_is_computed(
     tuning: Operator, service: Service, motion: str, lam_q: float
 ) -> None:
     """Grey enough to be seen and to be read; assistive technology hears of it. Then each number is the service's."""
@@ -336,7 +336,7 @@ WRITTEN_ANEW = """() => new Promise((resolve) => {
 """React writes these of each box that it renders, changed or not."""
 
 
-def test_boxes_that_nobody_touches_are_not_rendered_again(tuning: Operator) -> None:
+def test_unchanged_fields_are_not_rendered_again(tuning: Operator) -> None:
     bring_to_run(tuning.service)  # references stand still then
     tuning.be_in_run()
     tuning.wait_for_samples(1000)

@@ -25,7 +25,7 @@ def holder(page: Page) -> str:
     return str(shown).removeprefix("Control: ")
 
 
-def test_a_copy_of_the_tab_watches_and_a_reload_keeps_control(operator: Operator) -> None:
+def test_a_duplicated_tab_has_no_control_and_a_reload_retains_it(operator: Operator) -> None:
     page = operator.page
     operator.sign_in()
     operator.go("Log")  # without charts that two pages would have to draw
@@ -87,7 +87,7 @@ def lapsed_cookie(service: Service) -> tuple[str, str]:
 
 
 @pytest.mark.parametrize("lapsed", [True, False])
-def test_stop_is_on_the_page_of_somebody_who_is_signed_out(browser: Browser, service: Service, lapsed: bool) -> None:
+def test_a_signed_out_page_shows_stop(browser: Browser, service: Service, lapsed: bool) -> None:
     context = browser.new_context(viewport=DESKTOP)
     if lapsed:
         name, value = lapsed_cookie(service)
@@ -105,7 +105,7 @@ def test_stop_is_on_the_page_of_somebody_who_is_signed_out(browser: Browser, ser
     context.close()
 
 
-def test_a_page_whose_session_ends_says_so_and_goes_on_after_signing_in(browser: Browser, service: Service) -> None:
+def test_an_ended_session_is_reported_and_the_page_resumes_after_sign_in(browser: Browser, service: Service) -> None:
     context = browser.new_context(viewport=DESKTOP)
     page = context.new_page()
     page.goto(service.link)

@@ -13,7 +13,7 @@ CHARTS = load_texts("charts")
 FIELD = "Joint position steps between ±q_max"
 
 
-def test_an_angle_is_refused_where_it_was_typed_and_the_unit_changes_everywhere(
+def test_angles_are_refused_in_the_selected_unit_and_the_unit_applies_everywhere(
     browser: Browser, service: Service
 ) -> None:
     page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused

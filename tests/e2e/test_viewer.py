@@ -61,7 +61,7 @@ def signed_in_as_viewer(browser: Browser, service: Service) -> tuple[Page, list[
     return page, refused
 
 
-def test_a_viewer_is_offered_nothing_that_is_refused(browser: Browser, service: Service) -> None:
+def test_the_page_of_a_viewer_offers_only_accepted_commands(browser: Browser, service: Service) -> None:
     page, refused = signed_in_as_viewer(browser, service)
     for name in PAGES:
         page.goto(f"{service.url}/#/{name}")
@@ -91,7 +91,7 @@ def words_and_moves_are_apart(page: Page) -> bool:
     )
 
 
-def test_words_about_a_mode_cover_no_button(operator: Operator) -> None:
+def test_tooltips_of_modes_do_not_cover_buttons(operator: Operator) -> None:
     page = operator.page
     operator.sign_in()
     operator.settled_mode()

@@ -135,7 +135,9 @@ def viewer(browser: Browser, service: Service) -> Iterator[Page]:
 
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("place", [*PAGES, LEFT_OUT])
-def test_a_viewer_uses_all_there_is(viewer: Page, service: Service, place: str) -> None:
+def test_every_control_on_the_page_of_a_viewer_works_without_refusal(
+    viewer: Page, service: Service, place: str
+) -> None:
     """Of the frame around the pages once, on a page of which nothing else is used."""
     frame = place == LEFT_OUT
     place, skipped = ("studies", "main") if frame else (place, AROUND)
@@ -189,7 +191,7 @@ def differences(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
     ]
 
 
-def test_no_control_is_dead_for_a_viewer_alone(browser: Browser, viewer: Page, service: Service) -> None:
+def test_controls_disabled_only_for_viewers_state_the_reason(browser: Browser, viewer: Page, service: Service) -> None:
     """What cannot be used on a viewer's page cannot be used on an operator's either, or says why at the control."""
     with client_with(service, "token") as script:
         until_state(script, lambda told: told["holder"] is None, "somebody holds control")

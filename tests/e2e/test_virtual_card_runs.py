@@ -50,7 +50,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 
 
 @pytest.mark.timeout(900)  # five runs in real time; each wait has an end of its own
-def test_runs_at_the_virtual_card_come_to_the_figures_of_the_simulator(operator: Operator, tmp_path: Path) -> None:
+def test_runs_on_the_virtual_card_agree_with_the_simulator(operator: Operator, tmp_path: Path) -> None:
     page = operator.page
     operator.sign_in()
     expect(page.get_by_role("img", name="Virtual card", exact=True)).to_have_text("VIRTUAL CARD")

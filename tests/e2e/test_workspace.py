@@ -58,7 +58,7 @@ def panels(page: Page) -> list[str]:
     return [str(one.get_attribute("aria-label")) for one in page.locator("figure[data-panel]").all()]
 
 
-def test_a_layout_of_ones_own_reads_what_the_loop_does_and_is_found_again(laid_out: Operator) -> None:
+def test_an_own_layout_shows_the_live_values_and_is_restored_after_a_reload(laid_out: Operator) -> None:
     page = laid_out.page
     wanted = ["Joint position", "Joint stiffness", "q - q_ref", "Joint stiffness 2"]
     expect(page.get_by_role("figure", name="Joint stiffness 2", exact=True)).to_be_visible()
@@ -80,7 +80,7 @@ def test_a_layout_of_ones_own_reads_what_the_loop_does_and_is_found_again(laid_o
     expect(page.get_by_role("combobox", name="Layout", exact=True)).to_have_value("Mine")
 
 
-def test_what_cannot_be_drawn_is_refused_in_words_and_changes_nothing(laid_out: Operator) -> None:
+def test_a_signal_of_another_unit_is_refused_and_the_layout_is_unchanged(laid_out: Operator) -> None:
     page = laid_out.page
     before = page.request.get(f"{laid_out.service.url}/api/preferences").json()
     editor = page.get_by_role("region", name=CHARTS["editor"], exact=True)
@@ -101,7 +101,7 @@ def drag(page: Page, what: Locator, onto: Locator) -> None:
     page.mouse.up()
 
 
-def test_signals_are_searched_for_and_dragged_onto_panels(laid_out: Operator) -> None:
+def test_signals_are_searched_and_dragged_onto_panels(laid_out: Operator) -> None:
     page = laid_out.page
     editor = page.get_by_role("region", name=CHARTS["editor"], exact=True)
     editor.get_by_role("textbox", name=CHARTS["searchSignals"], exact=True).fill("deviation")
@@ -118,7 +118,7 @@ def test_signals_are_searched_for_and_dragged_onto_panels(laid_out: Operator) ->
     expect(editor.get_by_role("alert")).to_contain_text("all signals of a panel must have the same unit")
 
 
-def test_panels_move_and_grow_by_keys_alone(laid_out: Operator) -> None:
+def test_panels_are_moved_and_resized_with_the_keyboard(laid_out: Operator) -> None:
     page = laid_out.page
     editor = page.get_by_role("region", name=CHARTS["editor"], exact=True)
     down = editor.get_by_role("button", name="Move Joint position down", exact=True)
@@ -135,7 +135,7 @@ def test_panels_move_and_grow_by_keys_alone(laid_out: Operator) -> None:
     laid_out.wait(lambda: figure.evaluate("one => one.clientHeight / one.parentElement.clientHeight") > height)
 
 
-def test_a_panel_grows_by_its_dragged_edge(laid_out: Operator) -> None:
+def test_a_panel_is_resized_by_dragging_its_edge(laid_out: Operator) -> None:
     page = laid_out.page
     figure = page.get_by_role("figure", name="Joint position", exact=True)
     figure.scroll_into_view_if_needed()
@@ -157,7 +157,7 @@ def recorded(operator: Operator, run: int, **asked: Any) -> dict[str, Any]:
     return found
 
 
-def test_a_replay_has_the_same_layout_and_reads_what_was_recorded(laid_out: Operator) -> None:
+def test_a_replay_uses_the_same_layout_and_shows_the_recorded_values(laid_out: Operator) -> None:
     page, run = laid_out.page, finished_run(laid_out)
     length = page.request.get(f"{laid_out.service.url}/api/runs/{run}").json()["duration_s"]
     page.goto(f"{laid_out.service.url}/#/runs/{run}@{AT_S}")

@@ -30,7 +30,7 @@ def service(fresh_service: Service) -> Service:
 
 
 @pytest.mark.timeout(2400)  # all that a service does, in real time; each wait has an end of its own
-def test_each_page_in_each_state_keeps_the_rules(browser: Browser, service: Service) -> None:
+def test_every_page_in_every_state_passes_accessibility_and_layout_checks(browser: Browser, service: Service) -> None:
     wrong: dict[str, list[str]] = {}
 
     def look(page: Page, name: str) -> None:
