@@ -1,1 +1,1 @@
-"""The page in a real browser. A package, so that browser and service can be those of the whole folder."""
+"""Tests of the page in a real browser. A package, so that all modules share the browser and the service."""

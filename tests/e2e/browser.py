@@ -1,4 +1,4 @@
-"""The real Chromium, found on this machine, and a page whose errors do not pass unseen."""
+"""Start Chromium, and record the errors of a page."""
 
 import shutil
 from collections.abc import Iterator
@@ -37,7 +37,7 @@ TABLET = ViewportSize(width=1024, height=768)
 
 @contextmanager
 def chromium() -> Iterator[Browser]:
-    """The browser on the path, or the one that Playwright has installed."""
+    """Start the browser on the path, or the one that Playwright installed."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=executable(), args=list(ARGUMENTS))
         try:
@@ -47,13 +47,13 @@ def chromium() -> Iterator[Browser]:
 
 
 def executable() -> str | None:
-    """Return the browser on the path, None for the one that Playwright has installed."""
+    """Return the path of the browser; None selects the one that Playwright installed."""
     return next((path for name in NAMES if (path := shutil.which(name))), None)
 
 
 @dataclass
 class Watched:
-    """A page and everything its console complained about."""
+    """A page and the messages that its console reported."""
 
     page: Page
     complaints: list[str] = field(default_factory=list)
@@ -65,7 +65,7 @@ class Watched:
         self.page.on("pageerror", self._error)
 
     def refusals(self) -> str:
-        """In what words the service refused what the page asked for, for whoever reads of a test that failed."""
+        """Return the messages of refused requests, for the report of a failed test."""
         return "\n".join(f"{one.request.method} {one.url}: {_body(one)}" for one in self.refused) or "nothing"
 
     def _answered(self, response: Response) -> None:

@@ -1,4 +1,4 @@
-"""Fixtures of the browser tests: one browser, one service, a fresh page per test, screenshots of what failed."""
+"""Fixtures of the browser tests: one browser, one service, a new page per test, screenshots of failures."""
 
 import sqlite3
 from collections.abc import Callable, Generator, Iterator
@@ -30,7 +30,7 @@ CLOSED_EARLY = pytest.StashKey[ExitStack]()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let those with the shared service come first: those with one of their own do not run beside it."""
+    """Order tests with the shared service first, so that other services do not run at the same time."""
     places = [place for place, item in enumerate(items) if item.path.is_relative_to(FOLDER)]
     ours = sorted((items[place] for place in places), key=lambda item: not _shares(item))
     for place, item in zip(places, ours, strict=True):
@@ -50,7 +50,7 @@ def _shares(item: pytest.Item) -> bool:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     report = yield
-    if report.failed and (witness := item.stash.get(WITNESS, None)):  # also where it is a fixture that waited in vain
+    if report.failed and (witness := item.stash.get(WITNESS, None)):  # also after a timeout in a fixture
         report.sections.append(("page and service", witness()))
     return report
 
@@ -78,7 +78,7 @@ def service(shared_service: Service) -> Service:
     One of its own is for those that count on an empty data folder, and for those with another plant.
     """
     with client_with(shared_service, "token") as script:
-        until(lambda: script.get("/api/state").raise_for_status().json()["holder"] is None)  # pages before are gone
+        until(lambda: script.get("/api/state").raise_for_status().json()["holder"] is None)  # earlier pages are closed
         script.post("/api/stop").raise_for_status()
         script.post("/api/reset").raise_for_status()
         script.put("/api/preferences", json=DEFAULT_PREFERENCES.model_dump()).raise_for_status()
@@ -94,7 +94,7 @@ def fresh_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]
 
 @pytest.fixture
 def operator(browser: Browser, service: Service, request: pytest.FixtureRequest) -> Iterator[Operator]:
-    """A person at a page of their own; the test fails when the page's console complained."""
+    """An operator at a new page; the test fails if the console reports errors."""
     with (
         closing(browser.new_context(viewport=DESKTOP, accept_downloads=True)) as context,
         attended(Watched(context.new_page()), service, request) as watched,
@@ -112,24 +112,24 @@ def page_of_module(browser: Browser, service: Service) -> Iterator[Watched]:
 
 @pytest.fixture
 def same_operator(page_of_module: Watched, service: Service, request: pytest.FixtureRequest) -> Iterator[Operator]:
-    """The person of the test before at the same page, signed in: to load and compile a page takes seconds of a core."""
+    """The operator and page of the previous test; loading a new page takes seconds of processor time."""
     with attended(page_of_module, service, request) as watched:
         yield Operator(watched.page, service)
 
 
 @contextmanager
 def attended(watched: Watched, service: Service, request: pytest.FixtureRequest) -> Iterator[Watched]:
-    """Tell of the page when the test fails, and fail it when the page's console complained."""
+    """Report the page when the test fails, and fail the test if the console reported errors."""
     request.node.stash[WITNESS] = partial(witnessed, watched, service, FAILURES / f"{request.node.name}.png")
     yield watched
-    complaints, watched.complaints = watched.complaints, []  # the next one at the page is not to blame for them
+    complaints, watched.complaints = watched.complaints, []  # the next test on the page must not report them
     seen = request.node.stash[WITNESS]() if complaints else ""
     del request.node.stash[WITNESS]
     assert complaints == [], seen
 
 
 def witnessed(watched: Watched, service: Service, picture: Path) -> str:
-    """Tell what page and service were like; a picture of the page is kept, where it is still open."""
+    """Report the state of page and service, and store a screenshot if the page is open."""
     picture.parent.mkdir(parents=True, exist_ok=True)
     if not watched.page.is_closed():
         watched.page.screenshot(path=picture)

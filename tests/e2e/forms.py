@@ -1,6 +1,6 @@
-"""A form as a person reads it, what the browser sends when its button is pressed, and what became of that.
+"""Read a form as a person sees it, the request that its button sends, and the result.
 
-Fields are found by the name that they carry in the form; what is read of them is what is seen: words, unit and value.
+Fields are found by their name in the form; label, unit and value are read as displayed.
 """
 
 import math
@@ -40,7 +40,7 @@ _FIELDS = """form => [...form.elements].filter(box => box.name !== "").map(box =
 
 @dataclass(frozen=True)
 class Field:
-    """One field as it is seen: the words at it, its unit, its text, the value in SI, the words below it."""
+    """One displayed field: label, unit, text, value in SI, and the text below it."""
 
     words: str
     unit: str
@@ -51,7 +51,7 @@ class Field:
 
 
 def fields(form: Locator) -> dict[str, Field]:
-    """Return the fields of a form by name; settings that are folded away are unfolded first."""
+    """Return the fields of a form by name; collapsed settings are expanded first."""
     for folded in form.locator("details:not([open]) > summary").all():
         folded.click()
     found = {}
@@ -65,12 +65,12 @@ def fields(form: Locator) -> dict[str, Field]:
 
 
 def shown(form: Locator) -> Values:
-    """Return all that a form shows, by name in SI."""
+    """Return all values that a form shows, by name, in SI."""
     return {name: field.value for name, field in fields(form).items()}
 
 
 def fill(form: Locator, changes: Mapping[str, bool | float | str]) -> None:
-    """Type into the fields of these names: numbers in SI, in the unit that the field is in."""
+    """Fill in fields by name: numbers in SI, converted to the unit of the field."""
     standing = fields(form)
     for name, value in changes.items():
         box = form.locator(f"[name={name}]")
@@ -85,7 +85,7 @@ def fill(form: Locator, changes: Mapping[str, bool | float | str]) -> None:
 
 
 def pressed(page: Page, button: Locator, path: str) -> tuple[Any, Any]:
-    """Press a button; return what the browser really sent to ``path``, and the answer."""
+    """Press a button; return the request that the browser sent to ``path``, and the response."""
     with page.expect_request(lambda request: request.method != "GET" and request.url.endswith(path)) as caught:
         button.click()
     answer = caught.value.response()
@@ -95,7 +95,7 @@ def pressed(page: Page, button: Locator, path: str) -> tuple[Any, Any]:
 
 
 def reported(browser: Browser, page: Page, url: str) -> list[tuple[str, Any]]:
-    """Return the settings that the report of a run prints, in SI, with the words at them."""
+    """Return the settings in the report of a run, in SI, with their labels."""
     context = browser.new_context(storage_state=page.context.storage_state())
     report = context.new_page()
     report.goto(url, wait_until="domcontentloaded", timeout=REPORT_TIMEOUT_MS)
@@ -105,7 +105,7 @@ def reported(browser: Browser, page: Page, url: str) -> list[tuple[str, Any]]:
 
 
 def _rows(report: Page, caption: str) -> list[list[str]]:
-    """Cells of the table with this caption, its heading first; none where there is no such table."""
+    """Return the cells of the table with this caption, heading first; empty without such a table."""
     return [
         cells
         for table in report.locator("table", has=report.locator("caption", has_text=caption)).all()
@@ -114,7 +114,7 @@ def _rows(report: Page, caption: str) -> list[list[str]]:
 
 
 def same(one: object, other: object, relative: float = 1e-9) -> bool:
-    """Return whether two values are the same."""
+    """Return whether two values are equal."""
     if isinstance(one, bool) or isinstance(other, bool) or isinstance(one, str) or isinstance(other, str):
         return one == other
     if not (isinstance(one, int | float) and isinstance(other, int | float)):
@@ -127,12 +127,12 @@ SETTLED = {"seed": 0}
 
 
 def as_sent(shown: Mapping[str, object], sent: Mapping[str, object]) -> dict[str, object]:
-    """Return what a form shows, with the settled settings that it sends without showing them."""
+    """Return the values of a form, with the fixed settings that it sends without showing them."""
     return {**{name: value for name, value in SETTLED.items() if name in sent}, **shown}
 
 
 def differences(one: Mapping[str, object], other: Mapping[str, object], relative: float = 1e-9) -> list[str]:
-    """Name what is not the same in two sets of values, one that lacks a part included."""
+    """Return the names of values that differ or are missing in one of two sets."""
     return [
         f"{name}: {one.get(name, 'missing')!r} and {other.get(name, 'missing')!r}"
         for name in sorted(one.keys() | other.keys())

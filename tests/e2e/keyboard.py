@@ -1,7 +1,7 @@
-"""A person without a mouse: goes on by Tab, uses what has the focus, and sees at each stop where it is.
+"""An operator who uses only the keyboard, and checks that the focus is visible at each stop.
 
-Whether the focus is seen is looked at from its computed style: outline, shadow or border of the control, or of what is
-drawn for it beside it, are others while it has the focus than once it has gone on.
+The focus is visible if the computed outline, shadow or border of the control, or of an adjacent element, changes when
+the control loses the focus.
 """
 
 import re
@@ -37,7 +37,7 @@ _TAKES_LETTERS = ("input", "textarea", "select")
 
 @dataclass(frozen=True)
 class Stop:
-    """What has the focus: its name, the region that it is in, its field in a form, its element."""
+    """The focused control: its name, region, field in a form, and element."""
 
     name: str
     region: str
@@ -46,31 +46,31 @@ class Stop:
 
 
 class Keys:
-    """The keyboard at a page; ``stops`` counts at how many places the focus was looked at, and was seen."""
+    """The keyboard of a page; ``stops`` counts the controls with a visible focus."""
 
     def __init__(self, page: Page) -> None:
         self._page = page
         self.stops = 0
 
     def press(self, key: str, times: int = 1) -> None:
-        """Press a key, some times."""
+        """Press a key ``times`` times."""
         for _ in range(times):
             self._page.keyboard.press(key)
 
     def write(self, text: str) -> None:
-        """Write over what stands in the box that has the focus."""
+        """Replace the text of the focused box."""
         self._page.keyboard.press("Control+A")
         self._page.keyboard.type(text)
 
     def shortcut(self, key: str, heading: str) -> None:
-        """Go to a page by its key, from out of any box that would take the letter."""
+        """Open a page by its shortcut, after leaving any box that accepts letters."""
         while (stop := self._look()) is not None and stop.tag in _TAKES_LETTERS:
             self._page.keyboard.press("Tab")
         self._page.keyboard.press(key)
         self._page.get_by_role("heading", level=1, name=heading).wait_for(state="attached")
 
     def to(self, name: str | re.Pattern[str] = "", *, region: str = "", field: str = "", back: bool = False) -> Stop:
-        """Go on by Tab until what is named has the focus, once around the page at most."""
+        """Press Tab until the named control has the focus, at most once around the page."""
         ends = 0
         for _ in range(_MOST_STOPS):
             self._page.keyboard.press("Shift+Tab" if back else "Tab")
@@ -84,12 +84,12 @@ class Keys:
         raise AssertionError(f"{name or field!r} in {region!r} is not reached in {_MOST_STOPS} stops")
 
     def use(self, name: str | re.Pattern[str], *, region: str = "", key: str = "Enter") -> None:
-        """Go to a control and press a key there."""
+        """Move the focus to a control and press a key."""
         self.to(name, region=region)
         self._page.keyboard.press(key)
 
     def fill(self, values: dict[str, float | str], region: str) -> None:
-        """Write into the fields of a form, in the order in which Tab comes to them."""
+        """Fill in the fields of a form in their Tab order."""
         for field, value in values.items():
             self.to(region=region, field=field)
             self.write(f"{value:g}" if isinstance(value, float | int) else value)

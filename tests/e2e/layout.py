@@ -1,6 +1,6 @@
-"""Where things lie on a page: bounding boxes as the browser has them, and what a press at a place would hit.
+"""Positions on a page: bounding boxes in the browser, and the element that receives a click at a point.
 
-All that one question needs is asked in one turn: a page that draws live charts answers each turn late.
+Each question is one call to the browser, because a page with live charts responds slowly.
 """
 
 import time
@@ -36,7 +36,7 @@ selector => [...document.querySelectorAll(selector)]
 
 
 class Box(NamedTuple):
-    """A rectangle in the coordinates of what scrolls [CSS px]."""
+    """A rectangle in the coordinates of the scrolled page [CSS px]."""
 
     left: float
     top: float
@@ -44,24 +44,24 @@ class Box(NamedTuple):
     bottom: float
 
     def overlaps(self, other: "Box") -> bool:
-        """Return whether more than a border is shared."""
+        """Return whether two boxes share more than a border."""
         apart = min(self.right, other.right) - max(self.left, other.left) <= 1
         return not (apart or min(self.bottom, other.bottom) - max(self.top, other.top) <= 1)
 
     def holds(self, other: "Box") -> bool:
-        """Return whether the other lies inside, to a pixel."""
+        """Return whether the other box is inside, within one pixel."""
         across = self.left - 1 <= other.left and other.right <= self.right + 1
         return across and self.top - 1 <= other.top and other.bottom <= self.bottom + 1
 
 
 def survey(page: Page, selectors: Mapping[str, str]) -> dict[str, list[Box]]:
-    """Return where everything lies in the page that scrolls, at one moment, however far it is scrolled."""
+    """Return the boxes of all elements at one moment, independent of the scroll position."""
     found = page.evaluate(_SURVEY, dict(selectors))
     return {name: [Box(*edges) for edges in boxes] for name, boxes in found.items()}
 
 
 def scrolled_page(page: Page) -> Box:
-    """Return all that can be scrolled to."""
+    """Return the box of the complete scrollable page."""
     edges = page.evaluate(
         "() => { const main = document.querySelector('main'), { left, top } = main.getBoundingClientRect();"
         " return [left, top, left + main.scrollWidth, top + main.scrollHeight]; }"
@@ -70,7 +70,7 @@ def scrolled_page(page: Page) -> Box:
 
 
 def sideways(page: Page) -> float:
-    """Return by how much document and page are wider than what is seen of them [CSS px]."""
+    """Return how far document and page exceed the visible width [CSS px]."""
     return float(
         page.evaluate(
             "Math.max(...document.querySelectorAll('html, main').values()"
@@ -80,7 +80,7 @@ def sideways(page: Page) -> float:
 
 
 def stays(page: Page, wrong: Callable[[], list[str]]) -> list[str]:
-    """Return what is still wrong once what is new of a size has been drawn, some frames later."""
+    """Return the faults that persist after a new window size has been drawn for some frames."""
     deadline = time.monotonic() + DRAWN_WITHIN_S
     while (found := wrong()) and time.monotonic() < deadline:
         page.evaluate("new Promise(requestAnimationFrame)")
@@ -88,15 +88,15 @@ def stays(page: Page, wrong: Callable[[], list[str]]) -> list[str]:
 
 
 def document_scrolls_by(page: Page) -> float:
-    """Return by how much the document is higher than the window: what scrolls takes header and STOP along [CSS px]."""
+    """Return how far the document exceeds the window [CSS px]; scrolling it would move header and STOP."""
     return float(page.evaluate("document.documentElement.scrollHeight - innerHeight"))
 
 
 def covered(page: Page, selector: str) -> list[str]:
-    """Return those of which a press at the middle, once they are scrolled to, would reach something else."""
+    """Return the controls whose middle is covered by another element after scrolling to them."""
     return list(page.evaluate(_COVERED, selector))
 
 
 def cut(page: Page, selector: str) -> list[str]:
-    """Return those that do not show all they hold."""
+    """Return the elements whose content is clipped."""
     return list(page.evaluate(_CUT, selector))

@@ -32,7 +32,7 @@ _TEMPORARY = ("client_body", "proxy", "fastcgi", "uwsgi", "scgi")
 
 
 def free_port() -> int:
-    """Return a port of this machine that nobody listens on."""
+    """Return an unused port of this machine."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
         return int(listening.getsockname()[1])
 
@@ -60,14 +60,14 @@ def nginx(folder: Path, configuration: str, port: int, service: str) -> Iterator
 
 
 def make_certificate(folder: Path) -> None:
-    """Make a certificate that nobody has signed but itself."""
+    """Create a self-signed certificate."""
     request = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=127.0.0.1"]
     files = ["-keyout", str(folder / "rig.lab.key"), "-out", str(folder / "rig.lab.crt")]
     subprocess.run([*request, *files], check=True, capture_output=True)
 
 
 def wait_for(process: "subprocess.Popen[str]", port: int) -> None:
-    """Wait until a port is listened on."""
+    """Wait until a process listens on a port."""
     end = time.monotonic() + START_S
     while True:
         try:

@@ -1,4 +1,4 @@
-"""What a person does at the dashboard, by the names that the page gives to its controls."""
+"""Actions of an operator on the page, by the accessible names of the controls."""
 
 import math
 import re
@@ -19,7 +19,7 @@ LOOK_MS = 50
 
 
 def kept(name: str, value: object) -> Callable[[Response], bool]:
-    """Tell the answer to the request that keeps this preference; those before it wait in a queue of their own."""
+    """Match the response to the request that stores this preference; earlier requests are in their own queue."""
 
     def is_it(answer: Response) -> bool:
         asked = answer.request
@@ -32,32 +32,32 @@ def kept(name: str, value: object) -> Callable[[Response], bool]:
 
 
 class Operator:
-    """One person, one page, one service."""
+    """One person with one page of one service."""
 
     def __init__(self, page: Page, service: Service) -> None:
         self.page = page
-        self.page.set_default_timeout(MOTION_TIMEOUT_MS)  # a button too, or a download, may keep one waiting
+        self.page.set_default_timeout(MOTION_TIMEOUT_MS)  # buttons and downloads may respond slowly
         self.service = service
 
     def sign_in(self) -> None:
-        """Open the sign-in link, in a browser whose person said before that they go by their role."""
+        """Open the sign-in link in a browser that has stored the choice to sign in without a name."""
         self.page.add_init_script("if (location.origin !== 'null') localStorage.setItem('sinew-goes-by-role', '')")
         self.page.goto(self.service.link)
         expect(self.page.get_by_role("banner")).to_be_visible()
 
     def go(self, name: str) -> None:
-        """Change the page by its link in the navigation."""
+        """Open a page by its link in the navigation."""
         self.page.get_by_role("navigation", name="Main").get_by_role("link", name=name, exact=True).click()
         expect(self.page.get_by_role("heading", level=1, name=name)).to_be_attached()
 
     def press(self, name: str) -> None:
-        """Press a button that may be pressed now."""
+        """Press a button that is enabled."""
         button = self.page.get_by_role("button", name=name, exact=True)
         expect(button).not_to_have_attribute("aria-disabled", "true", timeout=MOTION_TIMEOUT_MS)
         button.click()
 
     def bring_up(self) -> None:
-        """Pretension, unless it is held already, then run."""
+        """Establish the pretension, if needed, and change to mode Run."""
         self.go("Operate")
         if self.settled_mode() != "pretension":
             self.press("Pretension")
@@ -65,7 +65,7 @@ class Operator:
         self.expect_mode("run")
 
     def be_in_run(self) -> None:
-        """Run, whatever the test before has left: a stop is reset, a held pretension is used."""
+        """Change to mode Run from any state that the previous test left."""
         self.go("Operate")
         self.settled_mode()
         self.take_control()
@@ -79,7 +79,7 @@ class Operator:
         self.wait(lambda: not math.isnan(self.reading("Joint position", "q_ref")))
 
     def settled_mode(self) -> str:
-        """The mode, once the page shows the one that the service tells and no stop is under way."""
+        """Return the mode once page and service agree and no stop is in progress."""
         shown, told = self.page.get_by_role("status", name="Mode", exact=True), ""
 
         def is_settled() -> bool:
@@ -91,7 +91,7 @@ class Operator:
         return told
 
     def take_control(self) -> None:
-        """Take control, also from a page that is gone and not yet given up for lost."""
+        """Take control, also from a closed page that the service has not yet detected as lost."""
         whose = self.page.get_by_role("button", name=re.compile("^Control: "))
         take = self.page.get_by_role("menuitem", name=re.compile("^Take "))
 
@@ -112,7 +112,6 @@ class Operator:
         expect(self.page.get_by_role("status", name="Mode", exact=True)).to_have_text(mode, timeout=timeout_ms)
 
     def fill(self, label: str, value: float) -> None:
-        """Type a value into a box."""
         self.page.get_by_role("textbox", name=label, exact=True).fill(f"{value:g}")
 
     def enter(self, label: str, value: float) -> None:
@@ -121,14 +120,14 @@ class Operator:
         self.page.get_by_role("textbox", name=label, exact=True).press("Enter")
 
     def wait(self, condition: Callable[[], bool], timeout_ms: int = MOTION_TIMEOUT_MS) -> None:
-        """Look again every few frames until the condition holds: each look is work for page, service and processor."""
+        """Check every few frames until the condition holds; more frequent checks load page, service and processor."""
         deadline = time.monotonic() + timeout_ms / 1000
         while not condition():
             assert time.monotonic() < deadline, "what was waited for did not happen"
             self.page.wait_for_timeout(LOOK_MS)
 
     def wait_for_samples(self, count: int) -> int:
-        """Wait until the loop has made so many more samples; returns how many it made."""
+        """Wait until the loop has written ``count`` more samples; return their number."""
         first = self._tick()
         self.wait(lambda: self._tick() - first >= count)
         return self._tick() - first
@@ -137,26 +136,26 @@ class Operator:
         return int(self.state()["tick"])
 
     def state(self) -> dict[str, Any]:
-        """What the service tells of the actuator, in the words of ``GET /api/state``."""
+        """Return the response to ``GET /api/state``."""
         found: dict[str, Any] = self.page.evaluate("fetch('./api/state').then(answer => answer.json())")
         return found
 
     def legend(self, figure: str, signal: str) -> Locator:
-        """Switch of a signal in the legend of a chart."""
+        """Return the button of a signal in the legend of a chart."""
         return self.page.get_by_role("figure", name=figure, exact=True).get_by_role("button", name=signal, exact=True)
 
     def reading(self, figure: str, signal: str) -> float:
-        """Value of a signal in the legend of a chart; of an envelope about its middle; nan while there is none."""
+        """Return the value of a signal in the legend of a chart; the middle of an envelope; NaN without a value."""
         chart = self.page.get_by_role("figure", name=figure, exact=True)
         shown = chart.locator(f"[data-role=value-{signal}]").inner_text().replace("\u2212", "-").removeprefix("≈ ")
         return math.nan if shown == "\u2013" else float(shown)
 
     def picture(self, figure: str) -> bytes:
-        """A chart as it looks now."""
+        """Return a screenshot of a chart."""
         return self.page.get_by_role("figure", name=figure, exact=True).locator("canvas").first.screenshot()
 
     def download(self, link: str) -> Path:
-        """Follow a download link to its end."""
+        """Download the target of a link and return its path."""
         with self.page.expect_download(timeout=REPORT_TIMEOUT_MS) as download:
             self.page.get_by_role("link", name=link, exact=True).click()
         return download.value.path()

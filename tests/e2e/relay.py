@@ -1,4 +1,4 @@
-"""A cable between browser and service that can be pulled out, for some of the connections or for all."""
+"""A TCP relay between browser and service that can interrupt some or all connections."""
 
 import asyncio
 import threading
@@ -18,7 +18,7 @@ class _Line:
 
 
 class Relay:
-    """Passes on what comes to its own port of 127.0.0.1; lives in a thread of its own."""
+    """Forwards connections from its own port of 127.0.0.1, in its own thread."""
 
     def __init__(self, port: int) -> None:
         self._to = port
@@ -36,36 +36,36 @@ class Relay:
         self.port = int(self._server.sockets[0].getsockname()[1])
 
     def count(self, path: str) -> int:
-        """How many connections have begun with a request for exactly ``path``."""
+        """Return the number of connections that requested exactly ``path``."""
         return sum(line.request.startswith(f"GET {path} ".encode()) for line in self._lines)
 
     def cut(self, path: str) -> None:
-        """Cut the connections that began with a request for ``path``."""
+        """Close the connections that requested ``path``."""
         for line in self._lines:
             if line.request.startswith(f"GET {path} ".encode()):
                 for end in line.ends:
                     self._loop.call_soon_threadsafe(end.transport.abort)
 
     def hold(self, path: str) -> None:
-        """Cut these connections, and keep new ones waiting until ``release``."""
+        """Close these connections, and delay new ones until ``release``."""
         self._held = path
         self._loop.call_soon_threadsafe(self._free.clear)
         self.cut(path)
 
     def release(self) -> None:
-        """Let those go on that wait."""
+        """Let the delayed connections continue."""
         self._loop.call_soon_threadsafe(self._free.set)
 
     def freeze(self) -> None:
-        """Pass nothing on and cut nothing: as a laptop that is closed, of which nobody is told."""
+        """Stop forwarding without closing connections, as a suspended laptop does."""
         self._loop.call_soon_threadsafe(self._moving.clear)
 
     def thaw(self) -> None:
-        """Pass on what has come meanwhile, and what comes."""
+        """Forward the delayed and all further data."""
         self._loop.call_soon_threadsafe(self._moving.set)
 
     def close(self) -> None:
-        """Cut all and end."""
+        """Close all connections and stop the relay."""
         asyncio.run_coroutine_threadsafe(self._end(), self._loop).result()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
@@ -102,7 +102,7 @@ class Relay:
 
 @contextmanager
 def relayed(service: Service) -> Iterator[tuple[Service, Relay]]:
-    """The service as it is seen through a relay."""
+    """Yield the service as seen through a relay."""
     relay = Relay(httpx.URL(service.url).port or 0)
     url = f"http://127.0.0.1:{relay.port}"
     try:

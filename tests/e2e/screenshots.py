@@ -1,8 +1,7 @@
-"""Pictures for the documentation, taken from the running system: ``python -m tests.e2e.screenshots [FOLDER]``.
+"""Screenshots for the documents, taken from a running service: ``python -m tests.e2e.screenshots [FOLDER]``.
 
-Each page in each state of the service at 1440x900; the states that matter most in the dark and at three more sizes. All
-data are made on the way, in real time. The pictures are kept with the sources: lossless WebP with as many colours as a
-page needs, so that text stays crisp and the folder small.
+Each page in each state of the service at 1440x900; the most important states also in dark mode and at three more
+sizes. The data are recorded in real time. The pictures are lossless WebP with few colours, so the folder is small.
 """
 
 import io
@@ -40,7 +39,7 @@ FREQUENT, RARE = 24, 40
 
 
 def main() -> None:
-    """Take all pictures; those of pages that are no more go."""
+    """Take all screenshots and delete those of pages that no longer exist."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     for old in [*folder.glob("*.png"), *folder.glob(f"*{SUFFIX}")]:
@@ -65,14 +64,14 @@ def main() -> None:
 
 
 def take(page: Page, path: Path) -> None:
-    """Keep what the page shows, once it has been drawn."""
+    """Store a screenshot of the page after it has been drawn."""
     page.evaluate("new Promise(drawn => requestAnimationFrame(() => requestAnimationFrame(drawn)))")
     path.write_bytes(compact(page.screenshot()))
     print(path.name)
 
 
 def compact(png: bytes) -> bytes:
-    """Reduce a picture to the colours that matter, each pixel to the nearest of them, and write it as lossless WebP."""
+    """Reduce a picture to its most frequent colours and encode it as lossless WebP."""
     picture = Image.open(io.BytesIO(png)).convert("RGB")
     colours, counts = np.unique(np.asarray(picture).reshape(-1, 3), axis=0, return_counts=True)
     areas = colours[np.argsort(-counts)[:FREQUENT]].ravel().tolist()

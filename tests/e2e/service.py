@@ -1,4 +1,4 @@
-"""The real service for browser tests: own process, own loop process, own data folder, own port."""
+"""A real service for browser tests, with its own process, control loop, data folder and port."""
 
 import os
 import re
@@ -19,7 +19,7 @@ END_TIMEOUT_S = 30
 
 @dataclass(frozen=True)
 class Service:
-    """A running service: where it answers, the sign-in link it printed, its data folder, what it said."""
+    """A running service: address, sign-in link, data folder and output."""
 
     url: str
     link: str
@@ -42,10 +42,9 @@ def running_service(
 ) -> Iterator[Service]:
     """Start ``sinew serve`` and wait for its sign-in link; end it as Ctrl+C does.
 
-    ``plant`` are the words after ``--plant``, ``more`` further ones; ``environment`` is set beside that of the
-    test, ``folder`` is the working directory. What it says is copied to ``log``, by default a file in its data folder.
-    ``descriptors`` is how many files and sockets it may have open if it asks for them, where that is to be fewer than
-    usual; it begins with half of them.
+    ``plant`` are the arguments after ``--plant``, ``more`` further arguments; ``environment`` extends the environment
+    of the test, ``folder`` is the working directory. The output is copied to ``log``, by default a file in the data
+    folder. ``descriptors`` limits the number of open files and sockets; the service starts with half of it.
     """
     data.mkdir(parents=True, exist_ok=True)
     log = log or data / "service.log"
@@ -80,7 +79,7 @@ def running_service(
 
 
 def _read_until_link(said: IO[str], log: Path) -> re.Match[str]:
-    """Return the sign-in link of a service; write the lines up to it into the log."""
+    """Return the sign-in link of a service; copy the lines up to it to the log."""
     with log.open("a", encoding="utf-8") as kept:
         for line in said:
             kept.write(line)
@@ -91,7 +90,7 @@ def _read_until_link(said: IO[str], log: Path) -> re.Match[str]:
 
 
 def _copy(said: IO[str], log: Path) -> None:
-    """Append each further line of the service to its log as soon as it is printed."""
+    """Append each further line of the service to its log immediately."""
     with said, log.open("a", encoding="utf-8", buffering=1) as kept:
         for line in said:
             kept.write(line)

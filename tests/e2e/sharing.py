@@ -1,7 +1,7 @@
-"""What tests of a file share, so that each need not begin anew: a page that goes on, a joint that is brought to run.
+"""Shared state for the tests of a file: one open page, and a joint in mode Run.
 
-A page at Operate draws what comes in, which takes most of a processor: where a test is about another page it signs in
-there, and a script winds up the joint.
+The page Operate draws the live stream, which needs most of a processor. Tests of other pages therefore sign in there,
+and a script operates the joint.
 """
 
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ from tests.e2e.service import Service
 
 
 class SharedPage:
-    """An operator at a page that the tests of a file go on with."""
+    """An operator with a page that all tests of a file use."""
 
     def __init__(self, browser: Browser, service: Service, address: str) -> None:
         context = browser.new_context(viewport=DESKTOP, accept_downloads=True)
@@ -28,10 +28,10 @@ class SharedPage:
 
     @contextmanager
     def turn_of(self, request: pytest.FixtureRequest) -> Iterator[Operator]:
-        """Let a test have the page; it fails when the console complained meanwhile.
+        """Yield the page to one test; fail the test if the console reports errors.
 
-        What lay over the page is closed before, and a box that was being filled in is left; control is given up after
-        it: a script may bring the joint to where the next test needs it.
+        Overlays are closed and an edited box loses the focus before the test. Control is released after it, so that a
+        script can move the joint for the next test.
         """
         with attended(self._watched, self._service, request) as watched:
             watched.page.keyboard.press("Escape")
@@ -46,14 +46,14 @@ class SharedPage:
 
 @contextmanager
 def shared_page(browser: Browser, service: Service, address: str) -> Iterator[SharedPage]:
-    """Sign in at an address; the page is closed when the tests of the file are over."""
+    """Sign in at an address; close the page after the tests of the file."""
     shared = SharedPage(browser, service, address)
     yield shared
     shared.close()
 
 
 def give_up_control(page: Page) -> None:
-    """Leave nobody in control, if it is this page that has it."""
+    """Release control if this page has it."""
     mine = page.get_by_role("button", name="Control: you", exact=True)
     if mine.count() == 0:
         return
@@ -64,7 +64,7 @@ def give_up_control(page: Page) -> None:
 
 
 def sign_in_at(page: Page, service: Service, address: str, name: str = "") -> None:
-    """Sign in and open a page by what follows its #/; without a name as a person who said to go by their role."""
+    """Sign in and open a page by the part of its address after #/; without a name, the role serves as the name."""
     page.add_init_script("if (location.origin !== 'null') localStorage.setItem('sinew-goes-by-role', '')")
     token = (service.data / "token").read_text(encoding="utf-8").strip()
     assert page.request.post(f"{service.url}/api/session", data={"token": token, "name": name}).ok
@@ -73,7 +73,7 @@ def sign_in_at(page: Page, service: Service, address: str, name: str = "") -> No
 
 
 def bring_to_run(service: Service, q_ref: float = 0.0) -> None:
-    """Have the joint in run on its way to an angle [rad], whatever the tests before have left; nobody has control."""
+    """Change to mode Run and move the joint towards an angle [rad], from any earlier state; control is free."""
     with client_with(service, "token") as script:
         state = until_state(
             script, lambda told: told["holder"] is None and told["mode"] != "stopping", "a page before holds control"

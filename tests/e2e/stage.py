@@ -1,7 +1,7 @@
-"""A service that goes through the states in which a form may be found, with an operator at its forms.
+"""A service that passes through the states in which a form is used, with an operator at its forms.
 
-fresh; a bank in force with a tuning of the operator's own; after an experiment with quite another tuning; after a
-restart of the service. They follow each other on one data folder.
+The states are: fresh; an active bank with an own tuning; after an experiment with another tuning; after a restart of
+the service. They follow each other on one data folder.
 """
 
 import csv
@@ -100,7 +100,7 @@ LASTING: dict[str, Values] = {
 
 
 class Stage:
-    """A service that can be started again on its data folder, with an operator at a page."""
+    """A service that can be restarted on its data folder, with an operator and a page."""
 
     def __init__(self, browser: Browser, data: Path) -> None:
         self.browser = browser
@@ -114,7 +114,7 @@ class Stage:
         self._running.close()
 
     def bring(self, state: str) -> None:
-        """Go on from the state that was reached to this one, through those between."""
+        """Pass through the states from the current one to ``state``."""
         while self.reached != state:
             self.reached = STATES[STATES.index(self.reached) + 1]
             match self.reached:
@@ -131,9 +131,9 @@ class Stage:
         self.rest()
 
     def rest(self) -> None:
-        """Give up control, and go where nothing is drawn of what comes in, which takes most of a processor.
+        """Release control and open a page without live charts, which need most of a processor.
 
-        A page that is too busy to speak for some seconds would stop the joint while it has control.
+        A page that is too busy to send heartbeats would stop the joint while it has control.
         """
         give_up_control(self.page)
         self.operator.go("Studies")
@@ -144,12 +144,12 @@ class Stage:
         return answer.json()
 
     def in_force(self) -> Values:
-        """The operator's tuning, as the service tells it."""
+        """Return the active tuning of the operator."""
         tuning = self.get("/api/tuning")
         return {name: tuning[name] for name in OWN} | {"bank": (tuning["bank"] or {"id": 0})["id"]}
 
     def stored(self, run: int) -> Values:
-        """What the database holds of a run's settings."""
+        """Return the settings of a run in the database."""
         database = open_database(self._data)
         with database.reading() as session:
             kept = runs.get(session, run).settings
@@ -157,15 +157,15 @@ class Stage:
         return {**kept.get("plan", {}), **kept.get("loop", {})}
 
     def recorded(self, run: int, signal: str) -> list[tuple[float, float]]:
-        """Time [s] and value of one signal in a run's download."""
+        """Return time [s] and value of one signal in the download of a run."""
         url = f"{self.service.url}/api/runs/{run}/data.csv"
-        answer = self.page.request.get(url, timeout=forms.REPORT_TIMEOUT_MS)  # its process gives way to all others
+        answer = self.page.request.get(url, timeout=forms.REPORT_TIMEOUT_MS)  # the export has the lowest priority
         assert answer.ok, answer.text()
         lines = [line for line in answer.text().splitlines() if not line.startswith("#")]
         return [(float(row["t"]), float(row[signal])) for row in csv.DictReader(lines)]
 
     def session(self) -> int:
-        """Run for a moment, recorded as a session, and return its number."""
+        """Record a short manual session and return its number."""
         self.operator.press("Run")
         self.operator.wait(lambda: self.get("/api/state")["recording_run"] is not None)
         run = int(self.get("/api/state")["recording_run"])
@@ -182,12 +182,12 @@ class Stage:
         sign_in_at(self.page, self.service, "studies")
 
     def _hold(self) -> None:
-        """Hold the pretension, from which every program starts."""
+        """Establish the pretension, from which every program starts."""
         state = self.get("/api/state")
         if not state["pretension_done"]:
             if state["mode"] != "pretension":
                 self.operator.go("Operate")
-                if self.operator.settled_mode() == "tripped":  # control was lost in what was done before
+                if self.operator.settled_mode() == "tripped":  # control was lost in an earlier action
                     self.operator.take_control()
                     self.operator.press("Reset")
                     self.operator.expect_mode("off")
@@ -197,14 +197,14 @@ class Stage:
             self.operator.wait(lambda: bool(self.get("/api/state")["pretension_done"]))
 
     def _learn(self) -> None:
-        """Learn what the outside force reads with nothing outside: without it no push is rejected."""
+        """Calibrate the external force without contact, which disturbance rejection requires."""
         self.operator.go("Operate")
         self.operator.press("Run")
 
         def learned() -> bool:
             self.page.get_by_role(
                 "button", name=OPERATE["calibrate"], exact=True
-            ).click()  # refused until the joint has been at rest
+            ).click()  # refused until the joint is at rest
             return bool(self.get("/api/state")["touch"]["learned"])
 
         self.operator.wait(learned)
@@ -229,11 +229,11 @@ class Stage:
         expect(nobody).to_be_visible()
         with self._script() as script:
             script.put("/api/tuning", json=OWN).raise_for_status()
-        expect(nobody).to_have_count(0)  # the script has it now: the page says whom it is taken over from
+        expect(nobody).to_have_count(0)  # the script has control, and the page names it
         self.operator.take_control()
 
     def _run_another_tuning(self) -> None:
-        """An experiment of which every setting differs from what is in force."""
+        """Run an experiment of which every setting differs from the active one."""
         self._learn()
         self._hold()
         form = form_of(self, "tracking", CHANGED)
@@ -249,7 +249,7 @@ class Stage:
 
 
 def form_of(stage: Stage, kind: str, changes: Values) -> Locator:
-    """Open the form of an experiment or of an identification and fill it."""
+    """Open and fill in the form of an experiment or of an identification."""
     page = stage.page
     stage.operator.go("Identify" if kind in IDENTIFICATIONS else "Experiments")
     title = declared(stage, kind)["title"]
@@ -265,7 +265,7 @@ def form_of(stage: Stage, kind: str, changes: Values) -> Locator:
 
 
 def discard_changes(stage: Stage, kind: str) -> None:
-    """Discard the settings that a form keeps after its start: it shows the tuning in force again."""
+    """Discard the settings that a form retains after its start, so that it shows the active tuning."""
     form = form_of(stage, kind, {})
     form.get_by_role("button", name=re.compile("^Discard the draft of ")).click()
     form.get_by_role("button", name="Discard draft", exact=True).click()
@@ -273,14 +273,14 @@ def discard_changes(stage: Stage, kind: str) -> None:
 
 
 def declared(stage: Stage, kind: str) -> Any:
-    """What the service says of a kind of experiment or identification."""
+    """Return the declaration of a kind of experiment or identification by the service."""
     if kind in IDENTIFICATIONS:
         return next(one for one in stage.get("/api/identification-kinds")["kinds"] if one["kind"] == kind)
     return next(one for one in stage.get("/api/experiments")["experiments"] if one["name"] == kind)
 
 
 def start(stage: Stage, form: Locator, path: str) -> tuple[int, Values, list[str]]:
-    """Press the deciding button; return the run, the request, and where that is not what the form showed."""
+    """Press the start button; return the run, the request, and their differences to the form."""
     button = form.get_by_role("button", name="Start")
     expect(button).not_to_have_attribute("aria-disabled", "true", timeout=MOTION_TIMEOUT_MS)
     shown = forms.shown(form)
@@ -291,7 +291,7 @@ def start(stage: Stage, form: Locator, path: str) -> tuple[int, Values, list[str
 
 
 def release(stage: Stage) -> None:
-    """Let the program move, then end it, and give up control."""
+    """Wait until the program moves, abort it, and release control."""
     stage.operator.wait(lambda: stage.get("/api/state")["mode"] in ("experiment", "identify"))
     stage.operator.go("Operate")
     stage.operator.press("Pretension")

@@ -1,4 +1,4 @@
-"""No value is absent without a reason that can be read or heard: on a page just opened, in run, and for a viewer."""
+"""Every absent value has a reason that is shown and announced: on a new page, in mode Run, and for a viewer."""
 
 import re
 

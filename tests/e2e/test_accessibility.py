@@ -1,4 +1,4 @@
-"""axe-core finds nothing against WCAG A and AA on any page; keyboard, phone and reduced motion as a person has them."""
+"""axe-core finds no violation of WCAG A and AA on any page; keyboard, phone and reduced motion are supported."""
 
 import re
 from pathlib import Path
@@ -29,7 +29,7 @@ ENDED = """() => document.getAnimations()
 
 
 def violations(page: Page) -> list[str]:
-    """What axe finds on the page as it is now: rule, why, and the elements."""
+    """Return the findings of axe on the current page: rule, reason, and elements."""
     if not page.evaluate("'axe' in window"):
         page.evaluate(AXE)
     page.evaluate(ENDED)
@@ -43,7 +43,7 @@ def violations(page: Page) -> list[str]:
 
 
 def in_both_schemes(page: Page, found: dict[str, list[str]], name: str) -> None:
-    """Look at the page as it is now in light and in dark, without the way from one to the other."""
+    """Check the page in light and in dark mode, without transitions between them."""
     for scheme in SCHEMES:
         in_scheme(page, scheme)
         found[f"{name}, {scheme}"] = violations(page)
@@ -57,7 +57,7 @@ def in_scheme(page: Page, scheme: Scheme) -> None:
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_no_page_violates_wcag_a_or_aa(same_operator: Operator, scheme: Scheme) -> None:
     operator, page = same_operator, same_operator.page
-    operator.be_in_run()  # leaves a session run for the lists
+    operator.be_in_run()  # records a manual session for the lists
     in_scheme(page, scheme)
     found: dict[str, list[str]] = {}
     for name in PAGES:
@@ -94,11 +94,11 @@ def test_stop_works_while_a_dialog_is_open(same_operator: Operator) -> None:
 
 def test_the_keyboard_reaches_every_control_and_the_focus_is_visible(same_operator: Operator) -> None:
     operator, page = same_operator, same_operator.page
-    operator.be_in_run()  # references are offered in run
+    operator.be_in_run()  # references can be set in mode Run
     expect(page.get_by_role("slider", name="λ_q", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     reached: set[str] = set()
     ends = presses = 0
-    while ends < 2:  # once around from where the page was opened
+    while ends < 2:  # one round through the page
         presses += 1
         assert presses < 300, "the focus does not come round"
         page.keyboard.press("Tab")
@@ -108,7 +108,7 @@ def test_the_keyboard_reaches_every_control_and_the_focus_is_visible(same_operat
             " return [at.getAttribute('aria-label') ?? at.textContent, style.outlineStyle !== 'none' ||"
             " style.boxShadow !== 'none' || at.closest('[data-size]') !== null] }"
         )
-        if name is None:  # past the last one, the page itself
+        if name is None:  # after the last control, the page has the focus
             ends += 1
             continue
         assert outlined, f"the focus on {name!r} cannot be seen"

@@ -1,4 +1,4 @@
-"""Nothing moves by accident: boxes that are left, the wheel over a chart, buttons of somebody without control."""
+"""Commands are never sent by accident: unconfirmed values, the wheel over a chart, controls of an observer."""
 
 import re
 

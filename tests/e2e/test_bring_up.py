@@ -1,4 +1,4 @@
-"""A person brings a rig up in the browser, step by step, on the virtual card: hands and weights are computed there."""
+"""Commissioning of a rig on the page, step by step, on the virtual card; the test computes motions and weights."""
 
 import re
 from collections.abc import Iterator
@@ -46,7 +46,7 @@ def test_an_operator_commissions_the_rig_on_the_page(operator: Operator, browser
         ("current", True, "operator")
     }
     slopes = [value for words, value in figures(steps["calibrate"]) if words.startswith("slope")]
-    assert slopes == pytest.approx([10.0, 10.0], rel=2e-3)  # the virtual card's, N/V
+    assert slopes == pytest.approx([10.0, 10.0], rel=2e-3)  # of the virtual card [N/V]
     travels = [abs(value) for words, value in figures(steps["direction"]) if words.startswith("joint moved")]
     assert len(travels) == 2
     assert max(travels) < 0.1
@@ -59,7 +59,7 @@ def test_an_operator_commissions_the_rig_on_the_page(operator: Operator, browser
 
 
 def play(operator: Operator, number: int, title: str) -> None:
-    """Do one step: start it, and confirm each time that something is asked."""
+    """Start one step and confirm each of its requests."""
     card = operator.page.get_by_role("region", name=TEXTS["stepTitle"].format(number=number, title=title), exact=True)
     confirm = card.locator("button:not([aria-disabled=true])").filter(has_text=re.compile(f"^{TEXTS['confirm']}$"))
     ended = card.get_by_text(re.compile(f"^({TEXTS['current']}|{TEXTS['failed']})$"))
@@ -81,7 +81,7 @@ def figures(step: Any) -> list[tuple[str, float]]:
 
 
 def asked_in(card: Locator) -> str:
-    """What a person is asked to do now; empty for nothing."""
+    """Return the current request to the operator; empty without one."""
     return " ".join(card.get_by_role("status", name=TEXTS["whatToDo"]).all_inner_texts())
 
 

@@ -1,4 +1,4 @@
-"""The live charts under a person's hands: zoom, hold, cursors, figures, spectrum, files, remembered colours."""
+"""Operation of the live charts: zoom, hold, cursors, statistics, spectrum, files, stored colours."""
 
 import csv
 import io
@@ -18,7 +18,7 @@ HELD, FOLLOWING = (OPERATE[name].partition(",")[0] for name in ("held", "followi
 
 @pytest.fixture
 def watching(same_operator: Operator) -> Operator:
-    """A joint in run, followed by charts at which nobody points."""
+    """An operator in mode Run, with the pointer outside of the charts."""
     page = same_operator.page
     page.mouse.move(5, 5)
     same_operator.be_in_run()
@@ -31,7 +31,7 @@ def watching(same_operator: Operator) -> Operator:
 
 @pytest.fixture
 def moving(watching: Operator) -> Operator:
-    """A joint that has just stepped by 10 degrees."""
+    """An operator whose joint has just moved by 10 degrees."""
     target = 10.0 if abs(watching.reading("Joint position", "q_ref")) < 5.0 else 0.0
     watching.enter("q_ref value [°]", target)
     watching.wait(lambda: abs(watching.reading("Joint position", "q") - target) < 0.3)
@@ -43,9 +43,9 @@ def test_zoom_and_hold_persist_during_streaming_and_live_resets_them(moving: Ope
     page.get_by_role("button", name="Hold", exact=True).click()
     wheel(page, -400)
     in_sight = page.get_by_role("status", name="View", exact=True)
-    expect(in_sight).to_have_text(re.compile(HELD + r", (?!20\.0 s)"))  # the wheel has been heard
+    expect(in_sight).to_have_text(re.compile(HELD + r", (?!20\.0 s)"))  # the page has processed the wheel
     zoomed = in_sight.inner_text()
-    zoomed = zoomed[zoomed.index(HELD) :]  # before it the page says how it lags behind, on a busy machine
+    zoomed = zoomed[zoomed.index(HELD) :]  # on a busy machine the text begins with the delay of the page
     before = fresh_picture(moving)
     ticks = moving.wait_for_samples(500)
     assert ticks >= 500
@@ -76,7 +76,7 @@ def test_two_cursors_measure_time_and_value_and_follow_the_arrow_keys(watching: 
     first = page.locator("[data-role=cursor-0]")
 
     def is_told() -> bool:
-        """Hold what is in sight and measure: a page that was opened a moment ago has nothing at the first cursor."""
+        """Hold and measure the visible interval; a page opened a moment ago has no data at the first cursor."""
         if measure.get_attribute("aria-pressed") == "true":
             measure.click()
             watching.press("Live")
@@ -130,7 +130,7 @@ def test_saved_picture_and_data_contain_the_visible_interval(moving: Operator) -
     assert times[-1] - times[0] <= 20.01
     told = [(float(row["q_ref [rad]"]), float(row["q [rad]"])) for row in rows if row["q_ref [rad]"]]
     before = max(place for place, (q_ref, _) in enumerate(told) if abs(q_ref - told[-1][0]) > 0.1)
-    q = [q for _, q in told[before:]]  # what else moved before is in sight too
+    q = [q for _, q in told[before:]]  # earlier motions are visible too
     assert max(q) - min(q) == pytest.approx(0.1745, abs=0.05)
 
     page.get_by_role("button", name="Save picture", exact=True).click()
@@ -160,7 +160,7 @@ def test_colours_and_hidden_signals_are_stored_per_person(watching: Operator) ->
 
 
 def fresh_picture(operator: Operator) -> bytes:
-    """A chart once two pictures in a row are the same and it is not greyed, as one of samples that come late is."""
+    """Return a chart that is not greyed for late samples, once two successive pictures are equal."""
     charts = operator.page.get_by_role("region", name="Charts", exact=True)
     pictures = [operator.picture("Joint position")]
 

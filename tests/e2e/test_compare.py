@@ -1,4 +1,4 @@
-"""Runs beside one of them: what the operator reads is what the interface and the recordings say."""
+"""Comparison of runs: the page agrees with the HTTP interface and the recordings."""
 
 import asyncio
 import csv
@@ -46,7 +46,7 @@ Columns = dict[str, list[float]]
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     data = tmp_path_factory.mktemp("compared")
     database = open_database(data)
-    with ThreadPoolExecutor(1) as beside:  # the browser's interface keeps an event loop running in this thread
+    with ThreadPoolExecutor(1) as beside:  # Playwright keeps an event loop running in this thread
         for at_s, q_ref in STEPS:
             lam_q = 0.5 if at_s != 1.6 else 0.6
             beside.submit(play, database, [segment(at_s, 0.0), segment(1.5, q_ref)], lam_q).result()
@@ -66,7 +66,7 @@ def segment(duration_s: float, q_ref: float) -> dict[str, float]:
 
 
 def play(database: Database, segments: list[dict[str, float]], lam_q: float) -> None:
-    """Run a sequence headless, as the command line does, but in this process: a new one takes longer than to play."""
+    """Execute a sequence headless in this process; a new process would take longer than the run."""
     lab, kind = load_parameters("lab"), find_experiment("sequence")
     values = {**compute_default_tuning(lab).tuning.to_document(), "segments": json.dumps(segments), "lam_q": lam_q}
     plan, settings = split_values(kind.settings, kind.make_plan, values)
@@ -89,7 +89,7 @@ def operator(shared: SharedPage, request: pytest.FixtureRequest) -> Iterator[Ope
 
 @pytest.fixture(scope="module")
 def recorded(service: Service) -> dict[int, Columns]:
-    """All samples of each run, as they are exported; to start a process for each file takes longer than to write it."""
+    """Return all samples of each run as exported, in one process for all files."""
     database = open_database(service.data)
     files = {run: b"".join(writers.write_csv(export_run(database, run))) for run in range(1, 5)}
     database.close()
@@ -112,7 +112,7 @@ def show(operator: Operator, address: str) -> Page:
 
 
 def offset_of(run: int, offset_s: str) -> str:
-    """Return the text that says by how many seconds a run is shifted."""
+    """Return the text that states the offset of a run in seconds."""
     return RUNS["offset"].strip("; ").replace("{run}", str(run)).replace("{offset}", offset_s.replace("-", "\u2212"))
 
 
@@ -142,7 +142,7 @@ def test_metrics_are_shown_with_their_differences_to_the_reference_run(operator:
     page.locator('[aria-busy="false"]').get_by_role("table", name=RUNS["comparison"], exact=True).wait_for()
     check_metrics(page, 3)
     assert page.url.endswith("/runs/1/2,3,4/reference=3")
-    page.reload()  # what is compared with stands in the address
+    page.reload()  # the address contains the reference run
     expect(page.get_by_role("combobox", name=RUNS["reference"], exact=True)).to_have_value("3")
     expect(page.get_by_text(RUNS["differenceBelow"].replace("{run}", "3"))).to_be_visible()
     check_metrics(page, 3)
@@ -155,7 +155,7 @@ def test_metrics_are_shown_with_their_differences_to_the_reference_run(operator:
 
 
 def check_metrics(page: Page, reference: int) -> None:
-    """Each figure is that of the run's own result, each difference theirs."""
+    """Compare each metric with the result of its run, and each difference with their difference."""
     results = [{one["label"]: one for one in ask(page, f"./api/experiments/{run}")["metrics"]} for run in range(1, 5)]
     shown = rows_of(page, RUNS["comparison"])
     assert {row[0] for row in shown} == set().union(*results)
@@ -198,7 +198,7 @@ def test_runs_are_aligned_by_a_step_and_a_run_without_a_step_is_excluded(
     expect(operator.legend("Joint position", "q′′")).to_be_visible()
     expect(operator.legend("Joint position", "q′′′")).to_have_count(0)
 
-    # once they are aligned, runs 1 and 2 are told the same at each moment
+    # after alignment, runs 1 and 2 have the same reference
     page.get_by_role("combobox", name=RUNS["signal"], exact=True).select_option("q_ref")
     second = page.get_by_role("table", name=RUNS["deviations"]).get_by_role("row").filter(has_text="Run 2")
     expect(second.get_by_role("cell").nth(4)).to_have_text("0")
@@ -208,7 +208,7 @@ def test_runs_are_aligned_by_a_step_and_a_run_without_a_step_is_excluded(
     expect(page.get_by_role("alert").filter(has_text="run 2 has 1 step of q_ref, not 2")).to_be_visible()
     box.fill("x")
     expect(page.get_by_text("“x” is not a number")).to_be_visible()
-    assert "number=2" in page.url  # what is no number changes nothing
+    assert "number=2" in page.url  # invalid input changes nothing
 
 
 def test_deviations_beyond_the_tolerance_agree_with_the_samples(
@@ -231,7 +231,7 @@ def test_deviations_beyond_the_tolerance_agree_with_the_samples(
         assert number(outside) == pytest.approx(told["outside"] / 1e3, abs=6e-4)
         assert number(longest) == pytest.approx(told["longest"] / 1e3, abs=6e-4)
         assert number(largest) == pytest.approx(told["largest"] * DEG, rel=1e-3, abs=1e-6)
-        # many samples of counted angles differ alike
+        # quantized angles have equal differences at many samples
         assert abs(told["apart"][round(1e3 * number(at))]) == pytest.approx(abs(told["largest"]), rel=1e-6)
         assert number(compared.split(" of ")[0]) == pytest.approx(told["compared"] / 1e3, abs=6e-4)
     assert plain_look(recorded[1], recorded[3], 1.5 / DEG)["left_at"] is not None
@@ -240,7 +240,7 @@ def test_deviations_beyond_the_tolerance_agree_with_the_samples(
 
 
 def plain_look(own: Columns, other: Columns, band: float) -> dict[str, Any]:
-    """The same figures in samples, from exported files alone."""
+    """Compute the same values in samples from exported files alone."""
     shift = first_step(own) - first_step(other)
     apart = {k: other["q"][k - shift] - value for k, value in enumerate(own["q"]) if 0 <= k - shift < len(other["q"])}
     outside = [k for k, value in apart.items() if abs(value) > band]

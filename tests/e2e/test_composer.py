@@ -1,4 +1,4 @@
-"""An experiment composed on the page, by keyboard and by drag, against the service's dry run and the recorded run."""
+"""The editor of sequences, by keyboard and by drag, compared with the dry run and the recorded run."""
 
 import re
 from typing import Any
@@ -42,7 +42,7 @@ def service(fresh_service: Service) -> Service:
 
 
 def previewed(own: Locator) -> str:
-    """The sentence of the preview, once it is of what stands there."""
+    """Return the sentence of the preview once it describes the current sequence."""
     preview = own.get_by_role("region", name=TEXTS["preview"], exact=True)
     status = preview.get_by_role("status", name=TEXTS["previewStatus"])
     expect(status).to_have_text(TEXTS["previewCurrent"], timeout=DRY_RUN_TIMEOUT_MS)
@@ -50,7 +50,7 @@ def previewed(own: Locator) -> str:
 
 
 def order(own: Locator) -> list[str]:
-    """Kinds of the parts in the order in which they stand, each with its number."""
+    """Return kind and number of the parts in their order."""
     kinds = own.get_by_role("combobox", name=re.compile("^" + TEXTS["kindOfPart"].split("{")[0]))
     return [f"{str(one.get_attribute('aria-label')).split()[-1]} {one.input_value()}" for one in kinds.all()]
 
@@ -62,7 +62,7 @@ def get(page: Page, service: Service, path: str) -> Any:
 
 
 def test_a_sequence_is_composed_previewed_saved_run_and_recreated(browser: Browser, service: Service) -> None:  # noqa: PLR0915  # one story
-    page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused
+    page = browser.new_context(viewport=DESKTOP).new_page()  # the console may report refused requests
     operator = Operator(page, service)
     operator.sign_in()
     operator.be_in_run()
@@ -73,7 +73,7 @@ def test_a_sequence_is_composed_previewed_saved_run_and_recreated(browser: Brows
     own.get_by_role("textbox", name=TEXTS["experimentTitle"], exact=True).fill("Composed")
     assert order(own) == ["1.1 step", "1.2 ramp", "1.3 hold"]
 
-    # by keyboard: the button that moved a part keeps the focus, so that it can be pressed again
+    # by keyboard: the button that moved a part retains the focus, so that it can be pressed again
     own.get_by_role("button", name=TEXTS["movePartDown"].format(number="1.1"), exact=True).focus()
     page.keyboard.press("Enter")
     expect(own.get_by_role("button", name=TEXTS["movePartDown"].format(number="1.2"), exact=True)).to_be_focused()
@@ -101,7 +101,9 @@ def test_a_sequence_is_composed_previewed_saved_run_and_recreated(browser: Brows
     own.get_by_role("textbox", name=of_part("q_ref [°]", "1.2.1"), exact=True).fill("-10")
     own.get_by_role("textbox", name=of_part("q_ref [°]", "1.2.2"), exact=True).fill("200")
     row = own.get_by_role("listitem", name=TEXTS["part"].format(number="1.2.2"), exact=True)
-    expect(own.get_by_role("alert")).to_have_text(re.compile("200° is outside"))  # once: its loop says nothing of it
+    expect(own.get_by_role("alert")).to_have_text(
+        re.compile("200° is outside")
+    )  # one alert: the loop does not repeat it
     expect(row.get_by_role("alert")).to_be_visible()
     own.get_by_role("textbox", name=of_part("q_ref [°]", "1.2.2"), exact=True).fill("20")
     expect(row).to_contain_text(ramp("20°"))
@@ -116,7 +118,7 @@ def test_a_sequence_is_composed_previewed_saved_run_and_recreated(browser: Brows
     )
     expect(row.get_by_role("alert")).to_have_count(0)
 
-    # its own criterion, in the words and the number of the preview
+    # the own criterion, as the preview describes it
     second = TEXTS["ofCriterion"].format(number=2)
     own.get_by_role("button", name=TEXTS["addCriterion"]).click()
     own.get_by_role("combobox", name=f"{TEXTS['metric']} {second}").select_option("peak_voltage_V")
@@ -137,7 +139,7 @@ def test_a_sequence_is_composed_previewed_saved_run_and_recreated(browser: Brows
     assert sentence.endswith(TEXTS["peaks"].format(voltage=f"{volts:#.3g}", low=f"{low:#.3g}", high=f"{high:#.3g}"))
     expect(verdicts.nth(2)).to_contain_text(f"{volts:#.3g}")
 
-    # the next version says what is other about it
+    # the next version states what changed
     own.get_by_role("textbox", name=of_part(f"{TEXTS['time']} [s]", "1.2.3"), exact=True).fill("1")
     own.get_by_text(TEXTS["versionsCount"].format(name="composed", count=1)).click()
     versions = own.get_by_role("table", name=TEXTS["versions"].format(name="composed"))
@@ -152,7 +154,7 @@ def test_a_sequence_is_composed_previewed_saved_run_and_recreated(browser: Brows
     expect(own.get_by_role("textbox", name=of_part(f"{TEXTS['time']} [s]", "1.2.3"), exact=True)).to_have_value("2")
     previewed(own)
 
-    # what is recorded is what was composed, and comes back as such
+    # the recorded run agrees with the sequence, and can be edited again
     _, started = forms.pressed(
         page,
         form.get_by_role("button", name=TEXTS["startExperiment"].format(experiment="composed"), exact=True),

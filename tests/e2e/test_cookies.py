@@ -1,4 +1,4 @@
-"""A browser that keeps no cookies shows a sentence, not a blank page; large cookies of others disturb nobody."""
+"""A browser without cookies shows a message; large cookies of other applications have no effect."""
 
 import json
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""What is written is read where one works: every document, its links, a search; the set-up leads into it."""
+"""The page shows every document with its links and a search; the setup steps link to the documents."""
 
 import re
 from pathlib import Path
@@ -18,7 +18,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 
 def headings(name: str) -> list[str]:
-    """Return the headings of a file as they are read, without the marks of its markup; code is none."""
+    """Return the headings of a document as displayed, without markup and without code blocks."""
     (file,) = DOCS.rglob(f"{name}.md")
     text = re.sub(r"^```.*?^```", "", file.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
     found = re.findall(r"^#{1,4} (.+)$", text, flags=re.MULTILINE)
@@ -48,7 +48,7 @@ def test_documents_are_shown_linked_and_searched_on_the_page(same_operator: Oper
     title = first.inner_text().rsplit(": ", 1)[-1]
     first.click()
     in_sight(page, title)
-    expect(contents).to_be_visible()  # the search is over
+    expect(contents).to_be_visible()  # the search is closed
 
     page.goto(f"{operator.service.url}/#/docs/rig")
     page.get_by_role("article").get_by_role("link", name="faults.md", exact=True).first.click()

@@ -1,4 +1,4 @@
-"""What is typed in a form is there after the page was left by a key and after a reload, and is discarded on demand."""
+"""Drafts of forms persist after navigation and reload, and can be discarded."""
 
 from collections.abc import Callable
 
@@ -87,8 +87,8 @@ def test_drafts_persist_after_navigation_and_reload_and_can_be_discarded(
     assert before != typed
     box(page).fill(typed)
     if draft is None:
-        box(page).press("Enter")  # boxes that act at once take what Enter confirms
-    box(page).blur()  # the keys are those of the page, not of the box
+        box(page).press("Enter")  # boxes without a form apply a value on Enter
+    box(page).blur()  # so that the shortcuts of the page apply
     page.keyboard.press("l" if name == "Operate" else "o")
     same_operator.go("Log")
     page.keyboard.press(key)

@@ -1,4 +1,4 @@
-"""Own experiments, dry run and queue; then the runs they leave: lineage, marks, replay, a comparison; set-up."""
+"""Own experiments, dry run and queue; lineage, tags, replay and comparison of their runs; the setup list."""
 
 import math
 from collections.abc import Iterator
@@ -70,7 +70,7 @@ def test_a_new_person_sees_the_tour_once(operator: Operator) -> None:
 def test_an_own_experiment_is_dry_run_queued_and_executed(operator: Operator) -> None:
     page = operator.page
     operator.go("Experiments")
-    bring_to_run(operator.service)  # nobody has control: a page too busy to speak while it is tried dry stops nothing
+    bring_to_run(operator.service)  # control is free: a page that is busy with the dry run stops nothing
     page.get_by_role("combobox", name=EXPERIMENT_TEXTS["kindOfExperiment"], exact=True).select_option("short@1")
 
     page.get_by_role("button", name=EXPERIMENT_TEXTS["dryRun"], exact=True).click()
@@ -88,7 +88,7 @@ def test_an_own_experiment_is_dry_run_queued_and_executed(operator: Operator) ->
     waiting = page.get_by_role("list", name=EXPERIMENT_TEXTS["queue"], exact=True).get_by_role("listitem")
     expect(waiting).to_have_count(2)
     operator.press(EXPERIMENT_TEXTS["startQueue"])
-    operator.go("Studies")  # whoever draws what comes in may be silent for too long, on a slow machine, to keep control
+    operator.go("Studies")  # on a slow machine, a page with live charts may lose control
     operator.wait(lambda: len(ended(operator)) == 2 and "running" not in ended(operator))
     operator.go("Experiments")
     expect(page.get_by_text(EXPERIMENT_TEXTS["queueEmpty"])).to_be_visible()
@@ -97,7 +97,7 @@ def test_an_own_experiment_is_dry_run_queued_and_executed(operator: Operator) ->
 
 
 def ended(operator: Operator) -> list[str]:
-    """How the experiments have ended, or that they are running, as the service tells."""
+    """Return the end states of the experiments according to the service; running ones included."""
     runs = operator.page.evaluate("fetch('./api/runs?kind=experiment').then(answer => answer.json())")["runs"]
     return [run["end_state"] for run in runs]
 
@@ -107,7 +107,7 @@ def test_the_page_of_a_run_shows_replay_lineage_and_comparison(operator: Operato
     operator.go("Runs")
     page.get_by_role("combobox", name=RUNS["kind"], exact=True).select_option("experiment")
     table = page.get_by_role("table", name=RUNS["table"], exact=True)
-    expect(table.get_by_role("row").filter(has_text="session")).to_have_count(0)  # those of before stay until then
+    expect(table.get_by_role("row").filter(has_text="session")).to_have_count(0)  # the earlier list is shown until then
     table.get_by_role("link").first.click()
     expect(page.get_by_role("region", name=RUNS["lineage"], exact=True)).to_contain_text(
         RUNS["unchanged"].replace("{parameters}", "lab")
@@ -120,10 +120,10 @@ def test_the_page_of_a_run_shows_replay_lineage_and_comparison(operator: Operato
     expect(replay.get_by_role("button", name=RUNS["play"], exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     run = int(page.url.split("/runs/")[1])
     lasted_s = page.evaluate(f"fetch('./api/runs/{run}').then(answer => answer.json())")["duration_s"]
-    assert 3.0 <= lasted_s < 3.2  # a busy machine skips ticks, at its end too
+    assert 3.0 <= lasted_s < 3.2  # a busy machine skips ticks, also at the end
     shown = replay.get_by_role("status", name=RUNS["replayTime"], exact=True).inner_text()
     assert float(shown.removeprefix("0:")) == pytest.approx(lasted_s, abs=0.0051)
-    operator.wait(lambda: abs(operator.reading("Joint position", "q_ref")) > 1.0)  # the charts' cursor went along
+    operator.wait(lambda: abs(operator.reading("Joint position", "q_ref")) > 1.0)  # the cursor of the charts followed
 
     page.get_by_role("slider", name=RUNS["replayPosition"], exact=True).press("Home")
     expect(replay.get_by_role("status", name=RUNS["replayTime"], exact=True)).to_have_text("0:00.00")
@@ -133,7 +133,7 @@ def test_the_page_of_a_run_shows_replay_lineage_and_comparison(operator: Operato
     expect(operator.legend("Joint position", "q′")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     page.get_by_role("figure", name="Joint position", exact=True).hover(
         force=True
-    )  # at the end one of both may be over
+    )  # at the end, one of both runs may be over
     operator.wait(lambda: not math.isnan(operator.reading("Joint position", "q′")))
     comparison = page.get_by_role("region", name=RUNS["comparison"], exact=True)
     expect(
@@ -165,7 +165,7 @@ def test_runs_are_searched_and_tagged_and_the_search_is_saved(operator: Operator
     expect(page.get_by_role("list", name=RUNS["tags"], exact=True)).to_contain_text("paper")
     operator.go("Runs")
     page.get_by_role("searchbox", name=RUNS["searchRuns"], exact=True).fill("tag = paper")
-    expect(table.get_by_role("row")).to_have_count(2)  # the head, and the run
+    expect(table.get_by_role("row")).to_have_count(2)  # the heading and the run
     page.get_by_role("textbox", name=RUNS["searchName"], exact=True).fill("tagged")
     page.get_by_role("button", name=RUNS["saveSearch"], exact=True).click()
     saved = page.get_by_role("combobox", name=RUNS["savedSearches"], exact=True)
@@ -190,16 +190,16 @@ def test_the_setup_list_shows_completed_steps_and_links_to_the_next(operator: Op
 
 
 def test_an_unknown_address_is_reported_without_repeated_requests(browser: Browser, service: Service) -> None:
-    page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused
+    page = browser.new_context(viewport=DESKTOP).new_page()  # the console may report refused requests
     operator = Operator(page, service)
     sign_in_at(page, service, "studies")
-    operator.settled_mode()  # a state that comes in later asks for everything anew that a run may have changed
+    operator.settled_mode()  # a later state would repeat the requests
     asked: list[str] = []
     page.on("request", lambda request: asked.append(request.url))
     for name in ("runs", "experiments", "identify"):
         page.goto(f"{service.url}/#/{name}/999999")
         expect(page.get_by_role("main").get_by_text("999999").last).to_contain_text("there is no")
-        assert sum(url.endswith("/999999") for url in asked) == 1  # what is refused once is refused again
+        assert sum(url.endswith("/999999") for url in asked) == 1  # a refused request is not repeated
         asked.clear()
         page.goto(f"{service.url}/#/{name}/nonsense")
         expect(page.get_by_role("heading", level=1, name="Operate")).to_be_attached()

@@ -1,7 +1,7 @@
-"""The first hour of the documents, from slack tendons to a tuned bank and a report, by the keyboard alone.
+"""The tutorial docs/tutorial/first-hour.md, from slack tendons to a tuned bank and a report, by keyboard.
 
-In the order of docs/tutorial/first-hour.md, on the simulator, with the shortest runs that still serve. What comes of
-each step is asked of the service.
+The steps follow the tutorial on the simulator, with the shortest runs that suffice. The service is queried for the
+result of each step.
 """
 
 import math
@@ -41,7 +41,7 @@ def get(operator: Operator, path: str) -> Any:
     return answer.json()
 
 
-@pytest.mark.timeout(1200)  # five runs in real time; each wait has an end of its own
+@pytest.mark.timeout(1200)  # five runs in real time; each wait has its own timeout
 def test_the_first_hour_tutorial_is_completed_with_the_keyboard(operator: Operator, tmp_path: Path) -> None:
     operator.sign_in()
     keys = Keys(operator.page)
@@ -106,7 +106,7 @@ def move_the_joint(operator: Operator, keys: Keys) -> None:
 
 
 def identified(operator: Operator, keys: Keys, place: int, settings: Mapping[str, float]) -> int:
-    """Identify what stands at this place of the choice, and return the run; its line in the list says how it ended."""
+    """Identify with the kind at this position of the choice; return the run, whose list entry states its end."""
     page = operator.page
     keys.shortcut("i", "Identify")
     before = {one["id"] for one in get(operator, "/api/identifications")["identifications"]}
@@ -154,7 +154,7 @@ def build_a_bank(operator: Operator, keys: Keys, run: int) -> None:
 
 
 def tune(operator: Operator, keys: Keys) -> None:
-    """By arrows at the slider, a push, a trial that is ended, and saved."""
+    """Tune with the arrow keys on the slider, a push, and a trial that is ended; then save."""
     page = operator.page
     keys.shortcut("o", "Operate")
     keys.use("Run")
@@ -177,14 +177,14 @@ def tune(operator: Operator, keys: Keys) -> None:
 
 
 def is_raised(operator: Operator, box: str, name: str, before: float) -> bool:
-    """Whether a λ is larger than before, and its box says the one in force."""
+    """Return whether λ has increased and its box shows the active value."""
     shown = float(operator.page.get_by_role("textbox", name=box).input_value())
     told: float = operator.state()["tuning"][name]
     return told > before and abs(shown - told) < 6e-4
 
 
 def try_and_keep(operator: Operator, keys: Keys) -> None:
-    """Stage a λ, try it, and have it reverted; what was in force before is so again."""
+    """Stage a λ, try it, and revert it; the earlier tuning is active again."""
     before = operator.state()["tuning"]["lam_q"]
     keys.use("Stage changes", key="Space")
     keys.to("λ_q value [s]")
@@ -228,7 +228,7 @@ def run_an_experiment(operator: Operator, keys: Keys) -> None:
 
 
 def take_a_report_home(operator: Operator, keys: Keys, file: Path) -> None:
-    """What a link opens by Enter is one file, of which every number can be computed again."""
+    """Download the report by keyboard: one file, from which every number can be computed again."""
     page = operator.page
     keys.to("Report (HTML)")
     with page.context.expect_page(timeout=REPORT_TIMEOUT_MS) as opened:
@@ -249,7 +249,7 @@ def take_a_report_home(operator: Operator, keys: Keys, file: Path) -> None:
 
 
 def set_up_is_done(operator: Operator, keys: Keys) -> None:
-    """The list of the set-up has each of its steps as the service has it; but for pretension all are done."""
+    """Compare the setup list with the service; all steps but pretension are done."""
     keys.press("c")
     steps = operator.page.get_by_role("list", name=SHARED["setupSteps"]).get_by_role("listitem")
     told = get(operator, "/api/checklist")["steps"]

@@ -1,4 +1,4 @@
-"""README's five minutes with the mouse: λ_q dragged from 0.5 to 1.0 s doubles the time of the step that is recorded."""
+"""The example of the README with the mouse: λ_q dragged from 0.5 to 1.0 s doubles the duration of a recorded step."""
 
 import math
 import re
@@ -66,7 +66,7 @@ def rest(operator: Operator) -> None:
 
 
 def drag_lambda(operator: Operator, lam: float) -> None:
-    """Drag the thumb of λ_q with the mouse until its text names the value, and let it go."""
+    """Drag the thumb of λ_q with the mouse until its text shows the value."""
     page, thumb = operator.page, operator.page.get_by_role("slider", name="λ_q", exact=True)
     thumb.scroll_into_view_if_needed()
     box = thumb.bounding_box()
@@ -90,7 +90,7 @@ def value_of(operator: Operator) -> float:
 
 
 def previewed_t90(operator: Operator) -> float:
-    """The time to 90 % that the card of λ_q shows [s]."""
+    """Return the rise time to 90 % on the card of λ_q [s]."""
     preview = operator.page.get_by_role("group", name=OPERATE["preview"].format(symbol="λ_q"))
     expect(preview).to_have_attribute("aria-busy", "false")
     term = preview.locator("div", has_text=OPERATE["timeTo90"]).last
@@ -100,7 +100,7 @@ def previewed_t90(operator: Operator) -> float:
 
 
 def recorded_t90(service: Service) -> list[float]:
-    """Times from each change of q_ref to 90 % of its step in the recording [s]."""
+    """Return the times from each change of q_ref to 90 % of its step in the recording [s]."""
     with client_with(service, "token") as script:
         (run,) = script.get("/api/runs").raise_for_status().json()["runs"]
         text = samples_of(script, run["id"])
@@ -117,6 +117,6 @@ def recorded_t90(service: Service) -> list[float]:
 
 
 def samples_of(script: httpx.Client, run: int) -> str:
-    """The exported samples of a run without the lines that describe them."""
+    """Return the exported samples of a run without the header comments."""
     text = script.get(f"/api/runs/{run}/data.csv", timeout=60.0).raise_for_status().text
     return "\n".join(line for line in text.splitlines() if not line.startswith("#"))

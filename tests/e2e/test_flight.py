@@ -1,4 +1,4 @@
-"""The flight record of a trip, from the banner that tells of it into charts and 3D: what is shown is what was kept."""
+"""The flight record of a trip, from the banner to charts and 3D view: the page shows the stored samples."""
 
 import csv
 import math
@@ -20,11 +20,11 @@ DEG = 180.0 / math.pi
 def test_the_banner_of_a_trip_opens_its_flight_record_in_charts_and_3d(operator: Operator) -> None:
     page, service = operator.page, operator.service
     bring_to_run(service, 15.0 / DEG)
-    sign_in_at(page, service, "studies")  # the banner is above every page
-    operator.wait_for_samples(6000)  # a trip before, as that of a reset, has its record of the 5 s after it to itself
+    sign_in_at(page, service, "studies")  # every page shows the banner
+    operator.wait_for_samples(6000)  # the record of an earlier trip covers the 5 s after it
     page.get_by_role("button", name=re.compile("^STOP")).click()
     operator.expect_mode("tripped")
-    page.get_by_role("link", name="Flight record", exact=True).click()  # there once its seconds are over
+    page.get_by_role("link", name="Flight record", exact=True).click()  # written after its interval
     expect(page.get_by_role("heading", level=1)).to_contain_text(RUNS["flightRecord"].split(" {")[0])
 
     state = page.evaluate("fetch('./api/state').then(answer => answer.json())")
@@ -40,7 +40,7 @@ def test_the_banner_of_a_trip_opens_its_flight_record_in_charts_and_3d(operator:
     samples = list(csv.DictReader(line for line in text.splitlines() if not line.startswith("#")))
     at_trip = min(samples, key=lambda row: abs(float(row["t"])))
     assert float(at_trip["t"]) == 0.0
-    assert float(at_trip["q"]) * DEG > 10.0  # where it was moved to, and nowhere else in these seconds
+    assert float(at_trip["q"]) * DEG > 10.0  # the joint was at this angle only in this interval
     assert len(samples) == round((flight["before_s"] + flight["after_s"]) * 1e3)
 
     replay = page.get_by_role("region", name=RUNS["replay"], exact=True)

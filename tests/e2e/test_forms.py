@@ -1,7 +1,7 @@
-"""For every form of the page: what is shown is what is sent, stored and reported, whatever was before.
+"""Every form shows the values that it sends, and that the service stores and reports, in every earlier state.
 
-In every state all forms are looked at. What is started, pushed, tried is so in one state or two, spread over them: see
-the tables at the end. Each test brings the service into its state by itself, so that it runs alone too.
+Every state checks all forms. Each experiment, push and trial runs in one or two states: see the tables at the end. Each
+test brings the service into its state, so that it can run alone.
 """
 
 from collections.abc import Callable, Iterator
@@ -44,7 +44,7 @@ def stage(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterato
 
 
 def all_forms(stage: Stage) -> None:
-    """Each shows what is declared and in force; an experiment waits in the queue as it was shown and sent."""
+    """Compare each form with declaration and active values; queue an experiment as shown and sent."""
     assert {one["name"] for one in stage.get("/api/experiments")["experiments"]} == {*EXPERIMENTS, *OTHERS}
     assert {one["kind"] for one in stage.get("/api/identification-kinds")["kinds"]} == set(IDENTIFICATIONS)
     own = stage.in_force()
@@ -62,7 +62,7 @@ def all_forms(stage: Stage) -> None:
 
 
 def run_of(kind: str) -> Callable[[Stage], None]:
-    """Return what starts a kind: what its form shows is sent, run, stored, reported, and leaves the tuning alone."""
+    """Return the action that runs a kind: sent, run, stored and reported as shown, without changing the tuning."""
 
     def run(stage: Stage) -> None:
         own = stage.in_force()
@@ -71,7 +71,7 @@ def run_of(kind: str) -> Callable[[Stage], None]:
         assert undeclared(stage, form, declared(stage, kind)["settings"], own) == []
         number, settings, wrong = start(stage, form, path)
         release(stage)
-        # an identification runs with the tuning in force, which its form tells in words
+        # an identification uses the active tuning, which its form describes
         with_tuning = settings if kind in EXPERIMENTS else {**settings, **own, "seed": 0}
         assert [*wrong, *not_kept(stage, number, path, with_tuning)] == []
         assert differences(stage.in_force(), own) == []
@@ -88,7 +88,7 @@ def lambda_box(stage: Stage, symbol: str) -> Locator:
 
 
 def lambda_on_operate(symbol: str, value: float) -> Callable[[Stage], None]:
-    """Return what types a λ: it is sent, in force, in the next session's record, undone, done again and undone."""
+    """Return the action that enters λ: sent, active, recorded in the next session, undone and redone."""
 
     def change(stage: Stage) -> None:
         page, before, name = stage.page, stage.in_force(), BOXES[symbol]
@@ -119,7 +119,7 @@ def lambda_on_operate(symbol: str, value: float) -> Callable[[Stage], None]:
 
 
 def a_trial(stage: Stage) -> None:
-    """What is staged is in force for as long as is said, and taken back."""
+    """Staged changes are active for the stated time, and then reverted."""
     page, before = stage.page, stage.in_force()
     stage.operator.go("Operate")
     page.get_by_role("switch", name="Stage changes").check()
@@ -142,7 +142,7 @@ def a_trial(stage: Stage) -> None:
 
 
 def a_push(stage: Stage) -> None:
-    """It is what its boxes say, in the recording too."""
+    """A push has the entered values, also in the recording."""
     page = stage.page
     stage.operator.go("Operate")
     stage.operator.press("Run")
@@ -158,15 +158,15 @@ def a_push(stage: Stage) -> None:
     expect(felt).to_be_hidden(timeout=MOTION_TIMEOUT_MS)
     stage.operator.press("Pretension")
     stage.rest()
-    stage.operator.wait(lambda: stage.get(f"/api/runs/{run}")["end_state"] != "running")  # its last samples are stored
+    stage.operator.wait(lambda: stage.get(f"/api/runs/{run}")["end_state"] != "running")  # the last samples are stored
     samples = stage.recorded(run, "F_push")
     pushed = [t for t, F_push in samples if F_push != 0.0]
     assert {F_push for _, F_push in samples} == {0.0, -4.5}
-    assert 5.5 < pushed[-1] - pushed[0] < 6.0  # a busy machine skips ticks, at either end too
+    assert 5.5 < pushed[-1] - pushed[0] < 6.0  # a busy machine skips ticks, also at both ends
 
 
 def a_wall(stage: Stage) -> None:
-    """It stands where its boxes say."""
+    """An obstacle has the entered position."""
     page = stage.page
     stage.operator.go("Operate")
     stage.operator.enter(OPERATE["wallAngle"].format(unit="°"), -40.0)

@@ -1,4 +1,4 @@
-"""A formula from its form to the live charts: the page computes what the service would."""
+"""A formula from its form to the live charts: the page computes the same values as the service."""
 
 import math
 
@@ -25,7 +25,7 @@ def test_a_saved_formula_is_drawn_in_the_chart_of_its_unit(operator: Operator) -
 
     def is_mean() -> bool:
         a, b, mean = (operator.reading("Tendon force", name) for name in ("F_A", "F_B", "F_mean"))
-        return abs(mean - (a + b) / 2) < 0.5  # readings of neighbouring moments
+        return abs(mean - (a + b) / 2) < 0.5  # readings of successive samples
 
     operator.wait(is_mean)
     with client_with(service, "token") as script:

@@ -1,4 +1,4 @@
-"""Words explain themselves in place, in what the service itself says of them; and all of them are to be looked up."""
+"""Terms have tooltips with the texts of the service, and all terms are in the glossary."""
 
 import math
 import os
@@ -50,7 +50,7 @@ def term(page: Page, text: str, within: Locator | None = None) -> Locator:
 
 
 def told(page: Page, key: str) -> None:
-    """Expect the one explanation to be that of the service's own sources, angles as they are read here."""
+    """Expect one tooltip with the explanation of the service, with angles in the displayed unit."""
     entry = ENTRIES[key]
     expect(tooltip(page)).to_have_count(1)
     for words in (entry.meaning, entry.equation, entry.source, *(text for _, text in entry.more)):
@@ -73,11 +73,11 @@ def test_terms_show_their_explanation_on_hover_and_on_focus(operator: Operator) 
     expect(tooltip(page)).to_have_count(0)
     term(page, "GM", tuning).hover()
     told(page, "quantity:gain_margin")
-    assert tuning.bounding_box() == before  # what is explained moves nothing
+    assert tuning.bounding_box() == before  # a tooltip moves nothing
     page.mouse.move(2, 450)
     expect(tooltip(page)).to_have_count(0)
 
-    # one word of the card is on the way of the Tab key, the others are an arrow key away
+    # Tab reaches one term of the card, the arrow keys the others
     assert tuning.get_by_role("term").evaluate_all("all => all.filter(one => one.tabIndex === 0).length") == 1
     first = term(page, "λq", tuning)
     first.focus()
@@ -92,7 +92,7 @@ def test_terms_show_their_explanation_on_hover_and_on_focus(operator: Operator) 
     page.keyboard.press("Escape")
     expect(tooltip(page)).to_have_count(0)
 
-    # a switch of a legend says what its signal is, and a chart what it shows
+    # legends and charts have tooltips
     operator.legend("Tendon force", "F_B").hover()
     told(page, "signal:F_B")
     term(page, "Joint stiffness").hover()
@@ -208,9 +208,9 @@ def test_tooltips_are_accessible_and_stay_inside_the_window(
         assert covered(page, STOP) == []
         if (pictures := os.environ.get("GLOSSARY_PICTURES")) is not None:
             page.screenshot(path=f"{pictures}/{word.split()[0]}-{scheme}-{size['width']}.png")
-        # what lies over a control for as long as it is asked for makes it no smaller
+        # a tooltip over a control does not reduce its target size
         assert [one for one in violations(page) if not one.startswith("target-size")] == []
-        page.keyboard.press("Escape")  # on a phone it may lie over the next word
+        page.keyboard.press("Escape")  # on a phone it may cover the next word
         expect(tooltip(page)).to_have_count(0)
     assert violations(page) == []
     page.goto(f"{page.url.split('#')[0]}#/glossary")

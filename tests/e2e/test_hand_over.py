@@ -1,4 +1,4 @@
-"""Control is asked for and handed over with reasons: what the operators read is what the service and its log tell."""
+"""Requests and offers of control with reasons: the pages agree with the service and its log."""
 
 import re
 from collections.abc import Iterator
@@ -41,7 +41,7 @@ class Somebody:
         self.page = self.watched.page
         signing_in = {"token": (service.data / "token").read_text().strip(), "name": name}
         assert self.page.request.post(f"{service.url}/api/session", data=signing_in).ok
-        self.page.goto(f"{service.url}/#/studies")  # what is tried is above every page; charts cost a processor
+        self.page.goto(f"{service.url}/#/studies")  # every page shows the notices; live charts need a processor
         expect(self.page.get_by_role("banner")).to_be_visible()
         skip = self.page.get_by_role("button", name="Skip tour", exact=True)
         told = self.page.request.get(f"{service.url}/api/preferences").json()
@@ -53,7 +53,7 @@ class Somebody:
         return self.page.get_by_role("region", name=TEXTS["controlRequest"])
 
     def menu(self, item: str) -> None:
-        """Choose what the control menu offers."""
+        """Choose an item of the control menu."""
         self.page.get_by_role("button", name="Control: ").click()
         self.page.get_by_role("menuitem", name=re.compile(f"^{re.escape(item)}")).click()
         expect(self.page.get_by_role("menu")).to_have_count(0)
@@ -78,7 +78,7 @@ class Somebody:
         return None if holder is None else str(holder["name"])
 
     def log(self, count: int) -> list[tuple[str, str]]:
-        """The newest notes of the log, oldest first: who, and what."""
+        """Return the newest entries of the log, oldest first: person and text."""
         entries = self.told(f"/api/log?kind=note&limit={count}")["entries"]
         return [(one["who"], one["text"]) for one in reversed(entries)]
 
@@ -113,12 +113,12 @@ def test_requests_for_control_are_declined_or_granted_and_logged(browser: Browse
         vera.press(TEXTS["ask"])
         expect(ana.notice).to_contain_text("Vera asks for control: “my λ sweep”")
         expect(vera.notice).to_contain_text(SERVICE["asked"].replace("{name}", "Ana"))
-        assert placed(ana.page) == before  # nothing has moved under her pointer
+        assert placed(ana.page) == before  # the layout has not moved
         (wish,) = ana.told("/api/state")["wishes"]
         assert (wish["name"], wish["by"], wish["reason"], wish["standing"]) == ("Vera", "Ana", "my λ sweep", "asked")
 
         ana.press(TEXTS["answer"])
-        expect(ana.page.get_by_role("button", name=TEXTS["keepControl"])).to_be_disabled()  # not without a reason
+        expect(ana.page.get_by_role("button", name=TEXTS["keepControl"])).to_be_disabled()  # a reason is required
         ana.give("ten minutes more")
         ana.press(TEXTS["keepControl"])
         expect(vera.notice).to_contain_text("Ana keeps control: “ten minutes more”")
@@ -133,7 +133,7 @@ def test_requests_for_control_are_declined_or_granted_and_logged(browser: Browse
         ana.press(TEXTS["answer"])
         ana.give("mind the wall")
         ana.press(TEXTS["handOver"])
-        vera.expect_control("you")  # without being asked again
+        vera.expect_control("you")  # without a further question
         ana.expect_control("Vera")
         expect(vera.notice).to_contain_text("Ana has handed control over to you: “mind the wall”")
         expect(ana.notice).to_contain_text("You have handed control over to Vera.")
@@ -152,7 +152,7 @@ def test_requests_for_control_are_declined_or_granted_and_logged(browser: Browse
         for who, text in log:
             expect(ana.page.get_by_role("row").filter(has_text=text).filter(has_text=who).first).to_be_visible()
 
-        # who has handed over commands nothing more, and may stop
+        # after the handover, Ana may only send STOP
         assert ana.page.request.delete(f"{service.url}/api/control").status == 409
         ana.press("STOP")
         expect(ana.page.get_by_role("status", name=TEXTS["stopResult"])).to_contain_text("Zero volts in")
@@ -200,7 +200,7 @@ def test_a_request_ends_when_its_page_closes_or_control_is_released(browser: Bro
         oda.page.goto("about:blank")
         expect(ana.notice).to_contain_text("Vera asks for control: “I am Vera”")
         expect(ana.notice).not_to_contain_text("+1", timeout=MOTION_TIMEOUT_MS + GONE_S * 1000)
-        # the ends of the tests before are told for a while yet
+        # requests of earlier tests are listed for a while
         standings = {one["reason"]: one["standing"] for one in ana.told("/api/state")["wishes"]}
         assert standings.items() >= {"I am Vera": "asked", "I am Oda": "left"}.items()
         ana.menu(TEXTS["giveUpControl"])

@@ -1,4 +1,4 @@
-"""The joint is homed from the page, on a virtual card whose wiring says where the end switch is."""
+"""Homing on the page, on a virtual card whose wiring file defines the end switch."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -27,7 +27,7 @@ POSITION_RAD = 0.12
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    """A rig that Ada has brought up so far that the motors may find the zero."""
+    """A rig whose commissioning has reached the step of homing."""
     folder = tmp_path_factory.mktemp("data")
     said = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
     section = "[end_switch]\n"
@@ -56,7 +56,7 @@ def test_the_motors_find_the_zero_at_the_end_switch(operator: Operator, service:
     assert 0.9 * POSITION_RAD < found["motion of the joint"] < POSITION_RAD + 0.3
     assert found["largest voltage"] <= 1.5
     assert abs(found["current joint position"]) < 0.05
-    # It does for the zero by hand, on the page too.
+    # The manual zero is accepted too.
     zero = page.get_by_role("region", name="4. Zero", exact=True)
     expect(zero).to_contain_text("Homing has set the zero")
     expect(page.get_by_role("main")).to_contain_text(TEXTS["someDone"].format(done=6, count=8))

@@ -1,6 +1,6 @@
-"""Identification closes its loop: judged on data it has not seen, beside others and geometry, applied, and undone.
+"""The loop of identification: cross-validation, comparison with other models and the geometry, application, undo.
 
-The plant's motors are not what its parameter file says the controller knows: what is identified has to mend that.
+The motors of the plant differ from the parameters of the controller; the identification has to correct this.
 """
 
 import io
@@ -46,7 +46,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
         yield running
 
 
-@pytest.mark.timeout(900)  # three runs in real time; each wait has an end of its own
+@pytest.mark.timeout(900)  # three runs in real time; each wait has its own timeout
 def test_an_identification_is_judged_applied_and_reverted(operator: Operator) -> None:
     operator.sign_in()
     operator.press("Pretension")
@@ -61,7 +61,7 @@ def test_an_identification_is_judged_applied_and_reverted(operator: Operator) ->
 
 
 def report_of_the_session(operator: Operator, runs: list[int]) -> None:
-    """One report of all three, with the estimates that /api tells."""
+    """Check the report of all three runs against the estimates of /api."""
     page = operator.page
     section = page.get_by_role("region", name=TEXTS["sessionReport"], exact=True)
     expect(section).to_contain_text(TEXTS["sessionRuns"].format(count=3))
@@ -79,7 +79,7 @@ def report_of_the_session(operator: Operator, runs: list[int]) -> None:
 
 
 def identified(operator: Operator, name: str, settings: Mapping[str, float]) -> int:
-    """Order an identification and wait for its result; return its run."""
+    """Start an identification, wait for its result and return its run."""
     page = operator.page
     operator.go("Identify")
     page.get_by_role("radiogroup", name=TEXTS["kind"]).get_by_text(IDENTIFICATIONS[name].title).click()
@@ -96,7 +96,7 @@ def identified(operator: Operator, name: str, settings: Mapping[str, float]) -> 
 
 
 def choose(operator: Operator, run: int) -> None:
-    """Look at an identification run by its link in the list."""
+    """Open an identification run by its link in the list."""
     page = operator.page
     operator.go("Identify")
     link = TEXTS["runLink"].format(run=run)
@@ -107,7 +107,7 @@ def choose(operator: Operator, run: int) -> None:
 
 
 def beside_unseen_data(operator: Operator, first: int, second: int) -> None:
-    """Both motor identifications beside the record of the second: table, /api, recording and SciPy say the same."""
+    """Compare both motor models on the second record: table, /api, recording and SciPy agree."""
     page = operator.page
     choose(operator, first)
     card = page.get_by_role("region", name=TEXTS["validation"], exact=True)
@@ -138,7 +138,7 @@ def beside_unseen_data(operator: Operator, first: int, second: int) -> None:
 
 
 def by_scipy(recorded: Columns, side: str, motor: Mapping[str, Any], told: Mapping[str, Any]) -> tuple[float, float]:
-    """Integrate the motor over each step of the recording; the drawn samples have to be those that were recorded."""
+    """Integrate the motor over each step of the recording; the drawn samples must equal the recorded ones."""
     u, theta = recorded[f"u_{side}"], recorded[f"theta_{side}"]
     open_loop = np.isnan(recorded["theta_A_ref"])
     K_m, T_m, u_c = motor["fitted"]["K_m"], motor["fitted"]["T_m"], motor["u_c"]
@@ -166,7 +166,7 @@ def by_scipy(recorded: Columns, side: str, motor: Mapping[str, Any], told: Mappi
 
 
 def against_geometry(operator: Operator, run: int) -> None:
-    """The row of the run over S: as /api says, and for G_q as the closed forms r_m/(2 r_j) and 4 λ + B_j/S say."""
+    """Compare the row of the run with /api and, for G_q, with the closed forms r_m/(2 r_j) and 4 λ + B_j/S."""
     page = operator.page
     (row,) = get(operator, "/api/identification-trend")["rows"]
     found = get(operator, f"/api/identifications/{run}")
@@ -191,7 +191,7 @@ def against_geometry(operator: Operator, run: int) -> None:
 
 
 def apply_and_undo(operator: Operator, run: int) -> None:
-    """Refused in pretension; in off the gains of the motors come into force, and the forecast is nearer to what was."""
+    """Refused in pretension; in off, the motor gains become active and the forecast improves."""
     page = operator.page
     found = get(operator, f"/api/identifications/{run}")
     recorded = recording(operator, run)
@@ -247,14 +247,14 @@ def apply_and_undo(operator: Operator, run: int) -> None:
 
 
 def speed(recorded: Columns, side: str) -> NDArray[np.float64]:
-    """Speed of a motor [rad/s] over 20 ms while it was driven by voltage."""
+    """Return the speed of a motor [rad/s] over 20 ms while a voltage drove it."""
     theta, driven = recorded[f"theta_{side}"], np.isnan(recorded["theta_A_ref"])
     rate = (theta[20:] - theta[:-20]) / 0.02
     return np.asarray(rate[driven[20:] & driven[:-20]])
 
 
 def forecast(operator: Operator) -> float:
-    """Fastest speed [rad/s] that the same order is expected to come to."""
+    """Return the forecast maximum speed [rad/s] of the same identification."""
     body = {"kind": "motor", **STEPS}
     answer = operator.page.request.post(f"{operator.service.url}/api/identifications/prediction", data=body)
     assert answer.ok, answer.text()
@@ -272,7 +272,7 @@ def gain(identification: Mapping[str, Any], side: str) -> float:
 
 
 def recording(operator: Operator, run: int) -> Columns:
-    """All samples of a run, from its data file."""
+    """Return all samples of a run from its data file."""
     answer = operator.page.request.get(f"{operator.service.url}/api/runs/{run}/data.csv", timeout=REPORT_TIMEOUT_MS)
     assert answer.ok, answer.text()
     lines = [line for line in answer.text().splitlines() if not line.startswith("#")]

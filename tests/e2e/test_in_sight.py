@@ -1,4 +1,4 @@
-"""At 1440x900 the button that decides a form is in sight with the longest form open, and covers none of its fields."""
+"""At 1440x900 the start button is visible with the longest form open, and covers no field."""
 
 import re
 
@@ -65,7 +65,7 @@ def _in_sight(page: Page, *buttons: Locator) -> None:
 
 
 def test_the_buttons_do_not_cover_the_forecast_of_a_step(same_operator: Operator) -> None:
-    """At 1440 × 900, where its last line used to lie under the buttons that stay in sight."""
+    """At 1440 × 900, the sticky buttons once covered its last line."""
     page = same_operator.page
     page.set_viewport_size({"width": 1440, "height": 900})
     same_operator.bring_up()

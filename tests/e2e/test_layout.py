@@ -1,4 +1,4 @@
-"""The Operate page on small windows: every chart is reached, legends are whole, nothing covers anything."""
+"""The page Operate on small windows: every chart is accessible, legends are complete, nothing is covered."""
 
 from functools import partial
 from itertools import combinations, pairwise
@@ -47,7 +47,7 @@ def _what_is_wrong(page: Page) -> list[str]:
     whole = [*CHARTS, *VIEWS, *CONTROLS, TOOLS, FIGURES]
     placed = [(name, box) for name, found in survey(page, {one: one for one in whole}).items() for box in found]
     assert {name for name, _ in placed} >= set(whole) - {FIGURES}
-    # the controls may scroll by themselves: they are reached in their own column
+    # the controls may be in their own scrolling column
     paper = scrolled_page(page)
     wrong = [f"{name} cannot be scrolled to" for name, box in placed if name not in CONTROLS and not paper.holds(box)]
     wrong += [f"{one[0]} lies over {other[0]}" for one, other in combinations(placed, 2) if one[1].overlaps(other[1])]
@@ -97,24 +97,26 @@ def test_a_phone_shows_charts_and_views_above_the_controls(browser: Browser, ser
         expect(stop).to_be_in_viewport(ratio=1)
         assert covered(page, STOP) == []
     main = page.get_by_role("main")
-    main.evaluate("main => main.scrollTo(0, main.scrollHeight)")  # at its end what decides stands where it belongs
+    main.evaluate(
+        "main => main.scrollTo(0, main.scrollHeight)"
+    )  # at the end of the page, the sticky buttons are at their normal position
     assert _out_of_order(page, "main figure, main canvas, main button, main input") == []
     main.evaluate("main => main.scrollTo(0, 0)")
     _swipe_up(page, CHARTS[1])
-    operator.wait(lambda: main.evaluate("main => main.scrollTop") > 50)  # a finger on a chart scrolls the page
+    operator.wait(lambda: main.evaluate("main => main.scrollTop") > 50)  # swiping on a chart scrolls the page
     stop.click()
     fault = page.get_by_role("alert", name="Fault", exact=True)
     expect(fault).to_contain_text("STOP was pressed")
     told = fault.bounding_box()
     assert told is not None
-    assert told["width"] > 0.8 * PHONE["width"]  # in lines of words, not of letters
+    assert told["width"] > 0.8 * PHONE["width"]  # wide enough for lines of text
     operator.press("Reset")
     operator.expect_mode("off")
     context.close()
 
 
 def _out_of_order(page: Page, selector: str) -> list[str]:
-    """Return the elements that lie wholly above the one before them; an input of no size is drawn by its label."""
+    """Return the elements wholly above their predecessor; an input without size is represented by its label."""
     found = page.evaluate(
         """selector => {
             const drawn = one => one.offsetParent !== null && one.getBoundingClientRect().width > 0;
@@ -128,7 +130,7 @@ def _out_of_order(page: Page, selector: str) -> list[str]:
 
 
 def _swipe_up(page: Page, over: str) -> None:
-    """Drag a finger up, as a touch screen tells it."""
+    """Swipe up with one finger by touch events."""
     where = page.locator(over).bounding_box()
     assert where is not None
     x, y = where["x"] + where["width"] / 2, where["y"] + where["height"] / 2

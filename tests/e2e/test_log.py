@@ -1,4 +1,4 @@
-"""The log on the page: each line is what the service keeps, and leads to its second of the recording."""
+"""The log on the page: each line is an entry of the service, and links to its time in the recording."""
 
 import math
 import re
@@ -24,7 +24,7 @@ def service(fresh_service: Service) -> Service:
 
 
 def kept(page: Page, query: str = "") -> list[dict[str, Any]]:
-    """What the service says to the same question."""
+    """Return the entries of the service for the same query."""
     answer = page.evaluate(f"fetch('./api/log?limit=100{query}').then(answer => answer.json())")
     return list(answer["entries"])
 
@@ -49,12 +49,12 @@ def test_log_entries_are_searched_annotated_and_linked_to_the_recording(operator
     operator.wait(lambda: abs(operator.reading("Joint position", "q") - 15.0) < 0.3)
     page.get_by_role("button", name=re.compile("^STOP")).click()
     operator.expect_mode("tripped")
-    page.get_by_role("link", name=SHARED["events"]).click()  # from the fault's own line
+    page.get_by_role("link", name=SHARED["events"]).click()  # the link in the fault banner
     expect(page.get_by_role("heading", level=1, name="Log")).to_be_attached()
     operator.press("Reset")
     operator.expect_mode("off")
 
-    operator.wait(lambda: any(entry["flight"] for entry in kept(page)))  # written once its seconds are over
+    operator.wait(lambda: any(entry["flight"] for entry in kept(page)))  # written after its interval
     operator.wait(lambda: len(lines(page)) == len(kept(page)))
     told = kept(page)
     for line, entry in zip(lines(page), told, strict=True):
@@ -99,7 +99,7 @@ def test_log_entries_are_searched_annotated_and_linked_to_the_recording(operator
 
 
 def shown(text: str) -> str:
-    """An order of references in degrees; other texts hold no angle here."""
+    """Return a text with references in degrees; other texts contain no angles here."""
     found = re.fullmatch(r"q_ref ([-\d.]+)\srad(.*)", text)
     return text if found is None else f"q_ref {math.degrees(float(found[1])):.4g}°{found[2]}"
 
@@ -114,7 +114,7 @@ def test_a_search_without_matches_shows_an_empty_log(operator: Operator) -> None
     operator.sign_in()
     operator.go("Log")
     expect(page.get_by_role("table", name="Log")).to_be_visible()
-    expect(page.get_by_role("button", name=TEXTS["older"])).to_be_disabled()  # all there is fits one page
+    expect(page.get_by_role("button", name=TEXTS["older"])).to_be_disabled()  # all entries fit on one page
     page.get_by_label("From", exact=True).fill("2001-01-01")
     page.get_by_label("To", exact=True).fill("2001-01-02")
     expect(page.get_by_text(TEXTS["noMatch"])).to_be_visible()

@@ -1,4 +1,4 @@
-"""The reachable map: a click aims at both references, and only sending them moves the joint."""
+"""The map of reachable states: a click selects both references, and only a button sends them."""
 
 from playwright.sync_api import expect
 

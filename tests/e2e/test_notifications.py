@@ -1,4 +1,4 @@
-"""Notifications: what a person is told who does not look at the page is what the service says of it, once."""
+"""Notifications: a hidden page notifies once of each event, with the text of the service."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -44,7 +44,7 @@ TOLD = "window.told.map(({title, options}) => [title, options.body, options.tag]
 
 @pytest.fixture
 def tabs(browser: Browser, service: Service) -> Iterator[tuple[Page, Page, Service]]:
-    """Two tabs of one person, in a browser that notes down what it would show."""
+    """Two tabs of one person, in a browser that records notifications."""
     with closing(browser.new_context(viewport=DESKTOP)) as context:
         yield opened(context, service), opened(context, service), service
 
@@ -75,19 +75,19 @@ def test_a_hidden_page_notifies_once_of_each_run_and_trip_and_links_to_it(
     assert page.evaluate("window.asked") == 0
     choose(page, "Notifications", "notify")
     assert page.evaluate("window.asked") == 1
-    other.reload()  # what was chosen is the person's, in every tab
+    other.reload()  # the choice applies to all tabs of a person
     other.evaluate("Notification.permission = 'granted'")
     expect(other.get_by_role("status", name="Mode", exact=True)).not_to_have_text("unknown")
 
     with client_with(service, "token") as script:
         script.delete("/api/control")
         first = played(script, page, other)
-        assert told(page, other) == []  # both are looked at
+        assert told(page, other) == []  # both tabs are visible
 
         page.evaluate(LOOK, False)
         second = played(script, page, other)
         page.wait_for_timeout(HEARD_MS)
-        assert told(page, other) == []  # the other one is looked at
+        assert told(page, other) == []  # the other tab is visible
 
         other.evaluate(LOOK, False)
         third = played(script, page, other)
@@ -130,7 +130,7 @@ def test_a_hidden_page_notifies_once_of_each_run_and_trip_and_links_to_it(
 
 
 def played(script: httpx.Client, *pages: Page) -> int:
-    """Play something short until every page has heard of its end; returns the number of its run."""
+    """Run a short program until every page has received its end; return the number of its run."""
     order = {"name": "sequence", "settings": {"segments": SHORT}}
     run = int(script.post("/api/experiments", json=order).raise_for_status().json()["id"])
     until_state(script, lambda told: told["task"] is None, f"run {run} does not end")
@@ -144,7 +144,7 @@ def until_told(*pages: Page, count: int) -> None:
 
 
 def leads(page: Page, other: Page, tag: str, to: str) -> Page:
-    """Click the notification in the tab that has shown it; returns that tab."""
+    """Click the notification in its tab; return that tab."""
     click = "tag => window.told.filter(({options}) => options.tag === tag).map(one => one.onclick()).length"
     [found] = [one for one in (page, other) if one.evaluate(click, tag)]
     found.wait_for_url(f"**{to}*", timeout=MOTION_TIMEOUT_MS)

@@ -1,4 +1,4 @@
-"""What is neither the simulator nor a rig, in the browser: a plant of an installed package, and a recording."""
+"""Other plants in the browser: a plant of an installed package, and a replayed recording."""
 
 import os
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""An own experiment on the page: begun with one there is, refused in its line, kept, tried dry, run, found again."""
+"""An own experiment on the page: based on an existing one, refused at its line, saved, dry run, executed, listed."""
 
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
@@ -50,7 +50,7 @@ def service(fresh_service: Service) -> Service:
 def test_an_own_experiment_is_edited_validated_saved_dry_run_and_executed(
     browser: Browser, service: Service, tmp_path: Path
 ) -> None:
-    page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused
+    page = browser.new_context(viewport=DESKTOP).new_page()  # the console may report refused requests
     operator = Operator(page, service)
     bring_to_run(service)
     sign_in_at(page, service, "experiments")
@@ -81,7 +81,7 @@ def test_an_own_experiment_is_edited_validated_saved_dry_run_and_executed(
     form = page.get_by_role("form", name="Nudges under two λ", exact=True)
     with page.expect_response(lambda answer: answer.url.endswith("/dry-run"), timeout=DRY_RUN_TIMEOUT_MS) as answered:
         form.get_by_role("button", name=TEXTS["dryRun"], exact=True).click()
-    with ThreadPoolExecutor(1) as beside:  # the browser's interface keeps an event loop running in this thread
+    with ThreadPoolExecutor(1) as beside:  # Playwright keeps an event loop running in this thread
         figures = beside.submit(by_command, tmp_path).result()
     assert metrics_of(answered.value) == figures
     volts, low, high = (figures[name] for name in ("peak_voltage_V", "min_tension_N", "max_tension_N"))
@@ -103,7 +103,7 @@ def metrics_of(answer: Response) -> dict[str, float | None]:
 
 
 def by_command(folder: Path) -> dict[str, float | None]:
-    """The same as from the command line, in another installation."""
+    """Execute the same experiment from the command line, in another installation."""
     plan = build_experiment_definition(*parse_experiment(OWN)).default_plan
     database = open_database(folder)
     lab = load_parameters("lab")

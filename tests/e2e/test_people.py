@@ -1,4 +1,4 @@
-"""A person is asked for a name once, everybody sees who is connected, and signing out ends the session for good."""
+"""The page asks a person for a name once, lists all connected people, and signs out permanently."""
 
 import re
 from datetime import datetime
@@ -37,11 +37,11 @@ def test_the_page_asks_for_a_name_once_lists_all_people_and_signs_out(browser: B
     question.get_by_role("textbox").fill("Ana")
     question.get_by_role("button", name=TEXTS["saveName"]).click()
     expect(question).to_have_count(0)
-    ana.goto(service.link)  # the link again: asked once, not once more
+    ana.goto(service.link)  # the link again: the name is requested only once
     expect(ana.get_by_role("banner")).to_be_visible()
     ana.wait_for_load_state("networkidle")
     expect(question).to_have_count(0)
-    ana.goto(f"{service.url}/#/studies")  # the list is above every page; charts cost a processor
+    ana.goto(f"{service.url}/#/studies")  # every page shows the list; live charts need a processor
 
     vic = browser.new_context(viewport=DESKTOP).new_page()
     vic.goto(f"{service.url}/#/studies")
@@ -61,7 +61,7 @@ def test_the_page_asks_for_a_name_once_lists_all_people_and_signs_out(browser: B
     assert httpx.get(f"{service.url}/api/state", headers=carried).status_code == 401
     assert httpx.post(f"{service.url}/api/stop", headers=carried).status_code == 401
     _expect_connected(vic, f"Ana (viewer), you {TEXTS['viewOnly']}, 1 page")
-    # control was given up, not lost: nothing is stopped
+    # control was released, not lost: nothing stops
     assert vic.evaluate("fetch('./api/state').then(answer => answer.json()).then(state => state.holder)") is None
     ana.context.close()
     vic.context.close()
@@ -71,7 +71,7 @@ def _take_control(page: Page) -> None:
     page.get_by_role("button", name="Control: nobody").click()
     page.get_by_role("menuitem", name="Take control", exact=True).click()
     expect(page.get_by_role("button", name="Control: you")).to_be_visible()
-    expect(page.get_by_role("group", name="Connected")).to_have_count(0)  # the menu is closed, not closing
+    expect(page.get_by_role("group", name="Connected")).to_have_count(0)  # the menu is closed completely
 
 
 def _expect_connected(page: Page, *listed: str, within_s: float = PATIENCE_S) -> None:

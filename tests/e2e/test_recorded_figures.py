@@ -1,4 +1,4 @@
-"""Ten minutes of a run at the page: statistics, cursors, spectrum and saved data are those of every sample."""
+"""A run of ten minutes on the page: statistics, cursors, spectrum and saved data use every sample."""
 
 import csv
 import io
@@ -32,7 +32,7 @@ EVENTS = {200.0: "first of three", 200.2: "second of three", 200.4: LONG_TEXT, 4
 def made_up() -> dict[str, NDArray[np.float64]]:
     t = np.arange(COUNT) * 1e-3
     q = 0.5 * np.sin(2 * np.pi * 0.0513 * t) + 0.05 * np.sin(2 * np.pi * 3.0 * t)
-    q[123_456] = 1.5  # of one sample only
+    q[123_456] = 1.5  # one sample only
     S = np.where(t < 60.0, np.nan, 9.0 + np.sin(2 * np.pi * 20.0 * t))
     return {"q": q, "q_ref": np.round(q, 1), "S": S}
 
@@ -103,7 +103,7 @@ def _cursors(page: Page, columns: dict[str, NDArray[np.float64]]) -> None:
 
 
 def _spectrum(page: Page) -> None:
-    """It tells how far it is, can be left while it is computed, and is of the whole range."""
+    """The spectrum shows its progress, can be closed during the computation, and covers the complete range."""
     held = "**/api/runs/1/spectra*"
     waiting: list[Route] = []
     page.route(held, lambda route: waiting.append(route))
@@ -135,7 +135,7 @@ def _data(page: Page, columns: dict[str, NDArray[np.float64]]) -> None:
 
 
 def _events(page: Page) -> None:
-    """The pointer at the events tells each of them in full, also those that are too close to be named."""
+    """The pointer shows each event in full, also events that are too close for a label."""
     chart = page.get_by_role("figure", name="Joint position", exact=True)
     chart.scroll_into_view_if_needed()
     figure = chart.bounding_box()

@@ -1,4 +1,4 @@
-"""What the service refuses is told at the field that is meant, also at a file and where there is room for a number."""
+"""Refusals of the service appear at the field that caused them, also at files and number boxes."""
 
 import json
 from pathlib import Path
@@ -16,7 +16,7 @@ OPERATE = load_texts("pages/operate")
 def test_refusals_of_a_file_and_of_a_trial_time_appear_at_their_fields(
     browser: Browser, service: Service, tmp_path: Path
 ) -> None:
-    page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused
+    page = browser.new_context(viewport=DESKTOP).new_page()  # the console may report refused requests
     operator = Operator(page, service)
     operator.sign_in()
     operator.go("Banks")
@@ -41,7 +41,7 @@ def test_refusals_of_a_file_and_of_a_trial_time_appear_at_their_fields(
 
 
 def expect_told_at(field: Locator, said: str) -> None:
-    """Wait until one sentence says it, by which the field is described, and the field has the focus."""
+    """Wait until the message describes the field and the field has the focus."""
     page = field.page
     sentence = page.get_by_text(said, exact=True)
     expect(sentence).to_have_count(1)

@@ -1,4 +1,4 @@
-"""A report in a browser: figures can be looked at closely, by pointer or keyboard, and nothing of it runs."""
+"""A report in a browser: figures can be enlarged by pointer or keyboard, and no script runs."""
 
 from playwright.sync_api import Browser
 
@@ -25,10 +25,10 @@ def test_a_figure_of_a_report_can_be_enlarged_and_is_printed_completely(browser:
         assert abs(width() / whole - size) < 0.01
         box = sheet.bounding_box()
         assert box is not None
-        assert box["width"] < 1.01 * whole  # it is scrolled in its sheet, the page stays as wide
+        assert box["width"] < 1.01 * whole  # the sheet scrolls, and the width of the page is constant
     figure.get_by_label("8×").press("ArrowLeft")
     assert abs(width() / whole - 4) < 0.01
     page.emulate_media(media="print")
     assert not figure.get_by_text("4×").is_visible()
-    assert width() < 1.3 * whole  # the sheet of paper is as wide as the window here
+    assert width() < 1.3 * whole  # the window has the width of the paper
     context.close()

@@ -1,4 +1,4 @@
-"""The page works behind nginx in each configuration of docs/how-to/network.md, and names what is set up wrongly."""
+"""The page works behind nginx in each configuration of docs/how-to/network.md, and reports wrong configurations."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -27,7 +27,7 @@ UPGRADE = """        proxy_set_header Upgrade $http_upgrade;
 def behind(
     browser: Browser, folder: Path, configuration: str, path: str = "/", public: bool = True
 ) -> Iterator[tuple[Operator, Watched]]:
-    """Yield a person who opens the service through nginx; ``path`` is what they open."""
+    """Yield an operator who opens the service through nginx; ``path`` is the opened path."""
     port = free_port()
     scheme = "https" if "ssl" in configuration else "http"
     base = f"{scheme}://127.0.0.1:{port}{path}"

@@ -1,4 +1,4 @@
-"""What runs is looked at on the page that started it: in words, with the time left, live, and with a soft way out."""
+"""The page that started a run shows its progress: description, remaining time, live values, soft abort."""
 
 import math
 import re
@@ -44,7 +44,7 @@ SHOWN = """() => fetch('./api/state').then(answer => answer.json()).then(state =
 
 
 def seconds(told: str) -> float:
-    """Read a duration as the page writes it."""
+    """Return a displayed duration in seconds."""
     number, unit = told.rsplit(" ", 1)
     parts = [float(part) for part in number.split(":")]
     return parts[0] if unit == "s" else 60 * parts[0] + parts[1]
@@ -63,13 +63,13 @@ def test_the_progress_of_a_run_is_shown_and_the_run_is_aborted_softly(operator: 
     operator.wait(lambda: page.evaluate(SHOWN)["task"]["part"] is not None)
     expect(card.get_by_role("figure", name="Planned profile")).to_be_visible()
     begun, ends = time.monotonic(), dict[int, list[float]]()
-    while len(ends.get(2, [])) < 4:  # well into the second part: where one ends the page is a message behind
+    while len(ends.get(2, [])) < 4:  # well into the second part: at the end of a part the page is one message late
         assert time.monotonic() - begun < 120
         shown = page.evaluate(SHOWN)
         task = shown["task"]
         words = re.fullmatch(rf"Tracking, run {task['run']}: part (\d+) of (\d+), (.+), (.+) left", shown["words"])
         assert words, shown
-        assert abs(int(words[1]) - task["part"]["number"]) <= 1  # one may just be over
+        assert abs(int(words[1]) - task["part"]["number"]) <= 1  # a part may just have ended
         assert int(words[2]) == task["part"]["of"]
         if int(words[1]) == task["part"]["number"]:
             assert words[3] == task["part"]["title"]
@@ -87,7 +87,7 @@ def test_the_progress_of_a_run_is_shown_and_the_run_is_aborted_softly(operator: 
     low, high = (math.degrees(value) for value in (min(q_ref), max(q_ref)))
     assert shown["planned"] == f"q_ref from {low:.1f} to {high:.1f}°, now {now:.1f}°".replace("-", "−")
     assert now == pytest.approx(operator.reading("Joint position", "q_ref"), abs=0.1)
-    assert all(max(told) - min(told) < 0.5 for told in ends.values())  # a part ends when it was said to
+    assert all(max(told) - min(told) < 0.5 for told in ends.values())  # the part ends at the stated time
 
     card.get_by_role("button", name=OPERATE["softAbort"]).click()
     operator.expect_mode("off")
@@ -117,9 +117,9 @@ def test_an_identification_shows_progress_pauses_between_tensions_and_aborts_sof
         f"Actuator identification, run {first}, 1 of 2: paused", timeout=MOTION_TIMEOUT_MS
     )
     operator.wait(lambda: bool(operator.state()["pretension_done"]))
-    assert operator.state()["task"]["run"] == first  # nothing has begun meanwhile
+    assert operator.state()["task"]["run"] == first  # nothing has started in the meantime
     took_s = stored(operator, first)["samples"] / 1000.0
-    for shown in seen:  # the time left that was read, against how long the recording says that it took from there
+    for shown in seen:  # the displayed remaining time, compared with the recording
         left_s = seconds(shown["left"].split(" left")[0])
         assert left_s == pytest.approx(took_s - shown["task"]["part"]["t"], abs=max(1.0, 0.05 * took_s))
 
@@ -137,7 +137,7 @@ def test_an_identification_shows_progress_pauses_between_tensions_and_aborts_sof
     run = stored(operator, task["run"])
     assert (run["end_state"], run["samples"] > 1000 * task["part"]["t"]) == ("stopped", True)
     assert stored(operator, first)["end_state"] == "completed"
-    # the profile that was drawn ahead, against what was then recorded: the force loop trims what is asked for
+    # the planned profile, compared with the recording: the force loop adjusts the voltages
     recorded = operator.page.evaluate(
         f"fetch('./api/runs/{task['run']}/samples?signals=theta_B_ref').then(answer => answer.json())"
     )
@@ -182,7 +182,7 @@ def test_a_phone_shows_the_planned_voltages_of_a_motor_identification(operator: 
 
 
 def followed(operator: Operator, until: Callable[[dict[str, Any]], bool]) -> list[dict[str, Any]]:
-    """Read the card of an identification a few times a second, each time against the state of the same moment."""
+    """Read the card of an identification a few times per second, with the state of the same moment."""
     seen: list[dict[str, Any]] = []
     begun = time.monotonic()
     agreed = 0

@@ -1,4 +1,4 @@
-"""The 3D view in the page: it shows what viser draws, comes back after a drop, and leaves the page able to act."""
+"""The 3D view on the page: it shows the scene of viser, reconnects, and does not block the page."""
 
 import io
 import re
@@ -44,13 +44,13 @@ def test_the_3d_view_shows_its_loading_state_and_a_failure(browser: Browser, ser
     operator.wait(lambda: len(asked) == 1)
     asked.pop().continue_()
     expect(words).to_be_empty(timeout=PICTURE_TIMEOUT_MS)
-    assert colours(canvas_of(page, "3D view").screenshot()) > 100  # it says nothing because there is a picture
+    assert colours(canvas_of(page, "3D view").screenshot()) > 100  # the text is empty because the picture is shown
     page.context.close()
 
 
 def test_the_settings_of_the_3d_view_are_restored_on_another_machine(browser: Browser, service: Service) -> None:
     here = Operator(browser.new_context(viewport=DESKTOP).new_page(), service)
-    here.page.route(SCENE, lambda _: None)  # whether there is a picture is not asked here
+    here.page.route(SCENE, lambda _: None)  # this test does not check the picture
     here.sign_in()
     show_in_3d(here.page)
     with here.page.expect_response(kept("camera", "Springs")):
@@ -83,13 +83,13 @@ def test_the_3d_view_reconnects_after_a_connection_loss_and_shows_the_motion(ope
         relay.release()
         expect(words).to_be_empty(timeout=PICTURE_TIMEOUT_MS)
         wait_for_a_picture(operator, canvas)
-        operator.be_in_run()  # a first picture without a graphics processor may take so long that the page was lost
+        operator.be_in_run()  # without a GPU, the first picture may take so long that the page loses control
         before = canvas.screenshot()
         operator.enter("q_ref value [°]", 40.0)
         operator.wait(lambda: difference(before, canvas.screenshot()) > 0.01, PICTURE_TIMEOUT_MS)
         page.get_by_role("button", name="STOP", exact=True).click()
         operator.expect_mode("tripped")
-        page.close()  # before its cable is gone: what it asks for next would find nobody
+        page.close()  # before the relay ends, so that no request fails
 
 
 def test_a_run_is_replayed_in_3d(operator: Operator) -> None:
@@ -107,13 +107,13 @@ def test_a_run_is_replayed_in_3d(operator: Operator) -> None:
     operator.wait_for_samples(1000)
     before = canvas.screenshot()
     position.press("End")
-    for _ in range(10):  # the end itself is a sample later than the last
+    for _ in range(10):  # the end is one sample after the last sample
         position.press("ArrowLeft")
     operator.wait(lambda: difference(before, canvas.screenshot()) > 0.01, PICTURE_TIMEOUT_MS)
 
 
 def show_in_3d(page: Page) -> None:
-    """Press the button, unless this person had the 3D view before."""
+    """Press the button, unless the 3D view is open already."""
     button = page.get_by_role("button", name=re.compile("^Show (flat|in 3D)$"))
     expect(button).to_be_enabled(timeout=MOTION_TIMEOUT_MS)
     if button.inner_text() == "Show in 3D":
@@ -122,23 +122,23 @@ def show_in_3d(page: Page) -> None:
 
 
 def canvas_of(page: Page, frame: str) -> Locator:
-    """Where viser draws, once it is there."""
+    """Return the canvas of viser once it exists."""
     canvas = page.frame_locator(f"iframe[title='{frame}']").locator("canvas").last
     expect(canvas).to_be_visible(timeout=PICTURE_TIMEOUT_MS)
     return canvas
 
 
 def wait_for_a_picture(operator: Operator, canvas: Locator) -> None:
-    """Wait until something is drawn: an empty canvas has one colour."""
+    """Wait until the canvas has more than one colour."""
     operator.wait(lambda: colours(canvas.screenshot()) > 100, PICTURE_TIMEOUT_MS)
 
 
 def colours(picture: bytes) -> int:
-    """How many colours a picture has: an empty canvas has one."""
+    """Return the number of colours of a picture."""
     return len(set(Image.open(io.BytesIO(picture)).convert("RGB").get_flattened_data()))
 
 
 def difference(one: bytes, other: bytes) -> float:
-    """Share of the points in which two pictures of one size differ."""
+    """Return the share of pixels in which two pictures of one size differ."""
     first, second = (Image.open(io.BytesIO(picture)).convert("RGB").get_flattened_data() for picture in (one, other))
     return sum(a != b for a, b in zip(first, second, strict=True)) / len(first)

@@ -1,4 +1,4 @@
-"""The whole job as a person does it, in real time: sign in, move, tune, identify, build a bank, track, report, STOP."""
+"""A complete session in real time: sign-in, motion, tuning, identification, bank, tracking, report, STOP."""
 
 import io
 
@@ -44,7 +44,7 @@ def test_an_operator_signs_in_tunes_identifies_tracks_and_stops(operator: Operat
 
 
 def see_curves_move(operator: Operator) -> None:
-    """The charts scroll: the same stretch of paper does not show the same picture a moment later."""
+    """Check that the charts scroll: the picture changes with time."""
     before = operator.picture("Joint position")
     for figure in ("Joint stiffness", "Tendon force", "Motor voltage"):
         expect(operator.page.get_by_role("figure", name=figure, exact=True).locator("canvas").first).to_be_visible()
@@ -73,7 +73,7 @@ def move_lambda(operator: Operator) -> None:
 
 
 def identify(operator: Operator) -> str:
-    """One short identification at 20 N; returns the name of the run."""
+    """Run a short identification at 20 N and return the name of its run."""
     page = operator.page
     operator.go("Identify")
     operator.fill(IDENTIFY_TEXTS["bits"], 6)
@@ -117,7 +117,7 @@ def build_and_activate_a_bank(operator: Operator, run: str) -> None:
 
 
 def track(operator: Operator) -> None:
-    """Tracking with shorter holds than the paper's; every criterion is met all the same."""
+    """Run tracking with shorter holds than in the paper; every criterion is met."""
     page = operator.page
     operator.go("Experiments")
     operator.fill("Hold time of each position reference [s]", 4)
@@ -145,7 +145,7 @@ def check_the_report(operator: Operator) -> None:
 
 
 def press_stop(operator: Operator) -> None:
-    """STOP says in which tick the outputs were at zero, and stays latched until it is acknowledged."""
+    """Check that STOP states the tick with zero outputs, and is latched until Reset."""
     page = operator.page
     operator.bring_up()
     page.get_by_role("button", name="STOP", exact=True).click()

@@ -1,4 +1,4 @@
-"""STOP works where the application does not: translated, thrown down, without storage, without its bundle."""
+"""STOP works when the application fails: translated page, failed component, no storage, no bundle."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -75,7 +75,7 @@ def script(service: Service) -> Iterator[httpx.Client]:
 
 @pytest.fixture
 def context(browser: Browser, service: Service) -> Iterator[BrowserContext]:
-    """A browser in which somebody is signed in."""
+    """A browser with a signed-in person."""
     made = browser.new_context(viewport=DESKTOP)
     made.add_init_script(
         "if (location.origin !== 'null') try { localStorage.setItem('sinew-goes-by-role', '') } catch {}"
@@ -93,7 +93,7 @@ def mode(script: httpx.Client) -> str:
 
 
 def stops(page: Page, script: httpx.Client, press: Press) -> None:
-    """Press STOP; the service proves this press, and the motors are latched off."""
+    """Press STOP and check that the service confirms it and the trip is latched."""
     with page.expect_response("**/api/stop") as answer:
         press(page)
     proof = answer.value.json()
@@ -106,12 +106,12 @@ def test_stop_works_on_every_translated_page(context: BrowserContext, service: S
     operator = Operator(page, service)
     for place, name in enumerate(PAGES):
         page.goto(service.url)
-        page.reload()  # a change behind the # alone loads nothing
+        page.reload()  # a change of the fragment alone loads nothing
         operator.be_in_run()
         page.goto(f"{service.url}/#/{name}")
         expect(page.get_by_role("main")).to_be_visible()
         page.evaluate(TRANSLATED)
-        page.wait_for_timeout(300)  # what streams in meanwhile is drawn into the translated page
+        page.wait_for_timeout(300)  # live values are drawn into the translated page
         stops(page, script, list(PRESSES.values())[place % 2])
 
 
@@ -130,7 +130,7 @@ def test_stop_and_navigation_work_after_a_component_throws(
     context: BrowserContext, service: Service, script: httpx.Client, name: str
 ) -> None:
     page = context.new_page()
-    if name == "operate":  # whose parts are in the main bundle
+    if name == "operate":  # its parts are in the main bundle
         page.add_init_script("HTMLCanvasElement.prototype.getContext = () => { throw new Error('broken by the test') }")
     else:
         page.route(re.compile(r"/assets/[A-Z]\w*Page-[\w-]+\.js"), thrown)
@@ -169,7 +169,7 @@ def test_the_message_of_an_unconfirmed_stop_fits_every_window_size(
     page = context.new_page()
     page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
     page.goto(service.url)
-    Operator(page, service).be_in_run()  # once the motors rest the notice has said enough
+    Operator(page, service).be_in_run()  # the notice ends when the motors are at rest
     page.route("**/api/stop", lambda route: route.abort())
     for width, height in SIZES:
         page.set_viewport_size(ViewportSize(width=width, height=height))

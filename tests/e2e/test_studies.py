@@ -1,4 +1,4 @@
-"""A study on the page: refused in words, computed, stopped, resumed, drawn."""
+"""A study on the page: refused with a message, computed, stopped, resumed, drawn."""
 
 from playwright.sync_api import Browser, expect
 
@@ -24,7 +24,7 @@ axes:
 
 
 def test_a_study_is_started_stopped_resumed_and_drawn(browser: Browser, service: Service) -> None:
-    page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused
+    page = browser.new_context(viewport=DESKTOP).new_page()  # the console may report refused requests
     operator = Operator(page, service)
     sign_in_at(page, service, "studies")
     expect(page.get_by_role("main")).to_contain_text(TEXTS["noStudies"])

@@ -1,4 +1,4 @@
-"""Touch on the page: its card says what the service has in force, and a contact is read where a person looks."""
+"""Contact detection on the page: the card shows the active settings, and a contact is displayed."""
 
 import re
 from typing import Any
@@ -33,7 +33,7 @@ def test_contact_detection_is_calibrated_armed_triggered_and_released(same_opera
     arm = card.get_by_role("button", name=OPERATE["enableReaction"], exact=True)
     expect(arm).to_be_disabled()
     assert in_force() == {"contact_N": 0.0, "learned": [], "felt": None, "sweep": None}
-    operator.wait_for_samples(4000)  # until the stiffness is at rest, and a second more
+    operator.wait_for_samples(4000)  # until one second after the stiffness is at rest
     forms.pressed(page, card.get_by_role("button", name=OPERATE["calibrate"], exact=True), "/api/touch")
     (point,) = in_force()["learned"]
     expect(said).to_contain_text(OPERATE["calibratedAt"].format(stiffnesses=f"{point['S']:.1f}"))
@@ -46,7 +46,7 @@ def test_contact_detection_is_calibrated_armed_triggered_and_released(same_opera
     operator.enter("Push [N]", PUSH_N)
     operator.press("Push")
     pushed = page.get_by_text(PUSHING)
-    expect(pushed).to_be_visible()  # before it is told it is hidden as well
+    expect(pushed).to_be_visible()  # it is also hidden before the push is reported
     operator.expect_mode("compliance")
     felt = in_force()["felt"]
     assert 2.5 < felt["F_ext_hat"] < PUSH_N
@@ -70,7 +70,7 @@ def test_the_calibration_over_S_runs_automatically_and_can_be_stopped(same_opera
     def state() -> dict[str, Any]:
         return dict(page.evaluate("fetch('./api/state').then(answer => answer.json())"))
 
-    expect(page.get_by_text(PUSHING)).to_be_hidden()  # what the test before pushes with
+    expect(page.get_by_text(PUSHING)).to_be_hidden()  # the push of the previous test
     held = state()["references"]
     card = page.get_by_role("group", name="Touch", exact=True)
     said, table = page.locator("#told-of-touch"), page.get_by_role("table", name=OPERATE["calibration"])
@@ -85,7 +85,7 @@ def test_the_calibration_over_S_runs_automatically_and_can_be_stopped(same_opera
     sent, _ = forms.pressed(page, card.get_by_role("button", name=OPERATE["stopCalibration"], exact=True), "/api/touch")
     assert sent["sweep"] == "stop"
     operator.wait(lambda: not state()["touch"]["sweep"]["under_way"])
-    ended = state()["touch"]["sweep"]  # a point takes a second: on a busy machine the press meets a later one
+    ended = state()["touch"]["sweep"]  # a point takes a second: on a busy machine the press may apply to a later one
     at = {2: "9.8", 3: "11.5", 4: "13.3"}[ended["point"]]
     expect(said).to_contain_text(
         OPERATE["sweepEnded"].format(point=ended["point"], points=5, S=at, reason="stopped on request")

@@ -1,4 +1,4 @@
-"""A trigger from its card at Operate to its record in charts; armed, it outlasts a reload of the page."""
+"""A trigger from its card on Operate to its record in charts; an armed trigger persists after a reload."""
 
 import re
 

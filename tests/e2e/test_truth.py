@@ -1,4 +1,4 @@
-"""The page tells the truth: whatever a robot does, all that is shown is what the service says and would take."""
+"""The page agrees with the service after every action of a robot, and offers only accepted commands."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -68,7 +68,7 @@ LIES = {
 
 @pytest.mark.parametrize("lie", LIES)
 def test_a_wrong_value_on_the_page_is_detected(around: Around, lie: str) -> None:
-    """In off, where all that is true stands still: what is found is the lie, and nothing beside it."""
+    """In mode off all values are constant, so only the wrong value is found."""
     selector, attribute, value, name = LIES[lie]
     around.page.bring_to_front()
     truth = settled(around)
@@ -81,12 +81,12 @@ def test_a_wrong_value_on_the_page_is_detected(around: Around, lie: str) -> None
 
 
 def honest(page: Page) -> None:
-    """Have the page write everything anew."""
+    """Make the page redraw all values."""
     page.reload()
     expect(page.get_by_role("banner")).to_be_visible()
 
 
-@pytest.mark.timeout(5400)  # a few seconds for each deed; each wait has an end of its own
+@pytest.mark.timeout(5400)  # a few seconds per action; each wait has its own timeout
 def test_pages_agree_with_the_service_after_every_action_of_two_people(
     browser: Browser, service: Service, pytestconfig: pytest.Config
 ) -> None:

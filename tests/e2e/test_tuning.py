@@ -1,4 +1,4 @@
-"""λ at the page: staged edits, a trial that outlives its page, saving and going back, links that break."""
+"""Tuning on the page: staged edits, a trial after its page is closed, saving and undo, connection losses."""
 
 import math
 import re
@@ -51,7 +51,7 @@ def shared(browser: Browser, service: Service) -> Iterator[SharedPage]:
 
 @pytest.fixture
 def tuning(shared: SharedPage, service: Service, request: pytest.FixtureRequest) -> Iterator[Operator]:
-    """The Operate page with its tuning, as saved whatever the test before has left in force."""
+    """The page Operate with the saved tuning active."""
     put_back(service)
     with shared.turn_of(request) as operator:
         operator.go("Operate")
@@ -60,16 +60,18 @@ def tuning(shared: SharedPage, service: Service, request: pytest.FixtureRequest)
 
 
 def show_saved(operator: Operator) -> None:
-    """Sign in and go to the tuning."""
+    """Sign in and open the tuning card."""
     operator.sign_in()
     operator.go("Operate")
     expect(table(operator)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
 
 
 def put_back(service: Service) -> None:
-    """End a trial and put the saved tuning back in force."""
+    """End a trial and restore the saved tuning."""
     with client_with(service, "token") as script:
-        until(lambda: script.get("/api/state").raise_for_status().json()["holder"] is None)  # pages before are gone
+        until(
+            lambda: script.get("/api/state").raise_for_status().json()["holder"] is None
+        )  # pages of earlier tests are closed
         if script.get("/api/state").raise_for_status().json()["trial"] is not None:
             script.delete("/api/tuning/trial").raise_for_status()
         saved = script.get("/api/tuning/saved").raise_for_status().json()
@@ -83,7 +85,7 @@ def table(operator: Operator) -> Locator:
 
 
 def height_of_changes(operator: Operator) -> float:
-    """From the top of the table to the next card [px], however the column is scrolled."""
+    """Return the distance from the top of the table to the next card [px], independent of scrolling."""
     top, below = table(operator).bounding_box(), operator.page.get_by_role("region", name="Touch", exact=True)
     next_card = below.bounding_box()
     assert top is not None
@@ -92,7 +94,7 @@ def height_of_changes(operator: Operator) -> float:
 
 
 def data_in_sight(operator: Operator) -> tuple[float, float]:
-    """Times of the oldest and of the newest sample in sight [s of the loop], as the saved data have them."""
+    """Return the times of the oldest and the newest visible sample [s of the loop], from the saved data."""
     page = operator.page
     page.get_by_role("combobox", name=OPERATE["timeWindow"], exact=True).select_option(str(WINDOW_S))
     with page.expect_download() as download:
@@ -102,7 +104,7 @@ def data_in_sight(operator: Operator) -> tuple[float, float]:
 
 
 def cells(operator: Operator, symbol: str) -> list[str]:
-    """Saved, in force and staged value of a λ."""
+    """Return the saved, active and staged value of a λ."""
     row = table(operator).get_by_role("row").filter(has=operator.page.get_by_role("rowheader", name=symbol))
     return [cell.inner_text() for cell in row.get_by_role("cell").all()]
 
@@ -113,11 +115,11 @@ def test_ten_connection_losses_send_no_command_and_the_charts_are_refilled(opera
     with relayed(operator.service) as (operator.service, relay):
         show_saved(operator)
         lose_ten_links(operator, relay)
-        operator.page.close()  # before its cable is gone: what it asks for next would find nobody
+        operator.page.close()  # before the relay ends, so that no request fails
 
 
 def lose_ten_links(tuning: Operator, relay: Relay) -> None:
-    """Nobody has control meanwhile: who is cut off for some seconds while they have it is rightly taken for lost."""
+    """Interrupt the connection ten times; control is free, because its holder would be detected as lost."""
     page = tuning.page
     tuning.wait(lambda: abs(tuning.reading("Joint position", "q") - 15.0) < 0.3)
     page.get_by_role("switch", name="Stage changes").check()
@@ -141,7 +143,7 @@ def lose_ten_links(tuning: Operator, relay: Relay) -> None:
     tuning.expect_mode("run")
     tuning.wait(lambda: tuning.reading("Joint position", "q_ref") == pytest.approx(15.0, abs=0.01))
     assert cells(tuning, "λq")[2] == "0.660 s"
-    # each loss was told, however short, and led to one connection; on a busy machine one more may be lost by itself
+    # each loss was shown and followed by one connection; a busy machine may lose one more
     losses, connections = page.evaluate(COUNTED)
     assert losses == connections >= DISCONNECTIONS
     first, last = data_in_sight(tuning)
@@ -222,18 +224,18 @@ def test_buttons_do_not_move_while_figures_are_computed(tuning: Operator) -> Non
     page.on("request", lambda request: of_motors.append(request.url) if "/tuning/motor" in request.url else None)
     apply = page.get_by_role("button", name="Apply", exact=True)
     apply.hover()
-    page.mouse.down()  # the focus scrolls the button into sight as a whole
+    page.mouse.down()  # the focus scrolls the complete button into view
     before = switch.bounding_box()
-    page.mouse.up()  # what was previewed as staged is previewed as active
+    page.mouse.up()  # the staged preview becomes the active one
     tuning.wait(lambda: cells(tuning, "λq") == ["0.500 s", "0.700 s", "–"])
-    assert of_motors == []  # their margins are those of another λ: they stand
+    assert of_motors == []  # the margins of the motor loop depend on another λ
     assert switch.bounding_box() == before
     page.unroute(FIGURES)
     switch.uncheck()
 
 
 def test_the_margins_of_the_motor_loop_are_shown_next_to_its_lambda(tuning: Operator) -> None:
-    """As computed of the sampled loop: at the λ in force on Operate, at the one typed in the form of an experiment."""
+    """For the active λ on Operate, and for the entered λ in the form of an experiment."""
     page = tuning.page
     expect(page.get_by_role("status", name="Motor loop")).to_contain_text(shown(0.0854))
     tuning.go("Experiments")
@@ -246,7 +248,7 @@ def test_the_margins_of_the_motor_loop_are_shown_next_to_its_lambda(tuning: Oper
 
 
 def shown(lam_motor: float) -> str:
-    """M_s and margins of the less robust motor of the set that the tests run, as the page should write them."""
+    """Return M_s and margins of the less robust motor of the tested set, as the page formats them."""
     parameters, gains = load_parameters("lab"), make_motor_loops(load_parameters("lab"), lam_motor)
     loops = [
         motor_robustness(motor_model(parameters, "A"), gains.A),
@@ -279,7 +281,7 @@ PREVIEWS = re.compile(r"/api/tuning/preview\?")
 def test_an_outdated_preview_is_grey_until_the_new_one_is_computed(
     tuning: Operator, service: Service, motion: str, lam_q: float
 ) -> None:
-    """Grey enough to be seen and to be read; assistive technology hears of it. Then each number is the service's."""
+    """The state is also announced; afterwards, each number agrees with the service."""
     page, held = tuning.page, list[Route]()
     with client_with(service, "token") as script:
         script.put("/api/tuning", json={"motion": motion, "u_plan": 8.5}).raise_for_status()
@@ -337,7 +339,7 @@ WRITTEN_ANEW = """() => new Promise((resolve) => {
 
 
 def test_unchanged_fields_are_not_rendered_again(tuning: Operator) -> None:
-    bring_to_run(tuning.service)  # references stand still then
+    bring_to_run(tuning.service)  # so that the references are constant
     tuning.be_in_run()
     tuning.wait_for_samples(1000)
     assert tuning.page.evaluate(WRITTEN_ANEW) == []

@@ -1,4 +1,4 @@
-"""Two tabs of one browser, a reload, a page whose session is over: who may command, and STOP stays in reach."""
+"""Two tabs of one browser, a reload, an ended session: which page has control, and STOP on each."""
 
 from typing import Any
 
@@ -28,7 +28,7 @@ def holder(page: Page) -> str:
 def test_a_duplicated_tab_has_no_control_and_a_reload_retains_it(operator: Operator) -> None:
     page = operator.page
     operator.sign_in()
-    operator.go("Log")  # without charts that two pages would have to draw
+    operator.go("Log")  # a page without live charts
     operator.take_control()
     page.get_by_role("button", name="STOP", exact=True).click()
     operator.expect_mode("tripped")
@@ -37,7 +37,7 @@ def test_a_duplicated_tab_has_no_control_and_a_reload_retains_it(operator: Opera
     copy = Operator(opened.value, operator.service)
     copy.expect_mode("tripped")
     assert copy.page.evaluate("sessionStorage.length") == 0
-    operator.take_control()  # one process opens the copy for both: the page may have been silent for too long
+    operator.take_control()  # opening the copy may block the page so long that it loses control
     expect(copy.page.get_by_role("button", name="Control: operator")).to_be_visible()
     expect(copy.page.get_by_role("button", name="Reset", exact=True)).to_be_disabled()
     expect(copy.page.get_by_role("button", name="Take control", exact=True)).to_be_visible()
@@ -59,7 +59,7 @@ def test_a_duplicated_tab_has_no_control_and_a_reload_retains_it(operator: Opera
 
 
 def goes_on_after_a_reload(operator: Operator) -> bool:
-    """Load a page in control again; on a busy machine that may take so long that it is given up for lost."""
+    """Reload a page with control; on a busy machine it may lose control by the delay."""
     operator.take_control()
     before = operator.state()["holder"]["epoch"]
     operator.page.reload()
@@ -75,7 +75,7 @@ def goes_on_after_a_reload(operator: Operator) -> bool:
 
 
 def lapsed_cookie(service: Service) -> tuple[str, str]:
-    """A cookie that the service's own tokens have signed, of a session that it does not know any more."""
+    """Return a cookie with a valid signature for an unknown session."""
     asks = HTTPConnection({"type": "http", "headers": [(b"host", service.url.removeprefix("http://").encode())]})
     files = TokenFiles(service.data)
     authentication, answer = Authentication(files), Response()

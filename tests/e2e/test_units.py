@@ -1,4 +1,4 @@
-"""Angles as an operator types and reads them: refused in degrees at the field, and all in radians after one press."""
+"""Angles are entered and shown in degrees or radians: refused in the unit at the field, and converted everywhere."""
 
 import re
 
@@ -16,7 +16,7 @@ FIELD = "Joint position steps between ±q_max"
 def test_angles_are_refused_in_the_selected_unit_and_the_unit_applies_everywhere(
     browser: Browser, service: Service
 ) -> None:
-    page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused
+    page = browser.new_context(viewport=DESKTOP).new_page()  # the console may report refused requests
     operator = Operator(page, service)
     operator.sign_in()
     operator.go("Experiments")
@@ -38,7 +38,7 @@ def test_angles_are_refused_in_the_selected_unit_and_the_unit_applies_everywhere
         page.get_by_text(re.compile(r"joint position steps .*: 2\.09\d* rad is outside 0\.01 to 1\.4"))
     ).to_be_visible()
     in_degrees = page.get_by_text(re.compile(r"\d°(?! step)"))
-    in_degrees = in_degrees.filter(has_not_text="phase margin")  # which is always in degrees
+    in_degrees = in_degrees.filter(has_not_text="phase margin")  # always in degrees
     expect(in_degrees).to_have_count(0)
     operator.go("Operate")
     expect(page.get_by_label("q_ref value [rad]")).to_be_visible()

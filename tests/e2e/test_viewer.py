@@ -1,4 +1,4 @@
-"""A viewer's page says VIEW and offers nothing that the service would refuse; words about a mode cover no button."""
+"""The page of a viewer shows VIEW and offers only commands that the service accepts."""
 
 import re
 
@@ -45,7 +45,7 @@ COMMANDING = (
 
 
 def signed_in_as_viewer(browser: Browser, service: Service) -> tuple[Page, list[str]]:
-    """Return a viewer's page, and what is refused to it from then on."""
+    """Return the page of a viewer, and the list of its refused requests."""
     page = browser.new_context(viewport=DESKTOP).new_page()
     refused: list[str] = []
 
@@ -101,7 +101,7 @@ def test_tooltips_of_modes_do_not_cover_buttons(operator: Operator) -> None:
         move.hover()
         words = page.get_by_role("tooltip")
         expect(words).to_be_visible()
-        # at one moment: a line that comes in above them moves both
+        # at one moment, because a new line above would move both
         operator.wait(lambda: words_and_moves_are_apart(page))
         page.mouse.move(5, 5)
         expect(words).to_have_count(0)

@@ -1,6 +1,6 @@
-"""A viewer walks over every page and uses all that can be used there: nothing is refused, and nothing changes.
+"""A viewer uses every control on every page: nothing is refused, and nothing changes.
 
-What a viewer may not do is not there, or is told in words: no control is dead for a viewer alone.
+Actions that a viewer may not perform are absent or have an explanation.
 """
 
 import json
@@ -45,7 +45,7 @@ CLI_S = 300.0
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    """A service with a usable identification, a bank, and a session that is running."""
+    """A service with a usable identification, a bank, and a manual session."""
     data = tmp_path_factory.mktemp("data")
     identified(data)
     with running_service(data) as running:
@@ -62,14 +62,14 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 
 
 def identified(data: Path) -> None:
-    """An identification of the actuator, made by the command line, faster than the page could."""
+    """Identify the actuator from the command line, faster than on the page."""
     settings = ("--set", "tension_N=20", "--set", "bits=6", "--set", "settle_s=3")
     words = [sys.executable, "-m", "backend", "identify", "actuator", *settings, "--data", str(data)]
     subprocess.run(words, check=True, capture_output=True, timeout=CLI_S)
 
 
 class Refused:
-    """What was refused to a page, and what it sent that was more than a question."""
+    """The refused requests of a page, and its requests other than GET."""
 
     def __init__(self, page: Page) -> None:
         self.answers: list[str] = []
@@ -87,7 +87,7 @@ class Refused:
 
 
 def standing(script: httpx.Client) -> dict[str, Any]:
-    """All that somebody could change, as the service tells it."""
+    """Return all that a person could change, from the service."""
     state = script.get("/api/state").raise_for_status().json()
     kept = (
         "mode",
@@ -105,7 +105,7 @@ def standing(script: httpx.Client) -> dict[str, Any]:
     told = {name: state[name] for name in kept}
     for path in ("banks", "experiments/queue", "identifications", "runs", "saved-searches", "studies", "tuning/saved"):
         told[path] = script.get(f"/api/{path}").raise_for_status().json()
-    for run in told["runs"]["runs"]:  # what is recorded grows by itself
+    for run in told["runs"]["runs"]:  # a recording grows continuously
         for growing in ("duration_s", "samples", "bytes"):
             run.pop(growing, None)
     entries = script.get("/api/log?limit=50").raise_for_status().json()["entries"]
@@ -114,12 +114,12 @@ def standing(script: httpx.Client) -> dict[str, Any]:
 
 
 def open_place(page: Page, service: Service, place: str) -> None:
-    """Open a page anew, with nothing over it, as far as it has told what it tells."""
+    """Open a page without overlays, and wait until it is complete."""
     page.goto(f"{service.url}/#/{place}")
     expect(page.get_by_role("heading", level=1)).to_have_count(1)
     if place in SEEN:
         expect(page.get_by_role("main")).to_contain_text(re.compile(SEEN[place]))
-    if place not in BARE:  # lists come after the words above them
+    if place not in BARE:  # lists load after their headings
         used = page.get_by_role("main").locator("a, button, input, select")
         expect(used.locator("visible=true").first).to_be_visible()
     for _ in range(2):
@@ -138,7 +138,7 @@ def viewer(browser: Browser, service: Service) -> Iterator[Page]:
 def test_every_control_on_the_page_of_a_viewer_works_without_refusal(
     viewer: Page, service: Service, place: str
 ) -> None:
-    """Of the frame around the pages once, on a page of which nothing else is used."""
+    """The frame around the pages is tested once, on a page that is otherwise unused."""
     frame = place == LEFT_OUT
     place, skipped = ("studies", "main") if frame else (place, AROUND)
     refused = Refused(viewer)
@@ -168,13 +168,13 @@ def test_every_control_on_the_page_of_a_viewer_works_without_refusal(
 
 
 def next_of(page: Page, skipped: str, used: set[str]) -> Found | None:
-    """One that can be used and was not yet; what lies over the page goes first."""
+    """Return an unused control that is enabled; controls of overlays come first."""
     found = [one for one in controls(page, skipped) if one.enabled and one.key not in used]
     return next((one for one in found if not LEFT_ALONE.search(one.name)), None)
 
 
 def downloaded(service: Service, address: str) -> None:
-    """Ask, as a viewer, for what a link leads to, without keeping it."""
+    """Request the target of a link as a viewer, without storing it."""
     with (
         client_with(service, "viewer-token") as viewer,
         viewer.stream("GET", f"/{address.removeprefix('./')}", follow_redirects=True) as answer,
@@ -183,7 +183,7 @@ def downloaded(service: Service, address: str) -> None:
 
 
 def differences(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
-    """Name what became another; the joint's own readings move a little by themselves."""
+    """Return the names of changed values; the measured values of the joint may vary."""
     return [
         f"{name}: {json.dumps(before[name])} and {json.dumps(after[name])}"
         for name in before
@@ -192,7 +192,7 @@ def differences(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
 
 
 def test_controls_disabled_only_for_viewers_state_the_reason(browser: Browser, viewer: Page, service: Service) -> None:
-    """What cannot be used on a viewer's page cannot be used on an operator's either, or says why at the control."""
+    """A control that is disabled for viewers is also disabled for operators, or states the reason."""
     with client_with(service, "token") as script:
         until_state(script, lambda told: told["holder"] is None, "somebody holds control")
     context = browser.new_context(viewport=DESKTOP)

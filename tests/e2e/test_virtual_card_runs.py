@@ -1,4 +1,4 @@
-"""What an operator runs in the browser at the virtual card comes to the figures of the simulator, and is called so."""
+"""Runs on the virtual card in the browser agree with the simulator, and are labelled."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -49,14 +49,14 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
         yield running
 
 
-@pytest.mark.timeout(900)  # five runs in real time; each wait has an end of its own
+@pytest.mark.timeout(900)  # five runs in real time; each wait has its own timeout
 def test_runs_on_the_virtual_card_agree_with_the_simulator(operator: Operator, tmp_path: Path) -> None:
     page = operator.page
     operator.sign_in()
     expect(page.get_by_role("img", name="Virtual card", exact=True)).to_have_text("VIRTUAL CARD")
     operator.press("Pretension")
     expect(page.get_by_role("status", name="Status", exact=True)).to_contain_text(SHARED["statusReady"])
-    with ThreadPoolExecutor(1) as beside:  # the browser's interface keeps an event loop running in this thread
+    with ThreadPoolExecutor(1) as beside:  # Playwright keeps an event loop running in this thread
         for name, settings in ORDERS.items():
             plan = planned(name, settings)
             simulated = beside.submit(performed, tmp_path / name, plan, SIMULATOR, HELD_S, BY_DEFAULT)
@@ -82,7 +82,7 @@ def planned(name: str, settings: Mapping[str, float | str]) -> Plan:
 
 
 def experimented(operator: Operator, name: str, settings: Mapping[str, float | str]) -> int:
-    """Order an experiment, wait for its end, read verdict and figures on the page; return its run."""
+    """Start an experiment, wait for its end, read verdict and metrics on the page; return its run."""
     page, title = operator.page, experiments_by_name()[name].title
     operator.go("Experiments")
     page.get_by_role("combobox", name=EXPERIMENT_TEXTS["kindOfExperiment"], exact=True).select_option(name)
@@ -101,7 +101,7 @@ def experimented(operator: Operator, name: str, settings: Mapping[str, float | s
 
 
 def identified(operator: Operator, name: str, settings: Mapping[str, float | str]) -> int:
-    """Order an identification, wait for its end, read verdict and estimates on the page; return its run."""
+    """Start an identification, wait for its end, read verdict and estimates on the page; return its run."""
     page = operator.page
     operator.go("Identify")
     page.get_by_role("radiogroup", name=IDENTIFY_TEXTS["kind"]).get_by_text(IDENTIFICATIONS[name].title).click()
@@ -133,7 +133,7 @@ def started(operator: Operator, button: str, path: str) -> int:
 
 
 def agree(name: str, ours: list[dict[str, Any]], theirs: Mapping[str, tuple[float | None, str]]) -> None:
-    """Assert that figures agree with the simulator's within quantization."""
+    """Check that the metrics agree with the simulator within quantization."""
     assert {figure["name"] for figure in ours} == theirs.keys()
     for figure in ours:
         value, expected = figure["value"], theirs[figure["name"]][0]
@@ -144,13 +144,13 @@ def agree(name: str, ours: list[dict[str, Any]], theirs: Mapping[str, tuple[floa
 
 
 def read(metrics: Locator) -> list[Any]:
-    """The numbers of a table of metrics as they are seen, nothing where none was measured."""
+    """Return the displayed numbers of a table of metrics; none where a metric was not measured."""
     cells = metrics.evaluate("table => [...table.tBodies[0].rows].map(row => row.cells[1].innerText)")
     return [None if text == "not measured" else pytest.approx(float(text.replace("\u2212", "-"))) for text in cells]
 
 
 def shown(metric: Mapping[str, Any]) -> float | None:
-    """A metric to the four digits and in the unit that are seen."""
+    """Return a metric with the displayed four digits and unit."""
     if metric["value"] is None:
         return None
     return float(f"{metric['value'] * (180.0 / math.pi if metric['unit'] == 'rad' else 1.0):.4g}")

@@ -1,4 +1,4 @@
-"""The chart workspace under a person's hands: what is read in it is what service and recording have."""
+"""The chart workspace: displayed values agree with the service and the recordings."""
 
 import math
 import re
@@ -29,7 +29,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 @pytest.fixture
 def laid_out(same_operator: Operator) -> Operator:
-    """A joint in run, watched with a layout of the operator's own."""
+    """An operator in mode Run with an own layout of charts."""
     operator, page = same_operator, same_operator.page
     page.mouse.move(5, 5)
     operator.be_in_run()
@@ -92,7 +92,7 @@ def test_a_signal_of_another_unit_is_refused_and_the_layout_is_unchanged(laid_ou
 
 
 def drag(page: Page, what: Locator, onto: Locator) -> None:
-    """Drag between two places that are in sight together: what scrolls meanwhile takes the begin of the drag away."""
+    """Drag between two visible points, because scrolling would interrupt the drag."""
     what.hover()
     there = onto.bounding_box()
     assert there is not None
@@ -163,7 +163,7 @@ def test_a_replay_uses_the_same_layout_and_shows_the_recorded_values(laid_out: O
     page.goto(f"{laid_out.service.url}/#/runs/{run}@{AT_S}")
     chart = page.get_by_role("figure", name="q - q_ref", exact=True)
     expect(chart).to_be_visible(timeout=MOTION_TIMEOUT_MS)
-    chart.press("Home")  # all of it in sight, however long it became
+    chart.press("Home")  # shows the complete recording
     assert panels(page) == ["Joint position", "Joint stiffness", "q - q_ref", "Joint stiffness 2"]
     expect(page.get_by_role("status", name=RUNS["resolution"], exact=True)).not_to_have_text(RUNS["loading"])
 
@@ -201,7 +201,7 @@ def test_a_replay_uses_the_same_layout_and_shows_the_recorded_values(laid_out: O
 
 
 def is_printed_as_drawn(page: Page, drawing: ElementTree.Element) -> None:
-    """The PDF of the same view has the size of the sheet, every word of it as letters, and no dots."""
+    """Check the PDF of the same view: size of the sheet, all texts as characters, no dots."""
     page.get_by_role("button", name=CHARTS["savePicture"], exact=True).click()
     with page.expect_download() as download:
         page.get_by_role("menuitem", name=CHARTS["pdf"], exact=True).click()
@@ -209,17 +209,17 @@ def is_printed_as_drawn(page: Page, drawing: ElementTree.Element) -> None:
     (printed,) = PdfReader(download.value.path()).pages
     for side, points in (("width", printed.mediabox.width), ("height", printed.mediabox.height)):
         assert float(points) * 25.4 / 72.0 == pytest.approx(float(str(drawing.get(side)).removesuffix("mm")), abs=0.1)
-    # but for the minute in which it was saved
+    # except the time of saving
     drawn = [one.text or "" for one in drawing.iter(f"{SVG}text") if " · saved " not in (one.text or "")]
     assert any(one.startswith("run ") for one in drawn)
     assert CHARTS["timeSinceStart"] in drawn
-    letters = "".join(printed.extract_text().split())  # how wide a gap is tells nothing of where words end
+    letters = "".join(printed.extract_text().split())  # gaps do not indicate the ends of words
     assert [one for one in drawn if "".join(one.split()) not in letters] == []
     assert not printed.images
 
 
 def every_sample(operator: Operator, run: int, length: float, *names: str) -> dict[str, list[float]]:
-    """Columns of the whole recording, asked for in pieces that come as they are."""
+    """Return columns of the complete recording, requested in parts that the service does not reduce."""
     raw: dict[str, list[float]] = {name: [] for name in names}
     for piece in range(math.ceil(length / SMOOTH_SEGMENT_S)):
         asked = {"from": piece * SMOOTH_SEGMENT_S, "to": (piece + 1) * SMOOTH_SEGMENT_S, "points": 20_000}
@@ -231,7 +231,7 @@ def every_sample(operator: Operator, run: int, length: float, *names: str) -> di
 
 
 def finished_run(operator: Operator) -> int:
-    """A session of some seconds with a step in it, stored to its end."""
+    """Record a manual session of some seconds with a step, and wait until it is stored."""
     page = operator.page
     operator.press("Pretension")
     operator.expect_mode("pretension")
@@ -255,7 +255,7 @@ def reads(page: Page, name: str, value: float, digits: int) -> bool:
 
 
 def drawn_values(drawing: ElementTree.Element, name: str) -> list[float]:
-    """What the curve of a signal in a drawing stands for, by the ends of its axis."""
+    """Return the values of a drawn curve, computed from the ends of its axis."""
     curve = next(one for one in drawing.iter(f"{SVG}path") if one.get("data-curve") == name)
     low, high = (float(part) for part in str(curve.get("data-y")).split())
     _, top, _, height = (float(part) for part in str(curve.get("data-box")).split())

@@ -1,4 +1,4 @@
-"""What is told of a form otherwise than it should be: on the page, in the queue, by run, database and report."""
+"""Differences between a form and its declaration, the queue, the run, the database and the report."""
 
 import time
 from typing import Any
@@ -19,7 +19,7 @@ _TUNING = {*OWN, "bank"}
 
 
 def undeclared(stage: Stage, form: Locator, settings: list[dict[str, Any]], in_force: Values) -> list[str]:
-    """Name what a form shows otherwise than it is declared or in force, once the page has been told all."""
+    """Return the fields of a form that differ from their declaration or from the active values."""
     deadline = time.monotonic() + MOTION_TIMEOUT_MS / 1000
     while (wrong := undeclared_now(form, settings, in_force)) and time.monotonic() < deadline:
         stage.page.wait_for_timeout(50)
@@ -32,7 +32,7 @@ def undeclared_now(form: Locator, settings: list[dict[str, Any]], in_force: Valu
     for setting in settings:
         name = setting["name"]
         if name not in fields and setting["minimum"] == setting["maximum"]:
-            continue  # nothing to choose: no field is offered
+            continue  # without a choice there is no field
         field = fields[name]
         unit = TO_SI.get(field.unit, (field.unit, 1.0))[0]
         if unit != setting["unit"]:
@@ -51,7 +51,7 @@ def undeclared_now(form: Locator, settings: list[dict[str, Any]], in_force: Valu
 
 
 def words_of(tuning: Values) -> str:
-    """A tuning as the form of an identification, which has no fields for it, tells it."""
+    """Return the tuning as the form of an identification describes it."""
     models = "geometric gains" if tuning["bank"] == 0 else "bank forms v1"
     between = ", interpolating between operating points" if tuning["interpolate"] else ""
     motion = "lambda motion"
@@ -62,7 +62,7 @@ def words_of(tuning: Values) -> str:
 
 
 def not_kept(stage: Stage, run: int, path: str, settings: Values) -> list[str]:
-    """Name what service, database or report tell otherwise of a run."""
+    """Return what differs in the service, the database or the report of a run."""
     told_of = stage.get(f"/api/runs/{run}")
     told, kept = told_of["settings"], stage.stored(run)
     written = kept.pop("experiment", None)
@@ -89,7 +89,7 @@ def not_kept(stage: Stage, run: int, path: str, settings: Values) -> list[str]:
 
 
 def _used(settings: Values, title: str, *, is_identification: bool) -> Values:
-    """Return the settings without the parts of the tuning that the run's control law has no use for."""
+    """Return the settings without the parts of the tuning that the control law does not use."""
     unused: set[str] = set()
     if settings["motion"] == "lambda":
         unused |= {"u_plan"}
@@ -103,7 +103,7 @@ def _used(settings: Values, title: str, *, is_identification: bool) -> Values:
 
 
 def _written(kind: str, title: str) -> str | None:
-    """What a run keeps of the experiment that it plays: the whole text of it, where it is one."""
+    """Return what a run stores of its experiment: the complete text, if it has one."""
     known = [load_ready_experiment(name)[0] for name in READY_NAMES]
     return next(
         (to_canonical_text(one) for one in known if kind == one.name or (kind, title) == ("experiment", one.title)),
@@ -112,7 +112,7 @@ def _written(kind: str, title: str) -> str | None:
 
 
 def not_queued(stage: Stage, form: Locator) -> list[str]:
-    """Name what waits in the queue otherwise than the form shows it."""
+    """Return what differs between the queue and the form."""
     shown = forms.shown(form)
     sent, queue = forms.pressed(stage.page, form.get_by_role("button", name=EXPERIMENT_TEXTS["addToQueue"]), "/queue")
     waiting = queue["items"][-1]

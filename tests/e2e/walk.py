@@ -1,7 +1,7 @@
-"""Everything on a page that can be used, found anew on each look and used as it is meant to be: a walk over a page.
+"""Walk over a page: find every usable control anew after each action, and use it.
 
-A control is known by angle of the wall: its role, its name, and which of that name it is. What is used may change the
-page; the walk goes on with what it has not used yet, until nothing is left.
+A control is identified by its role, its name, and its index among controls of that name. Using a control may change the
+page; the walk continues with controls that it has not used, until none is left.
 """
 
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ _SHORT_MS = 3000
 
 @dataclass(frozen=True)
 class Found:
-    """A control angle of the wall; ``told`` is what is said of it beside its name."""
+    """A control that was found; ``told`` is the description that accompanies its name."""
 
     key: str
     kind: str
@@ -45,18 +45,18 @@ class Found:
     told: str
 
     def on(self, page: Page) -> Locator:
-        """The control itself, as it was found last."""
+        """Return the control on the page."""
         return page.locator(f'[data-walked="{self.key.replace(chr(34), chr(92) + chr(34))}"]').first
 
 
 def controls(page: Page, skipped: str) -> list[Found]:
-    """All that can be seen now and lies not in ``skipped``, a selector."""
+    """Return all visible controls outside of the selector ``skipped``."""
     found: list[dict[str, Any]] = page.evaluate(_FIND, skipped)
     return [Found(**one) for one in found]
 
 
 def use(page: Page, control: Found) -> bool:
-    """Use a control as it is meant to be; whether it was still there to be used."""
+    """Use a control according to its kind; return whether it still existed."""
     place = control.on(page)
     try:
         match control.kind:

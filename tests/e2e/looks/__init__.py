@@ -1,5 +1,5 @@
-"""Every page in every state in which a person meets it: for the pictures of the documents and for the rules of looks.
+"""Every page in every state of the service, for the screenshots and for the accessibility and layout checks.
 
-`journey` leads one service through the states, from the sign-in to the trip, and shows each page to whoever looks:
-`screenshots` takes pictures, `test_looks` asks axe and measures.
+`journey` brings one service through the states, from the sign-in to the trip, and passes each page to a callback:
+`screenshots` takes pictures, `test_looks` runs axe and measures.
 """

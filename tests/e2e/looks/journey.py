@@ -1,4 +1,4 @@
-"""The way of one service through all its states, told page by page to somebody who looks."""
+"""Bring one service through all its states, and pass each page to a callback."""
 
 import re
 
@@ -31,7 +31,7 @@ EMPTY = ("operate", "bring-up", "identify", "banks", "experiments", "studies", "
 
 
 def journey(browser: Browser, service: Service, look: Look) -> None:
-    """Lead a service with an empty data folder from the sign-in over each kind of work to the trip."""
+    """Bring a service with an empty data folder from the sign-in through each kind of work to the trip."""
     signing_in(browser, service, look)
     context = browser.new_context(viewport=DESKTOP)
     operator = Operator(context.new_page(), service)
@@ -63,7 +63,7 @@ def signing_in(browser: Browser, service: Service, look: Look) -> None:
 
 
 def first_time(operator: Operator, look: Look) -> None:
-    """What somebody new sees: the tour, the question of a name, pages that have nothing yet."""
+    """Show the page to a new person: the tour, the request for a name, empty lists."""
     page = operator.page
     page.goto(operator.service.link)
     expect(page.get_by_role("banner")).to_be_visible()
@@ -98,7 +98,7 @@ def pretension(operator: Operator, look: Look) -> None:
 
 
 def identification(operator: Operator, look: Look) -> str:
-    """Identify at 20 N, and return the name of the run."""
+    """Identify at 20 N and return the name of the run."""
     page = operator.page
     visit(operator, "identify")
     operator.fill(IDENTIFY_TEXTS["bits"], 6)
@@ -127,7 +127,7 @@ def bank(operator: Operator, run: str, look: Look) -> None:
 
 
 def experiment(operator: Operator, look: Look) -> None:
-    """A tracking run with one more behind it: dry, under way, its result; then what one composes oneself."""
+    """Start a tracking run with another run queued: dry run, execution, result; then the editor of sequences."""
     page = operator.page
     operator.bring_up()
     visit(operator, "experiments")
@@ -164,13 +164,13 @@ def experiment(operator: Operator, look: Look) -> None:
 
 
 def ended_of(operator: Operator, kind: str) -> list[str]:
-    """How the runs of this kind that are over have ended."""
+    """Return the end states of the runs of this kind."""
     runs = operator.page.request.get(f"{operator.service.url}/api/runs?kind={kind}").json()["runs"]
     return [run["end_state"] for run in runs if run["end_state"] != "running"]
 
 
 def following(operator: Operator, look: Look) -> None:
-    """In run, on the way between two angles; then with a tuning that waits to be applied."""
+    """Show mode Run between two angles, then with a staged tuning."""
     page = operator.page
     operator.be_in_run()
     expect(page.get_by_role("slider", name="λ_q", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
@@ -195,7 +195,7 @@ def following(operator: Operator, look: Look) -> None:
 
 
 def overlays(operator: Operator, look: Look) -> None:
-    """What lies over a page: the steps of the set-up, the keys, who is there, what is told, what a word means."""
+    """Show the overlays of a page: setup steps, shortcuts, people, notifications, explanations."""
     page = operator.page
     page.keyboard.press("c")
     expect(page.get_by_role("list", name=SHARED["setupSteps"])).to_be_visible()

@@ -1,4 +1,4 @@
-"""What comes after the work: runs looked back at, a trip, somebody who only watches, a service that does not answer."""
+"""States after the work: stored runs, a trip, a viewer, a service that does not respond."""
 
 import os
 import signal
@@ -15,7 +15,7 @@ STUDY_TEXTS = load_texts("pages/studies")
 
 
 def look_back(operator: Operator, look: Look) -> None:
-    """A run by itself, replayed, beside another one; all runs' metrics; a study that is done; a document."""
+    """Show one run, its replay, its comparison with another run, all metrics, a completed study, a document."""
     page = operator.page
     found = page.request.get(f"{operator.service.url}/api/runs?kind=tracking").json()["runs"]
     tracked = [run["id"] for run in found]
@@ -40,7 +40,7 @@ def look_back(operator: Operator, look: Look) -> None:
 
 
 def trip(operator: Operator, look: Look) -> None:
-    """STOP while the joint moves, seen from each page whose words change by it, and the record of it."""
+    """Press STOP during motion; show each page that changes, and the flight record."""
     page = operator.page
     operator.be_in_run()
     operator.enter("q_ref value [°]", 20.0)
@@ -60,7 +60,7 @@ def trip(operator: Operator, look: Look) -> None:
 
 
 def watch(browser: Browser, service: Service, look: Look) -> None:
-    """A viewer's pages, and what stands there when the service does not answer."""
+    """Show the pages of a viewer, and the page while the service does not respond."""
     page, _ = signed_in_as_viewer(browser, service)
     viewer = Operator(page, service)
     for name in ("operate", "identify", "banks", "experiments", "system"):

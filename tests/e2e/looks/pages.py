@@ -1,4 +1,4 @@
-"""Pages by their address, and when all that is on one has come."""
+"""Open pages by address, and wait until they are complete."""
 
 from collections.abc import Callable
 
@@ -13,19 +13,19 @@ WAITING = ("Loading …", "Loading…", "Comparing …", "Comparing…", "Predic
 
 
 def visit(operator: Operator, address: str) -> None:
-    """Open a page by what follows its #/, and wait until all of it is there."""
+    """Open a page by the part of its address after #/, and wait until it is complete."""
     operator.page.goto(f"{operator.service.url}/#/{address}")
     expect(operator.page.get_by_role("heading", level=1)).to_have_count(1)
     settled(operator.page)
 
 
 def to_the_top(page: Page) -> None:
-    """Scroll back to where a page begins: what was pressed had been scrolled to."""
+    """Scroll to the top of the page, because a click may have scrolled it."""
     page.evaluate("document.querySelectorAll('main, main *').forEach(one => one.scrollTop > 0 && one.scrollTo(0, 0))")
 
 
 def settled(page: Page) -> None:
-    """Wait until nothing says that it is still to come, and what came has been drawn."""
+    """Wait until nothing is loading and the result is drawn."""
     expect(page.get_by_role("main")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     page.wait_for_load_state("networkidle")
     for words in WAITING:

@@ -1,4 +1,4 @@
-"""Each page in each state of the service: no rule of accessibility broken, nothing cut, STOP and the mode in sight."""
+"""Accessibility and layout of each page in each state of the service; STOP and the mode are always visible."""
 
 import re
 from functools import partial
@@ -29,7 +29,7 @@ def service(fresh_service: Service) -> Service:
     return fresh_service
 
 
-@pytest.mark.timeout(2400)  # all that a service does, in real time; each wait has an end of its own
+@pytest.mark.timeout(2400)  # all states of a service in real time; each wait has its own timeout
 def test_every_page_in_every_state_passes_accessibility_and_layout_checks(browser: Browser, service: Service) -> None:
     wrong: dict[str, list[str]] = {}
 
@@ -46,7 +46,7 @@ def test_every_page_in_every_state_passes_accessibility_and_layout_checks(browse
 
 
 def misplaced(page: Page) -> list[str]:
-    """What of the page is cut, too wide, or covered where it must never be."""
+    """Return the elements that are clipped, too wide or covered."""
     faults = [f"cut: {one}" for one in cut(page, CUT)]
     if (wide := sideways(page)) > 0:
         faults.append(f"{wide:g} px too wide")
