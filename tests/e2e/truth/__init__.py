@@ -1,1 +1,1 @@
-"""A robot at the real page, and what the page shows compared with what the service says after each thing it does."""
+"""A robot operates the real page; after each action the page is compared with the service."""

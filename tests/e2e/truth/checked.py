@@ -1,4 +1,4 @@
-"""One page against one service: what differs once the page has settled."""
+"""Differences between one page and one service, once the page is up to date."""
 
 import time
 from collections.abc import Callable, Collection, Mapping
@@ -26,7 +26,7 @@ PAGES: Mapping[str, Callable[[Moment], Findings]] = {
 
 
 def differences(moment: Moment) -> Findings:
-    """What one reading of the page says otherwise than one state of the service."""
+    """Return what one reading of the page shows differently from one state of the service."""
     found = around_the_page(moment)
     found += PAGES.get(moment.shown.place, elsewhere.nothing)(moment)
     if moment.shown.is_busy:
@@ -35,16 +35,16 @@ def differences(moment: Moment) -> Findings:
 
 
 def looked_over(around: Around) -> Findings:
-    """What the page shows otherwise now than before and after it was read."""
+    """Return what the page shows differently from the states before and after the reading."""
     before, after = around.look()
     found = differences(before)
     return found and differences(after)
 
 
 def settled(around: Around, within_s: float = SETTLED_S, known: Collection[str] = ()) -> Findings:
-    """Look until page and service agree in everything at one moment, but for what is ``known`` to differ.
+    """Repeat until page and service agree completely at one moment, apart from the ``known`` differences.
 
-    Returns what still differs at the end.
+    Returns the remaining differences.
     """
     deadline = time.monotonic() + within_s
     while (found := _but(looked_over(around), known)) and time.monotonic() < deadline:
@@ -53,7 +53,7 @@ def settled(around: Around, within_s: float = SETTLED_S, known: Collection[str] 
 
 
 def lasting(around: Around, looks: int) -> Findings:
-    """What differs in each of so many looks, one after the other: nothing that was only on its way."""
+    """Return the differences that are present in ``looks`` successive readings, so that transients are excluded."""
     found = looked_over(around)
     for _ in range(looks - 1):
         around.page.wait_for_timeout(LOOK_MS)

@@ -1,4 +1,4 @@
-"""What the robot can do: deeds that the page itself offers, with how it does them, by mouse and by key as people do."""
+"""Actions of the robot that the page offers, executed by mouse or by keyboard."""
 
 import math
 import random
@@ -23,7 +23,7 @@ VOLTAGE_LIMIT = OPERATE["voltageLimitBox"]
 
 @dataclass
 class Scene:
-    """What the robot goes by: the page, as it was just read, the state, and chance."""
+    """Input of the robot: the page as just read, the state, and the random generator."""
 
     page: Page
     shown: Shown
@@ -34,7 +34,7 @@ class Scene:
     said: list[str] = field(default_factory=list)
 
     def say(self, words: str) -> None:
-        """Note what exactly is done."""
+        """Record what exactly is done."""
         self.said.append(words)
 
     @property
@@ -45,7 +45,7 @@ class Scene:
         return self.page.get_by_role("button", name=name, exact=True).first
 
     def press(self, name: str) -> None:
-        """Press a button by mouse, or by key where it has the focus."""
+        """Press a button by mouse, or by key when it has the focus."""
         button = self.button(name)
         if self.chance.random() < 0.3:
             self.say(f"{name} by key")
@@ -62,7 +62,7 @@ class Scene:
         box.press("Enter")
 
     def steer(self, name: str) -> None:
-        """Move a slider: some steps by arrows, to an end and back, or by a press on its track."""
+        """Move a slider: some steps by arrow keys, to an end and back, or by a press on its track."""
         thumb = self.page.get_by_role("slider", name=name, exact=True)
         how = self.chance.choice(("steps", "end", "left", "track"))
         if how == "steps":
@@ -86,7 +86,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Deed:
-    """Something to do: on which page, how often beside others, when, how, and what may be refused of it."""
+    """An action: its page, its relative frequency, its condition, its execution, and the refusals that it may cause."""
 
     name: str
     place: str | None
@@ -97,14 +97,14 @@ class Deed:
 
 
 def pressing(name: str, place: str | None, weight: float, refused: frozenset[int] = Never) -> Deed:
-    """Press a button that the page offers."""
+    """Return the action that presses a button of the page."""
     return Deed(name, place, weight, lambda scene: scene.shown.offers(name), lambda scene: scene.press(name), refused)
 
 
 def typing(
     label: str, weight: float, low: Callable[[State], float], high: Callable[[State], float], decimals: int
 ) -> Deed:
-    """Type a number between the bounds that the service tells."""
+    """Return the action that enters a number between the bounds of the service."""
 
     def do(scene: Scene) -> None:
         scene.type(label, scene.chance.uniform(low(scene.state), high(scene.state)), decimals)
@@ -125,13 +125,13 @@ def _offers_angle(scene: Scene) -> bool:
 
 
 def steering(name: str, weight: float) -> Deed:
-    """Move a slider of Operate."""
+    """Return the action that moves a slider of Operate."""
     return Deed(f"slider {name}", "operate", weight, lambda scene: scene.shown.offers(name),
                 lambda scene: scene.steer(name), Value)  # fmt: skip
 
 
 def switching(name: str, weight: float, refused: frozenset[int] = Never) -> Deed:
-    """Turn a switch of Operate."""
+    """Return the action that toggles a switch of Operate."""
 
     def do(scene: Scene) -> None:
         scene.say(name)
@@ -148,7 +148,7 @@ def _wall(scene: Scene) -> None:
 
 
 def _choose_motion(scene: Scene) -> None:
-    """Choose the motion that is not the active one, by mouse or by arrow."""
+    """Choose the other motion, by mouse or by arrow key."""
     present = scene.state["tuning"]["motion"]
     other = next(one for one in MOTIONS if one != present)
     choice = scene.main.get_by_role("radiogroup", name="Motion", exact=True)

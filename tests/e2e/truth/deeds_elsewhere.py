@@ -1,4 +1,4 @@
-"""What the robot does beside the page Operate: runs, banks, notes, control, STOP, and the ways of the page itself."""
+"""Actions of the robot outside of Operate: runs, banks, notes, control, STOP, and navigation."""
 
 from collections.abc import Callable
 
@@ -50,7 +50,7 @@ def _short(scene: Scene) -> None:
 
 
 def _set_loop(scene: Scene) -> None:
-    """Give the experiment a tuning of its own in some of the parts that the form offers."""
+    """Change some of the loop settings in the form of the experiment."""
     tuning, chance = scene.state["own_tuning"] or scene.state["tuning"], scene.chance
     values: dict[str, str | bool] = {
         "lam_motor": f"{chance.uniform(scene.state['tuning']['lam_motor_min'] + 1e-3, 0.15):.4f}",
@@ -75,7 +75,7 @@ def _set_loop(scene: Scene) -> None:
 
 
 def _dry_run(scene: Scene) -> None:
-    """Play the experiment dry and wait for the result, which is compared with the answer of the service then."""
+    """Start a dry run of the experiment and wait for its result, which is then compared with the service."""
     _short(scene)
     _set_loop(scene)
     with scene.page.expect_response(f"**{DRY_RUN}", timeout=DRY_RUN_TIMEOUT_MS):
@@ -83,7 +83,7 @@ def _dry_run(scene: Scene) -> None:
 
 
 def _retune_by_script(scene: Scene) -> None:
-    """Change parts of the operator's tuning that no page offers, by a script that gives up control afterwards."""
+    """Change parts of the tuning that no page offers, by a script that releases control afterwards."""
     chance, tuning = scene.chance, scene.state["tuning"]
     values = {
         "lam_motor": round(chance.uniform(tuning["lam_motor_min"] + 1e-3, 0.12), 4),
@@ -128,7 +128,7 @@ def _motors(scene: Scene) -> None:
     scene.main.get_by_role("radiogroup", name=IDENTIFY_TEXTS["kind"]).get_by_text("Motors", exact=True).click()
     _fill(scene, IDENTIFY_TEXTS["newIdentification"], {"levels": "2", "step_s": "0.3", "settle_s": "0.5"})
     start = scene.button(IDENTIFY_TEXTS["start"])
-    scene.page.wait_for_timeout(600)  # until the forecast of what now stands in the form is there
+    scene.page.wait_for_timeout(600)  # until the forecast of the current form is shown
     if start.get_attribute("aria-disabled") != "true":
         start.click()
 
@@ -154,7 +154,7 @@ def _go(scene: Scene) -> None:
 
 
 def _go_by_address(scene: Scene) -> None:
-    """Open a page by its address: of the help, or what a list leads to."""
+    """Open a page by its address: a document, or the target of a list."""
     runs = scene.around.script.get("/api/runs?limit=5").raise_for_status().json()["runs"]
     flights = scene.around.script.get("/api/flights").raise_for_status().json()["flights"]
     found = [*ADDRESSES, *(f"runs/{one['id']}" for one in runs), *(f"flights/{one['id']}" for one in flights[:2])]
@@ -168,7 +168,7 @@ def _back(scene: Scene) -> None:
     scene.say(way)
     scene.page.evaluate(f"history.{way}()")
     scene.page.wait_for_timeout(300)
-    if scene.page.url.startswith("about:"):  # before the first page of the application
+    if scene.page.url.startswith("about:"):  # before the first page of the application in the history
         scene.page.go_forward()
         scene.page.get_by_role("banner").wait_for()
 
@@ -219,7 +219,7 @@ def _angles(scene: Scene) -> None:
 
 
 def _offers(start: str) -> Callable[[Scene], bool]:
-    """Whether a button whose name begins so can be pressed."""
+    """Return whether a button with this prefix of its name is enabled."""
     return lambda scene: any(one.name.startswith(start) and one.enabled for one in scene.shown.buttons)
 
 
@@ -244,7 +244,9 @@ ELSEWHERE = (
     pressing(IDENTIFY_TEXTS["applyParameters"], "identify", 10, Value),
     Deed("undo a version of the parameters", "identify", 4, _offers(UNDO_VERSION), _undo_version, Value),
     Deed("retune by a script", None, 12, _nobody_tunes, _retune_by_script, Value),
-    Deed("activate a bank", "banks", 3, _offers(ACTIVATE), _activate, Value),  # its models may allow other λ
+    Deed(
+        "activate a bank", "banks", 3, _offers(ACTIVATE), _activate, Value
+    ),  # the models of the bank may allow other λ
     pressing(BANKS["useGeometric"], "banks", 1, Value),
     pressing("Undo change", "banks", 1),
     pressing("Redo change", "banks", 1),

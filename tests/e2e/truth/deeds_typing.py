@@ -1,4 +1,4 @@
-"""What the robot types and does not send: drafts of forms, and numbers in boxes that are left."""
+"""Input that the robot does not send: drafts of forms, and unconfirmed numbers."""
 
 from collections.abc import Callable
 
@@ -32,7 +32,7 @@ def _offered_numbers(scene: Scene) -> list[str]:
 
 
 def _leave(scene: Scene, how: str) -> None:
-    """Leave the box that has the focus. Pages that are gone to are looked at by the check that follows."""
+    """Move the focus out of the box. The next check reads the opened page."""
     page = scene.page
     if how in ("Tab", "Escape"):
         page.keyboard.press(how)
@@ -49,7 +49,7 @@ def _leave(scene: Scene, how: str) -> None:
 
 
 def leave_a_number(scene: Scene) -> None:
-    """Type a number and leave the box without Enter: nothing is sent, and the page says so while it can be seen."""
+    """Enter a number and leave the box without Enter: nothing is sent, and the page shows a message."""
     label = scene.chance.choice(_offered_numbers(scene))
     how = scene.chance.choice(WAYS_OUT)
     scene.say(f"{label} {TYPED[label]}, stored by {how}")
@@ -58,7 +58,7 @@ def leave_a_number(scene: Scene) -> None:
     before = scene.around.state()
     box.fill(TYPED[label])
     if not box.is_enabled():
-        return  # somebody or something else has the tuning now
+        return  # another person or a run has changed the tuning
     expect(box).to_have_attribute("data-unsent", "true")
     _leave(scene, how)
     scene.page.wait_for_timeout(200)
@@ -71,7 +71,7 @@ def leave_a_number(scene: Scene) -> None:
 
 
 def _is_quiet(state: dict[str, object]) -> bool:
-    """Whether neither a run nor a trial changes references and tuning by itself, and references are commanded."""
+    """Return whether no run and no trial changes references and tuning, and references are commanded."""
     in_force = state["references"]
     assert isinstance(in_force, dict)
     return state["task"] is None and state["trial"] is None and bool(in_force["in_force"])
@@ -99,7 +99,7 @@ def _type_a_draft(scene: Scene) -> None:
     box = BOXES[name]
     text, how = box.text(scene.chance), scene.chance.choice(WAYS_OUT)
     if how == "Escape":
-        how = "Tab"  # in a box Escape gives up what is typed
+        how = "Tab"  # in a box, Escape discards the input
     scene.say(f"{name} {text!r}, stored by {how}")
     box.find(scene.page).fill(text)
     scene.typed.keep(name, text)
@@ -111,7 +111,7 @@ def _has_draft(scene: Scene) -> bool:
 
 
 def _discard(scene: Scene) -> None:
-    """Press Discard, which asks: the draft is kept, or given up."""
+    """Press Discard and answer the question: retain or discard the draft."""
     marks = scene.main.get_by_role("button", name="Discard the draft of the ")
     place = scene.chance.randrange(marks.count())
     of = (marks.nth(place).get_attribute("aria-label") or "").removeprefix("Discard the draft of the ")

@@ -1,7 +1,7 @@
-"""What people type and do not send: drafts of forms, which stay, and number boxes, which are restored and say so.
+"""Unsent input: drafts of forms persist, and number boxes restore their value and show a message.
 
-The robot remembers the text of each box that it filled in as a draft. Wherever that box is in sight again it shows this
-text, after other pages, after reloads, and with another person at work in between, until the draft is discarded.
+The robot stores the text of each box that it filled in as a draft. Whenever the box is visible again it shows this
+text, after other pages, after reloads, and after actions of another person, until the draft is discarded.
 """
 
 import random
@@ -22,7 +22,7 @@ OPERATE = load_texts("pages/operate")
 
 @dataclass(frozen=True)
 class Box:
-    """A box that keeps what is typed: its page, how to find it there, and a text for it by chance."""
+    """A box with a draft: its page, its locator, and a random text for it."""
 
     place: str
     find: Callable[[Page], Locator]
@@ -69,7 +69,7 @@ BOXES: Mapping[str, Box] = {
 
 
 class Typed:
-    """What one person typed: the text of each draft, with the address where a box of that name is the same one."""
+    """The input of one person: the text of each draft, with the address that identifies the form."""
 
     def __init__(self, page: Page) -> None:
         self._page = page
@@ -82,11 +82,11 @@ class Typed:
         self._texts.pop(name, None)
 
     def known(self, place: str) -> list[str]:
-        """The drafts of a page."""
+        """Return the drafts of a page."""
         return [name for name in self._texts if BOXES[name].place == place]
 
     def lost(self) -> Findings:
-        """What a box in sight shows otherwise than it was typed."""
+        """Return the visible boxes whose text differs from their draft."""
         found, address = Findings(), _address(self._page)
         for name, (where, text) in self._texts.items():
             box = BOXES[name].find(self._page)
@@ -96,7 +96,7 @@ class Typed:
 
 
 def _plain(text: str) -> str:
-    """A number without the zeros at its end, as boxes of forms write it."""
+    """Return a number without trailing zeros, as the boxes of forms write it."""
     try:
         return f"{float(text):g}"
     except ValueError:

@@ -1,4 +1,4 @@
-"""The other pages beside the service: what runs, the queue, identifications, banks, runs, the log, the chain."""
+"""Comparison of the other pages with the service: current run, queue, identifications, banks, runs, log, chain."""
 
 import math
 from datetime import datetime
@@ -22,7 +22,7 @@ _ANGLE_FACTORS = {"mrad": 0.18 / math.pi} | dict.fromkeys(("rad", "rad/s", "radÂ
 
 
 def running(moment: Moment) -> Findings:
-    """The card of what runs: which run it is, its part, the time left, and whether it can be aborted."""
+    """Compare the card of the current run: number, part, remaining time, and whether it can be aborted."""
     found, shown, state = Findings(), moment.shown, moment.state
     task = state["task"]
     found.same("whether something is said to run", OPERATE["currentRun"] in shown.told, task is not None)
@@ -88,7 +88,7 @@ def experiments(moment: Moment) -> Findings:
 
 
 def _dry_run(found: Findings, moment: Moment) -> None:
-    """Compare the result of a dry run with what the service answered."""
+    """Compare the result of a dry run with the response of the service."""
     shown, told = moment.shown, moment.dry_run
     text = shown.all["dry_run"]
     if text is None or EXPERIMENT_TEXTS["simulating"].split("}")[1].strip(": ") in text:
@@ -118,7 +118,7 @@ def _dry_run(found: Findings, moment: Moment) -> None:
 
 
 def _parameters(found: Findings, moment: Moment) -> None:
-    """Compare the versions of the parameters, and what applying the shown identification would change."""
+    """Compare the versions of the parameters, and the changes by applying the shown identification."""
     told, tables = moment.get("/api/parameters"), moment.shown.tables
     rows = tables.get(IDENTIFY_TEXTS["versions"], [])
     for place, name in ((0, "number"), (2, "who"), (4, "digest")):
@@ -151,7 +151,7 @@ def _parameter_changes(found: Findings, rows: list[list[str]], changes: list[Sta
 
 
 def _shown_estimate(moment: Moment) -> int | None:
-    """Return the applicable estimate of the identification that is shown: that of the address, else the newest."""
+    """Return the applicable estimate of the shown identification: from the address, else the newest."""
     told = moment.get("/api/identifications")["identifications"]
     address = moment.shown.all["hash"].rpartition("/")[2]
     number = int(address) if address.isdigit() else told[0]["id"] if told else None
@@ -174,7 +174,7 @@ def identify(moment: Moment) -> Findings:
         found.same(f"whether run {one['id']} can be used for a bank", bool(box and box.enabled), may)
     _parameters(found, moment)
     start = shown.button(IDENTIFY_TEXTS["start"])
-    leaves = IDENTIFY_TEXTS["leavesRange"] in " ".join(shown.told.values())  # as the forecast says
+    leaves = IDENTIFY_TEXTS["leavesRange"] in " ".join(shown.told.values())  # as the forecast states
     if not leaves:
         found.same("whether an identification can be started", start and start.enabled, may_start(state, "identify"))
     return found
@@ -209,7 +209,7 @@ def banks(moment: Moment) -> Findings:
 
 
 def runs(moment: Moment) -> Findings:
-    """The list of all runs, or one run."""
+    """Compare the list of all runs, or one run."""
     found, number = Findings(), moment.shown.all["hash"].rpartition("/")[2]
     if number.isdigit():
         one = moment.get(f"/api/runs/{number}")
@@ -237,7 +237,7 @@ def runs(moment: Moment) -> Findings:
 
 
 def log(moment: Moment) -> Findings:
-    """Lines with words of angles are compared by their times, whom and where they lead to: those are read otherwise."""
+    """Compare the log; entries with angles only by time, person and link, as the page converts them."""
     found = Findings()
     told = moment.get("/api/log?limit=100")
     rows = moment.shown.tables.get("Log", [])
@@ -256,7 +256,7 @@ def log(moment: Moment) -> Findings:
 
 
 def system(moment: Moment) -> Findings:
-    """The safety chain, watchdog included, and the loop's figures."""
+    """Compare the safety chain with the watchdog, and the timing of the loop."""
     if moment.shown.all["hash"] != "#/system":
         return Findings()
     found, facts, state = Findings(), moment.shown.all["facts"], moment.state
@@ -293,5 +293,5 @@ def _end(state: str) -> str:
 
 
 def nothing(_moment: Moment) -> Findings:
-    """A page of which nothing hangs on the state."""
+    """Compare nothing: the page does not depend on the state."""
     return Findings()

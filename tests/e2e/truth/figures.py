@@ -1,4 +1,4 @@
-"""Whether a text with numbers in it says what the service says, as exactly as its own last digits tell it."""
+"""Compare numbers within texts with the service, to the precision of their last digits."""
 
 import re
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ Range = tuple[float, float]
 
 
 def agrees(text: str, told: float | Range) -> bool:
-    """Return whether a number as it is written may be one of ``told``: to half of its last digit."""
+    """Return whether a displayed number equals one of ``told`` within half of its last digit."""
     found = re.fullmatch(_NUMBER, text.strip())
     if found is None:
         return False
@@ -22,18 +22,18 @@ def agrees(text: str, told: float | Range) -> bool:
 
 
 def number(text: str) -> float:
-    """Return a number as it is written; raises ValueError for none."""
+    """Return a displayed number; raises ValueError for other text."""
     return float(text.strip().replace("\u2212", "-"))
 
 
 def last_digit(text: str) -> float:
-    """Return what one more in the last digit of a number is worth."""
+    """Return the value of one unit in the last digit."""
     digits, _, exponent = text.strip().replace("\u2212", "-").partition("e")
     return float(10.0 ** (int(exponent or 0) - len(digits.partition(".")[2])))
 
 
 def seconds(text: str) -> float:
-    """Return a duration as it is written: "12.3 s", "1:05 min", "1:02:03 h"."""
+    """Return the value of a displayed duration: "12.3 s", "1:05 min", "1:02:03 h"."""
     count, _unit = text.rsplit(" ", 1)
     value = 0.0
     for part in count.split(":"):
@@ -42,7 +42,7 @@ def seconds(text: str) -> float:
 
 
 def tells(text: str, template: str, told: Sequence[float | Range]) -> bool:
-    """Return whether ``text`` is the template with these values in it: {n} for a number, {d} for a duration [s]."""
+    """Return whether ``text`` is the template with these values: {n} for a number, {d} for a duration [s]."""
     kinds = _HOLE.findall(template)
     parts = [re.escape(part) for part in _HOLE.split(template)[::2]]
     pattern = parts[0]

@@ -1,4 +1,4 @@
-"""What a page shows otherwise than the service says it, in sentences that name both."""
+"""Differences between page and service, as sentences that contain both values."""
 
 from collections.abc import Sequence
 
@@ -6,30 +6,30 @@ from tests.e2e.truth.figures import Range, agrees, tells
 
 
 class Findings(list[str]):
-    """Sentences, one for each thing that differs; empty where the page tells the truth."""
+    """One sentence per difference; empty if the page agrees with the service."""
 
     def same(self, what: str, shown: object, told: object) -> None:
-        """Compare words, or whether something is so."""
+        """Compare texts or booleans."""
         if shown != told:
             self.append(f"{what}: shown {shown!r}, the service says {told!r}")
 
     def figure(self, what: str, shown: str | None, told: float | Range) -> None:
-        """Compare a number, to its own last digit."""
+        """Compare a number to the precision of its last digit."""
         if shown is None or not agrees(shown, told):
             self.append(f"{what}: shown {shown!r}, the service says {told!r}")
 
     def sentence(self, what: str, shown: str | None, template: str, *told: float | Range) -> None:
-        """Compare a text with numbers: {n} a number, {d} a duration [s]."""
+        """Compare a text with numbers: {n} for a number, {d} for a duration [s]."""
         if shown is None or not tells(shown, template, told):
             self.append(f"{what}: shown {shown!r}, the service says {template!r} of {told}")
 
     def holds(self, what: str, shown: str | None, words: str) -> None:
-        """Find words in what is shown."""
+        """Compare whether the page contains a text."""
         if shown is None or words not in shown:
             self.append(f"{what}: shown {shown!r}, which does not say {words!r}")
 
     def rows(self, what: str, shown: Sequence[Sequence[str]] | None, told: Sequence[Sequence[str]]) -> None:
-        """Compare a table, line by line."""
+        """Compare a table line by line."""
         if shown is None:
             self.append(f"{what}: not shown, the service has {len(told)} lines")
             return

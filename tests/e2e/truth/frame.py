@@ -1,4 +1,4 @@
-"""What stands around every page, compared with the service: plant, mode, timing, link, control, status line, STOP."""
+"""Comparison of the frame around every page: plant, mode, timing, link, control, status line, STOP."""
 
 from tests.e2e.page_texts import load_texts
 from tests.e2e.truth.findings import Findings
@@ -17,7 +17,7 @@ CALM = {
 
 
 def around_the_page(moment: Moment) -> Findings:
-    """Compare what is in sight whatever page is open."""
+    """Compare the elements that every page shows."""
     found, shown, state = Findings(), moment.shown, moment.state
     plant = state["plant"]
     word = BADGES.get(plant["kind"], plant["name"])
@@ -34,14 +34,16 @@ def around_the_page(moment: Moment) -> Findings:
 
 
 def _timing(found: Findings, moment: Moment) -> None:
-    """Rate, lateness and overruns, each after what it is called."""
+    """Compare rate, lateness and overruns, each with its label."""
     shown = [text.split(" ") for text in moment.shown.all["metrics"]]
     told = (
         ("rate", "kHz", "rate_Hz", 1e-3),
         ("lateness", "ms", "lateness_p99_ms", 1.0),
         ("overruns", "", "overruns", 1.0),
     )
-    found.same("number of figures of the loop", len(shown), len(told) + 1)  # the link's is the page's own
+    found.same(
+        "number of figures of the loop", len(shown), len(told) + 1
+    )  # the page measures the round-trip time itself
     for words, (what, unit, name, factor) in zip(shown, told, strict=False):
         if unit:
             found.same(f"unit of {what}", words[-1], unit)
@@ -49,7 +51,7 @@ def _timing(found: Findings, moment: Moment) -> None:
 
 
 def _control(found: Findings, moment: Moment) -> None:
-    """Compare whose control it is; each person has one page."""
+    """Compare the holder of control; each person has one page."""
     holder = moment.state["holder"]
     told = "nobody" if holder is None else "you" if moment.holds else holder["name"]
     names = [one.name for one in moment.shown.buttons if one.name.startswith("Control: ")]
@@ -88,7 +90,7 @@ def _calm(found: Findings, calm: str | None, state: State) -> None:
 
 
 def _stop(found: Findings, moment: Moment) -> None:
-    """A stop is told with its proof as long as it is latched, and nothing of it afterwards."""
+    """Compare the result of a stop: shown while it is latched, and hidden afterwards."""
     state, said = moment.state, moment.shown.told.get("Stop result", "")
     proof = state["stop_proof"]
     if state["mode"] != "tripped" or proof is None:
@@ -104,7 +106,7 @@ def _stop(found: Findings, moment: Moment) -> None:
 
 
 def title_of(task: State) -> str:
-    """Which run it is, as a person reads it."""
+    """Return the displayed title of a run."""
     kind, number, following = task["kind"].replace("_", " "), task["number"], task["following"]
     several = (following or number > 1) and (task["part"] is None or task["part"]["doing"] is None)
     place = f", {number} of {number + following}" if several else ""

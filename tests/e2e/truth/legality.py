@@ -1,4 +1,4 @@
-"""Which controls may be offered: the moves, orders and changes that the service would accept in the state it tells."""
+"""Controls that the page may offer: the mode changes and commands that the service accepts in its state."""
 
 from collections.abc import Mapping
 
@@ -16,12 +16,12 @@ MOVES = {"Pretension": "pretension", "Run": "run", "Compliance": "compliance", "
 
 
 def may_command(state: State) -> bool:
-    """Whether the person at the page commands, or takes control with the first command, as nobody holds it."""
+    """Return whether the person has control, or obtains it with the first command because it is free."""
     return bool(state[MINE])
 
 
 def legal_modes(state: State) -> list[str]:
-    """Where the loop's own table lets an operator go from here."""
+    """Return the modes to which an operator may change from the current mode."""
     mode = Mode(state["mode"])
     if not may_command(state) or not state["link"]["alive"] or (mode is Mode.OFF and state["unready"]):
         return []
@@ -32,28 +32,28 @@ def legal_modes(state: State) -> list[str]:
 
 
 def may_start(state: State, mode: str) -> bool:
-    """Whether an experiment or an identification may be started: ``JobManager._require_free`` and the table."""
+    """Return whether a run may start: ``JobManager._require_free`` and the table of modes."""
     return mode in legal_modes(state) and state["task"] is None and state["trial"] is None
 
 
 def may_retune(state: State) -> bool:
-    """Whether the operator may change the tuning: ``TuningService._require_own``."""
+    """Return whether the operator may change the tuning: ``TuningService._require_own``."""
     return may_command(state) and state["own_tuning"] is None
 
 
 def may_move(state: State) -> bool:
-    """Whether references may be set: ``ModeManager.set_references``."""
+    """Return whether references may be set: ``ModeManager.set_references``."""
     return may_command(state) and state["mode"] in PUSH_MODES and state["touch"]["felt"] is None
 
 
 def may_reject(state: State) -> bool:
-    """Whether pushes may be fed forward: ``TuningService._require_felt``."""
+    """Return whether disturbance rejection may be enabled: ``TuningService._require_felt``."""
     points = state["touch"]["learned"]
     return bool(points) and max(point["std_N"] for point in points) <= UNSEEN_F / DEVIATIONS
 
 
 def offered_on_operate(moment: Moment) -> dict[tuple[str, str], bool]:
-    """What the buttons of Operate should be, by region and name: whether they may be pressed."""
+    """Return the expected buttons of Operate by region and name, and whether they are enabled."""
     state, saved = moment.state, moment.get("/api/tuning/saved")
     touch, trial, tuning = state["touch"], state["trial"], state["tuning"]
     sweeping = bool(touch["sweep"] and touch["sweep"]["under_way"])
@@ -88,14 +88,14 @@ def offered_on_operate(moment: Moment) -> dict[tuple[str, str], bool]:
 
 
 def may_step(state: State, tuning: State | None) -> bool:
-    """Whether the last change may be taken back, or done again, to ``tuning``: ``TuningService.undo`` and ``redo``."""
+    """Return whether undo or redo to ``tuning`` is possible: ``TuningService.undo`` and ``redo``."""
     if tuning is None or state["trial"] is not None or not may_retune(state):
         return False
     return bool(tuning["k_ext"] == 0.0 or may_reject(state))
 
 
 def boxes_on_operate(state: State) -> dict[str, bool]:
-    """What the boxes, sliders and switches of Operate should be, by the beginning of their names."""
+    """Return the expected state of the boxes, sliders and switches of Operate, by prefix of their names."""
     own = may_retune(state)
     rejects = state["tuning"]["k_ext"] > 0.0
     return {
@@ -112,7 +112,7 @@ def boxes_on_operate(state: State) -> dict[str, bool]:
 
 
 def compared(found: Findings, moment: Moment, offered: Mapping[tuple[str, str], bool]) -> None:
-    """Find each of these buttons, in the state in which it should be."""
+    """Compare each of these buttons with its expected state."""
     for (region, name), should_be in offered.items():
         button = moment.shown.button(name, region)
         if button is None:

@@ -1,6 +1,6 @@
-"""The log beside the state: what changed between two states is in the log, and the log's last word is the state.
+"""Comparison of the log with the state: the log contains every change, and its last entry agrees with the state.
 
-A moment is seen as state, log, state, so that each value of the log agrees with one of the two states around it.
+Each moment is read as state, log, state, so that each value in the log agrees with one of the two states.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -21,7 +21,7 @@ Line = dict[str, Any]
 
 @dataclass(frozen=True)
 class Account:
-    """The log, newest line first, between two looks at the state."""
+    """The log, newest entry first, between two readings of the state."""
 
     before: State
     lines: Sequence[Line]
@@ -40,7 +40,7 @@ def account_of(around: Around) -> Account:
 
 
 def unlogged(earlier: Account, now: Account) -> Findings:
-    """Return what changed since ``earlier`` and is not in the log, or is in the log otherwise."""
+    """Return the changes since ``earlier`` that the log lacks or states differently."""
     found, new = Findings(), _new_lines(earlier.lines, now.lines)
     if len(new) == LINES:
         found.append(f"log: more than {LINES} lines since the action before")
@@ -56,7 +56,7 @@ def unlogged(earlier: Account, now: Account) -> Findings:
 
 
 def _new_lines(old: Sequence[Line], now: Sequence[Line]) -> list[Line]:
-    """Return the lines that were not there before; a line is known by all but what people add to it later."""
+    """Return the new entries; an entry is identified by all but its later annotations."""
     known = {_key(line) for line in old}
     return [line for line in now if _key(line) not in known]
 
@@ -66,7 +66,7 @@ def _key(line: Line) -> tuple[object, ...]:
 
 
 def _mode(found: Findings, earlier: Account, now: Account, new: Sequence[Line]) -> None:
-    """Compare the mode with the last change of mode that the log has."""
+    """Compare the mode with the last change of mode in the log."""
     modes = {state["mode"] for state in now.states}
     last = next((line["text"] for line in new if line["kind"] == "mode" and " → " in line["text"]), None)
     if last is not None:
@@ -77,7 +77,7 @@ def _mode(found: Findings, earlier: Account, now: Account, new: Sequence[Line]) 
 
 
 def _tuning(found: Findings, earlier: Account, now: Account, new: Sequence[Line]) -> None:
-    """Compare each part of the tuning with the last change of it that the log has."""
+    """Compare each part of the tuning with its last change in the log."""
     for part in PARTS:
         values = {format_part(part.name, state["tuning"][part.name]) for state in now.states}
         last = next(_changes(new, part.symbol), None)
@@ -91,7 +91,7 @@ def _tuning(found: Findings, earlier: Account, now: Account, new: Sequence[Line]
 
 
 def _changes(lines: Sequence[Line], symbol: str) -> Iterator[str]:
-    """Yield the values that a part of the tuning took, newest first, as ``TuningSettings.differences`` writes them."""
+    """Yield the values of a part of the tuning, newest first, as ``TuningSettings.differences`` formats them."""
     units = {setting.symbol: "" if setting.unit == "1" else f" {setting.unit}" for setting in PARTS}
     for line in lines:
         for one in reversed(line["text"].rpartition(": ")[2].split(", ")):
@@ -100,7 +100,7 @@ def _changes(lines: Sequence[Line], symbol: str) -> Iterator[str]:
 
 
 def _is_told_otherwise(name: str, new: Sequence[Line]) -> bool:
-    """Whether a change has a line without its values: a program's own changes, and a rejection that ends by itself."""
+    """Return whether a change has an entry without values: changes by a program, or the end of a rejection."""
     begins = ["by the program: ", "as before the program: "]
     if name == "k_ext":
         begins.append("disturbance rejection disabled")
@@ -116,7 +116,7 @@ def _told_if_changed(
     new: Sequence[Line],
     begins: tuple[str, ...] | None,
 ) -> None:
-    """Find a line for a change; ``begins`` None: a fault, a trip, or the note of a reset."""
+    """Find the entry of a change; ``begins`` None: a fault, a trip, or a reset."""
     before, after = [of(state) for state in earlier.states], [of(state) for state in now.states]
     if any(one in before for one in after):
         return
@@ -135,5 +135,5 @@ def begins_with(line: Line, begins: tuple[str, ...]) -> bool:
 
 
 def _holder(state: State) -> object:
-    """Return who holds control; a page that is loaded again goes on under another epoch, which no line says."""
+    """Return the holder of control; a reloaded page continues under another epoch without an entry."""
     return state["holder"] and (state["holder"]["name"], state["holder"]["page"])

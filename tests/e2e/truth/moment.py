@@ -1,4 +1,4 @@
-"""What the service says around the moment in which a page was read: its state before and after, the samples between."""
+"""The service at the time of a reading of the page: its state before and after, and the samples between."""
 
 import time
 from collections import deque
@@ -28,7 +28,7 @@ MINE = "may command"
 
 
 class Moment:
-    """A page as it was read, and the service around it; ``state`` is one of the two that were told."""
+    """A reading of the page and the service at that time; ``state`` is one of the two readings of the state."""
 
     def __init__(self, shown: Shown, state: State, around: "Around", rows: NDArray[np.float64], took_s: float) -> None:
         self.shown, self.state, self._around, self._rows, self._took_s = shown, state, around, rows, took_s
@@ -41,7 +41,7 @@ class Moment:
         return self._around.holds(self.state)
 
     def get(self, path: str) -> Any:
-        """What the service answers to a GET, asked once for each reading of the page."""
+        """Return the response to a GET, requested once per reading of the page."""
         if path not in self._asked:
             answer = self._around.script.get(path)
             answer.raise_for_status()
@@ -49,7 +49,7 @@ class Moment:
         return self._asked[path]
 
     def preferences(self) -> Any:
-        """What the person at the page prefers, who is not the script that asks for all else."""
+        """Return the preferences of the person at the page, who is not the person of the script."""
         if PREFERENCES not in self._asked:
             answer = self._around.page.request.get(f"{self._around.service.url}{PREFERENCES}")
             assert answer.ok, answer.text()
@@ -57,7 +57,7 @@ class Moment:
         return self._asked[PREFERENCES]
 
     def of(self, signal: str, factor: float = 1.0) -> tuple[Range | None, bool]:
-        """Between which values a signal was [SI times ``factor``], None for none; whether it was not there at times."""
+        """Return the range of a signal [SI times ``factor``], None without values, and whether it was absent."""
         column = self._column(signal) * factor
         finite = column[np.isfinite(column)]
         return (float(finite.min()), float(finite.max())) if finite.size else None, finite.size < column.size
@@ -75,18 +75,18 @@ class Moment:
         return summed
 
     def counting(self, told_s: float, *, down: bool = False) -> Range:
-        """Between which values what counts the time up, or down, may be shown, told now as ``told_s``."""
+        """Return the range of a displayed elapsed or remaining time, now reported as ``told_s``."""
         late = LATE_S + self._took_s
         return (max(0.0, told_s - self._took_s), told_s + late) if down else (max(0.0, told_s - late), told_s + late)
 
     def timing(self, name: str, factor: float = 1.0) -> Range:
-        """Between which values a figure of the loop's timing was told of late."""
+        """Return the recent range of a timing statistic of the loop."""
         values = [factor * told[name] for _, told in self._around.timings]
         return min(values), max(values)
 
 
 class Around:
-    """One page and one service, read together; ``name`` is that of the person at the page, where there are several."""
+    """One page and one service, read together; ``name`` is the person at the page, if there are several."""
 
     def __init__(self, page: Page, service: Service, name: str | None = None) -> None:
         self.page, self.service, self.name = page, service, name
@@ -105,19 +105,19 @@ class Around:
 
     @property
     def place(self) -> str:
-        """The address of the page."""
+        """Return the address of the page."""
         return self.page.url.partition("#/")[2]
 
     def state(self) -> State:
-        """What the service tells of the actuator now."""
+        """Return the current state of the service."""
         told: State = self.script.get("/api/state").raise_for_status().json()
         now = time.monotonic()
         self.timings.append((now, told["timing"]))
         while (
             len(self.timings) > 1 and now - self.timings[1][0] > _TIMING_S
-        ):  # the one before the window began holds in it
+        ):  # the last sample before the window is valid in it
             self.timings.popleft()
-        if told["link"]["starts"] != self._starts and self._starts:  # another process has another ring
+        if told["link"]["starts"] != self._starts and self._starts:  # a new control loop has another ring buffer
             self._loop.close()
             self._loop = Loop(self.service.pid)
         self._starts = told["link"]["starts"]
@@ -134,7 +134,7 @@ class Around:
             self._played = response
 
     def _read_dry_run(self) -> None:
-        """Read the newest answer to a dry run; a page that was loaded again has none, and shows none."""
+        """Read the newest response to a dry run; a reloaded page has none and shows none."""
         if self._played is not None:
             try:
                 self.dry_run = self._played.json()
@@ -143,7 +143,7 @@ class Around:
             self._played = None
 
     def look(self) -> tuple[Moment, Moment]:
-        """Read the page between two looks at the service; the moment as it was before, and as it was after."""
+        """Read the page between two readings of the state; return the moments before and after."""
         self.asked = {}
         self._read_dry_run()
         begun = time.monotonic()

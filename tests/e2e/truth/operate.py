@@ -1,4 +1,4 @@
-"""The page Operate beside the service: curves, references, tuning, wall, push, touch, and what is offered."""
+"""Comparison of Operate with the service: curves, references, tuning, obstacle, push, contact, enabled controls."""
 
 import math
 import re
@@ -21,7 +21,7 @@ _PARTS = tuple(name for name in TUNING_NAMES if name != "bank")
 
 
 def operate(moment: Moment) -> Findings:
-    """Compare all that Operate shows."""
+    """Compare everything that Operate shows."""
     found = Findings()
     _curves(found, moment)
     _references(found, moment)
@@ -35,7 +35,7 @@ def operate(moment: Moment) -> Findings:
 
 
 def _curves(found: Findings, moment: Moment) -> None:
-    """The legends tell the newest sample; it may be one of those since the page was last written."""
+    """Compare the legends with the newest samples since the last update of the page."""
     figures = moment.shown.all["figures"]
     found.same("whether there are charts", bool(figures), True)
     for title, figure in figures.items():
@@ -73,7 +73,7 @@ def _references(found: Findings, moment: Moment) -> None:
         if slider is not None and slider.value is not None:
             said = slider.value.removesuffix(unit).rstrip()
             found.figure(f"slider of {name} [{unit}]", said if "e" not in said else f"{float(said):.6f}", among)
-        if re.match(r"[-\u22120-9.]+ (…|to) ", hint):  # the range, no refusal
+        if re.match(r"[-\u22120-9.]+ (…|to) ", hint):  # the range, not a refusal
             found.same(
                 f"whether {name} is said to be only measured",
                 OPERATE["measuredOnly"] in hint,
@@ -115,7 +115,7 @@ def _tuning(found: Findings, moment: Moment) -> None:
 
 
 def _motion(found: Findings, moment: Moment) -> None:
-    """Compare the chosen motion, its voltage limit and the bounds of that."""
+    """Compare the chosen motion and its voltage limit with its bounds."""
     shown, tuning = moment.shown, moment.state["tuning"]
     for motion in MOTIONS:
         choice = shown.box(motion, "References")
@@ -127,13 +127,13 @@ def _motion(found: Findings, moment: Moment) -> None:
     if limit is not None:
         found.figure("voltage limit of the motion [V]", limit.value, tuning["u_plan"])
     hint = shown.all["refusals"].get("refusal-of-u_plan", "")
-    if " V. " in hint:  # no refusal
+    if " V. " in hint:  # not a refusal
         bounds = (tuning["u_plan_min"], tuning["u_plan_max"])
         found.sentence("bounds of the voltage limit", hint.partition(" V. ")[0], "{n} to {n}", *bounds)
 
 
 def motor_loop(lam_motor: float, told: State) -> tuple[str, list[float]]:
-    """The margins of the motor loop as a sentence with its values."""
+    """Return the margins of the motor loop as a template with its values."""
     up, down, phase = told["gain_margin"], told["gain_reduction_margin"], told["phase_margin_deg"]
     rising = "unlimited" if up is None else "{n} ({n} dB)"
     gain = rising if down is None else f"{{n}} to {rising}"
@@ -144,7 +144,7 @@ def motor_loop(lam_motor: float, told: State) -> tuple[str, list[float]]:
 
 
 def _preview_of(moment: Moment) -> str:
-    """What is previewed: what is in force, with the λ that are staged in place of theirs."""
+    """Return the previewed tuning: the active tuning with the staged λ."""
     wanted = {name: moment.state["tuning"][name] for name in ("lam_q", "lam_S", "motion", "u_plan", "k_ext")}
     wanted |= _staged(moment)
     references, limits = moment.state["references"], moment.state["limits"]
@@ -155,7 +155,7 @@ def _preview_of(moment: Moment) -> str:
 
 
 def _staged(moment: Moment) -> dict[str, float]:
-    """Return the λ that are staged, which the page alone has; the table says them to three decimals only."""
+    """Return the staged λ, which only the page has; the table shows three decimals."""
     kept: dict[str, float] = moment.shown.all["staged"]
     return {name: float(value) for name, value in kept.items()}
 
@@ -170,7 +170,7 @@ def _previews(found: Findings, moment: Moment) -> None:
 
 
 def _changes(found: Findings, moment: Moment) -> None:
-    """Boxes of λ, and the table of what is saved, in force and staged."""
+    """Compare the boxes of λ, and the table of saved, active and staged values."""
     shown, state = moment.shown, moment.state
     tuning, saved, trial = state["tuning"], moment.get("/api/tuning/saved"), state["trial"]
     table = shown.tables.get(OPERATE["tuningTable"], [])
@@ -218,7 +218,7 @@ def _part(found: Findings, what: str, text: str, name: str, told: float | bool |
 
 
 def _outside(found: Findings, moment: Moment) -> None:
-    """What acts on the joint from outside, as its cards tell it."""
+    """Compare the external force on its cards."""
     state, said, angles = moment.state, moment.shown.all["refusals"], angles_of(moment)
     wall, touch = state["wall"], state["touch"]
     told = said.get("told-of-wall", "")
@@ -264,10 +264,10 @@ def _boxes(found: Findings, moment: Moment) -> None:
 
 
 def _template(name: str) -> str:
-    """Return a text of the page with each of its fields a number."""
+    """Return a text of the page with a number for each of its fields."""
     return re.sub(r"\{\w+\}", "{n}", OPERATE[name])
 
 
 def angles_of(moment: Moment) -> str:
-    """The unit in which the signed-in person reads angles, as the service keeps it."""
+    """Return the unit of angles that the signed-in person has stored."""
     return str(moment.preferences()["angles"])

@@ -1,7 +1,7 @@
-"""A robot of two operators: random deeds that a page offers; after each both pages are compared with the service.
+"""A robot of two operators: random actions of a page; after each, both pages are compared with the service.
 
-The seed tells all of its choices; what the machine makes of them in time it does not tell, so that a run of the same
-seed does the same deeds as long as page and loop come to the same states.
+The seed determines all choices but not the timing, so that a run with the same seed repeats the actions as long as page
+and loop reach the same states.
 """
 
 import json
@@ -41,11 +41,11 @@ _BEGINNING_S = 600.0
 
 
 class UntrueError(AssertionError):
-    """The page says something otherwise than the service, or offers what is refused."""
+    """The page shows something that disagrees with the service, or offers a refused command."""
 
 
 class Person:
-    """Somebody with a name at a page of their own browser."""
+    """A person with a name and a page in an own browser."""
 
     def __init__(self, browser: Browser, service: Service, name: str) -> None:
         self.name = name
@@ -63,12 +63,12 @@ class Person:
         self.page.context.close()
 
     def untrue(self, known: Collection[str]) -> Findings:
-        """What the page shows otherwise than the service says, and what of the typed texts is lost."""
+        """Return the differences between page and service, and the lost drafts."""
         found = settled(self.around, known=known)
         return Findings([*found, *(one for one in self.typed.lost() if what_of(one) not in known)])
 
     def complaints(self) -> list[str]:
-        """What the console said, but for the refusals that are looked at by themselves."""
+        """Return the messages of the console except refusals, which are checked separately."""
         return [one for one in self.watched.complaints if "the server responded with a status of 4" not in one]
 
     def _hear(self, response: Response) -> None:
@@ -77,9 +77,9 @@ class Person:
 
 
 class Robot:
-    """One robot at the pages of two people; ``say`` is told of each deed.
+    """A robot at the pages of two people; ``say`` receives a description of each action.
 
-    It ends at the first thing that is untrue; with ``go_on`` it collects these things, each kind once.
+    It ends at the first difference; with ``go_on`` it collects the differences, each kind once.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class Robot:
             person.close()
 
     def work(self, count: int) -> None:
-        """Do so many deeds. Raises UntrueError."""
+        """Perform ``count`` actions. Raises UntrueError."""
         _give_banks(self.around)
         _identify_motors(self.around)
         self._logged = account_of(self.around)
@@ -124,7 +124,7 @@ class Robot:
             raise UntrueError(self._told("\n".join(self._collected)))
 
     def _found(self, after: str, found: Findings) -> None:
-        """Raise what is untrue, or collect it. Raises UntrueError."""
+        """Raise or collect a difference. Raises UntrueError."""
         words = f"after {after}:\n" + "\n".join(f"  {one}" for one in found)
         if not self._go_on:
             raise UntrueError(self._told(words))
@@ -142,7 +142,7 @@ class Robot:
         if deed.place is not None and deed.place != scene.shown.place:
             self._go(deed.place)
             scene = self._scene()
-            if not deed.offered(scene):  # what was trusted in is not offered there now: something else is done
+            if not deed.offered(scene):  # the expected control is not offered there now: another action is chosen
                 deed = self._chosen(scene, elsewhere=False)
         for person in self.people:
             person.refused.clear()
@@ -150,7 +150,7 @@ class Robot:
         self.say(f"{words} (mode {scene.state['mode']})")
         try:
             deed.do(scene)
-        except Error as error:  # something went out of sight by itself while it was reached for
+        except Error as error:  # the control disappeared before the action
             scene.say(f"not done: {error.message.splitlines()[0]}")
             self.page.keyboard.press("Escape")
         except AssertionError as error:
@@ -163,7 +163,7 @@ class Robot:
         self._look_at_refusals(deed, scene.state)
 
     def _chosen(self, scene: Scene, *, elsewhere: bool = True) -> Deed:
-        """One of the deeds: those of the open page if the page offers them, those of other pages on trust."""
+        """Choose an action: offered by the open page, or assumed on other pages."""
         here = scene.shown.place
         possible = [one for one in DEEDS if _there(one, here) and one.offered(scene)]
         possible += [one for one in DEEDS if elsewhere and not _there(one, here)]
@@ -176,13 +176,13 @@ class Robot:
         self._check(f"going to {name}")
 
     def _check(self, after: str) -> None:
-        """Both pages, that of who acted first."""
+        """Check both pages, that of the acting person first."""
         for person in sorted(self.people, key=lambda one: one is not self._person):
             if found := person.untrue(self._known):
                 self._found(f"{after}, at the page of {person.name} ({person.around.place})", found)
 
     def _check_log(self, after: str) -> None:
-        """Compare the log with the state; what happened last may be on its way to the log."""
+        """Compare the log with the state; the latest event may not be logged yet."""
         deadline = time.monotonic() + SETTLED_S
         while found := unlogged(self._logged, now := account_of(self.around)):
             if time.monotonic() > deadline:
@@ -217,7 +217,7 @@ def _still(state: State, name: str) -> object:
 
 
 def _ease(deed: Deed, here: str) -> float:
-    """A page that is open is worked at: going to another one for each deed would be all that is done."""
+    """Return the weight of staying on the open page, so that the robot does not only change pages."""
     return 1.0 if _there(deed, here) else 0.25
 
 
@@ -226,19 +226,19 @@ def _there(deed: Deed, here: str) -> bool:
 
 
 def _is_resumed(response: Response) -> bool:
-    """Whether a page that was loaded again asked for the control that it had, which somebody took meanwhile."""
+    """Return whether a reloaded page requested its earlier control, which another person has taken."""
     asked = response.request
     return asked.url.endswith("/api/control") and "resume" in (asked.post_data or "")
 
 
 def _body(response: Response) -> str:
-    """What was asked and refused; its text is not read, as that waits for ever once the page was loaded again."""
+    """Return the refused request; the response is not read, because that blocks after a reload."""
     request = response.request
     return f"{request.method} {request.url} {request.post_data}: {response.status}"
 
 
 def _give_banks(around: Around) -> None:
-    """Two banks to choose between: of two entries, and of one."""
+    """Create two banks: one with two entries and one with one."""
     tensions = {"wide": ((10.55, 20.0), (12.43, 30.0)), "narrow": ((10.55, 20.0),)}
     for name, points in tensions.items():
         entries = [{"S_nominal": S, "tension_N": F, **_ENTRY} for S, F in points]
@@ -247,11 +247,11 @@ def _give_banks(around: Around) -> None:
 
 
 def _identify_motors(around: Around) -> None:
-    """Identify the motors once, so that there is something to apply; the actuator is off afterwards."""
+    """Identify the motors once, so that an estimate can be applied; the actuator is off afterwards."""
     script = around.script
     script.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
     _wait_until(around, lambda state: bool(state["pretension_done"]))
-    settings = {"levels": 3, "settle_s": 0.5}  # steps too short give no model
+    settings = {"levels": 3, "settle_s": 0.5}  # shorter steps yield no model
     script.post("/api/identifications", json={"kind": "motor", **settings}).raise_for_status()
     _wait_until(around, lambda state: state["task"] is None)
     script.post("/api/mode", json={"mode": "off"}).raise_for_status()
@@ -266,13 +266,13 @@ def _wait_until(around: Around, reached: Callable[[State], bool]) -> None:
 
 
 def fresh_seed() -> int:
-    """A seed that nobody has chosen."""
+    """Return a random seed."""
     return secrets.randbelow(1_000_000)
 
 
 def robot_at_work(
     browser: Browser, service: Service, seed: int, count: int, say: Callable[[str], None], *, go_on: bool = False
 ) -> None:
-    """Let a robot do ``count`` deeds. Raises UntrueError, which tells the seed."""
+    """Let a robot perform ``count`` actions. Raises UntrueError, which states the seed."""
     with closing(Robot(browser, service, seed, say, go_on=go_on)) as robot:
         robot.work(count)

@@ -1,6 +1,6 @@
-"""All that a page shows at one moment, as text, by the names that assistive devices read out.
+"""All that a page shows at one moment, as text, by accessible names.
 
-It is read in one turn of the page: nothing in it is of another moment than the rest.
+One call reads the complete page, so that all values are of the same moment.
 """
 
 from dataclasses import dataclass
@@ -70,7 +70,7 @@ _READ = """() => {
 
 @dataclass(frozen=True)
 class Control:
-    """A button, box or slider as it is seen; ``value`` is its text, of a button whether it is pressed."""
+    """A displayed button, box or slider; ``value`` is its text, or whether a button is pressed."""
 
     name: str
     region: str | None
@@ -80,7 +80,7 @@ class Control:
 
 
 class Shown:
-    """What was read of a page; ``all`` has it by kind."""
+    """One reading of a page; ``all`` contains it by kind."""
 
     def __init__(self, read: dict[str, Any]) -> None:
         self.all = read
@@ -93,29 +93,29 @@ class Shown:
 
     @property
     def is_busy(self) -> bool:
-        """Whether something that was pressed is still on its way."""
+        """Return whether a request is in progress."""
         return any(one.busy for one in self.buttons)
 
     def button(self, name: str, region: str | None = None) -> Control | None:
-        """The first button of this name, None where there is none."""
+        """Return the first button of this name, or None."""
         return _first(self.buttons, name, region)
 
     def box(self, name: str, region: str | None = None) -> Control | None:
-        """The first box, switch or choice of this name."""
+        """Return the first box, switch or choice of this name."""
         return _first(self.boxes, name, region)
 
     def slider(self, name: str) -> Control | None:
-        """The first slider of this name."""
+        """Return the first slider of this name."""
         return _first(self.sliders, name, None)
 
     def offers(self, name: str, region: str | None = None) -> bool:
-        """Whether a button, box or slider of this name can be used now."""
+        """Return whether a button, box or slider of this name is enabled."""
         found = [one for one in (*self.buttons, *self.boxes, *self.sliders) if one.name == name]
         return any(one.enabled and not one.busy and region in (None, one.region) for one in found)
 
 
 def read(page: Page) -> Shown:
-    """Read a page as it is now."""
+    """Read the current page."""
     return Shown(page.evaluate(_READ))
 
 
