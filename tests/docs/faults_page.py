@@ -1,4 +1,4 @@
-"""docs/reference/faults.md, read by machine."""
+"""Reader of docs/reference/faults.md."""
 
 import re
 from pathlib import Path
@@ -14,7 +14,7 @@ SECTIONS = {
 
 
 def documented_ms(fault: Fault) -> int:
-    """Time from its cause within which the reaction to a fault has begun, as the page says."""
+    """Return the documented reaction time to a fault, from its cause."""
     found = re.search(r"^- Within: (\d+) ms ", SECTIONS[fault], re.MULTILINE)
     assert found is not None, fault
     return int(found[1])

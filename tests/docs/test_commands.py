@@ -1,4 +1,4 @@
-"""Commands that the documents print exist, with their options; what prints results prints JSON too."""
+"""Commands in the documents exist with their options; commands with results have a JSON output."""
 
 import re
 import shlex

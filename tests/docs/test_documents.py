@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-# Each document lies in the folder of one purpose, and docs/README.md lists it under that purpose.
+# Each document is in the folder of its purpose, and docs/README.md lists it under that purpose.
 
 DOCS = Path(__file__).parents[2] / "docs"
 SECTIONS = {
@@ -31,7 +31,7 @@ def test_the_index_lists_every_document_under_its_purpose() -> None:
 
 
 def test_documents_and_modules_named_in_the_sources_exist() -> None:
-    """A text of the program that sends somebody to a document is a link, and so is a module in a docstring."""
+    """References to documents in texts of the program, and to modules in docstrings."""
     root = DOCS.parent
     modules = [path for folder in ("backend", "plant", "migrations", "tests") for path in (root / folder).rglob("*.py")]
     sources = [path for path in modules if "tests" not in path.relative_to(root).parts]
@@ -57,7 +57,7 @@ LARGEST_API = 2_700
 
 
 def lines(folder: Path) -> int:
-    """Count the lines of a package without its catalogues of messages, which have texts and no logic."""
+    """Return the number of lines of a package without its message catalogues, which contain no logic."""
     files = [*folder.rglob("*.py"), *folder.rglob("*.pyi")]
     return sum(
         len(file.read_text(encoding="utf-8").splitlines()) for file in files if not file.name.endswith("messages.py")

@@ -1,4 +1,4 @@
-"""Computes every figure of docs/explanation/errata.md from the paper, with numpy, SciPy and python-control only."""
+"""Compute every figure of docs/explanation/errata.md from the paper, with numpy, SciPy and python-control only."""
 
 import re
 from pathlib import Path
@@ -28,7 +28,7 @@ s = control.tf("s")
 
 
 def section(name: str) -> str:
-    """One erratum with its line breaks taken out."""
+    """Return one erratum without line breaks."""
     found = re.search(rf"^## {name} .*?(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL)
     assert found, f"docs/explanation/errata.md has no section {name}"
     return " ".join(found.group().split())
@@ -39,13 +39,13 @@ def outer_gains(K: float, T: float, lam: float) -> tuple[float, float]:
 
 
 def first_order_loop(K: float, T: float, k_p: float, k_i: float) -> control.TransferFunction:
-    """Closed I-P loop from reference to output."""
+    """Return the closed I-P loop from reference to output."""
     process = K / (T * s + 1)
     return control.minreal(control.feedback(k_i / s * control.feedback(process, k_p)), verbose=False)
 
 
 def four_lag_poles(k_p: float, k_i: float) -> np.ndarray:
-    """Poles of an I-P loop around four lags of the inner loop, static gain 1."""
+    """Return the poles of an I-P loop around four lags of the inner loop with static gain 1."""
     lags = np.poly1d([LAM_MOTOR, 1]) ** 4
     return (lags * np.poly1d([1, 0]) + np.poly1d([k_p, k_i])).roots
 
@@ -61,7 +61,7 @@ def four_lag_sensitivity(lam: float) -> float:
 
 
 def inner_gains(lam: float) -> tuple[float, float, float, float]:
-    """k_p, k_i, k_d, t_f of table 2."""
+    """Return k_p, k_i, k_d, t_f of table 2."""
     D = 4 * T_m - lam
     return (
         4 * T_m**2 / (K_m * lam**2 * D),
@@ -78,7 +78,7 @@ def inner_loop(lam: float, L_over_R: float) -> np.ndarray:
 
 
 def sampled_inner_loop(lam: float) -> np.ndarray:
-    """At FREQUENCIES up to half the sampling frequency: process under a hold, the lag of the law by its exact step."""
+    """Return the loop at FREQUENCIES up to half the sampling rate: process with a hold, exact step of the lag."""
     below = np.searchsorted(FREQUENCIES, np.pi / T_s)
     z = np.exp(1j * FREQUENCIES[:below] * T_s)
     k_p, k_i, k_d, t_f = inner_gains(lam)
@@ -88,7 +88,7 @@ def sampled_inner_loop(lam: float) -> np.ndarray:
 
 
 def crossings(loop: np.ndarray) -> np.ndarray:
-    """Gains that put the loop on −1, from those at which it crosses the negative real axis."""
+    """Return the gains that place the loop on −1, from the crossings of the negative real axis."""
     at = np.flatnonzero((np.diff(np.sign(loop.imag)) != 0) & (loop.real[:-1] < 0))
     share = loop.imag[at] / (loop.imag[at] - loop.imag[at + 1])
     return np.asarray(-1 / (loop.real[at] + share * (loop.real[at + 1] - loop.real[at])))

@@ -1,4 +1,4 @@
-"""docs/reference/faults.md names every fault and limit, with the words the screen shows."""
+"""docs/reference/faults.md lists every fault and limit, with the messages of the page."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""The figures that the documents print are those that the product computes; and what tells it finds a wrong one."""
+"""Figures in the documents equal the computed ones, and the comparison detects wrong figures."""
 
 import re
 from pathlib import Path
@@ -37,7 +37,7 @@ def test_marked_tables_are_declared_and_declared_tables_are_marked_once() -> Non
 
 
 def test_every_printed_row_has_a_computation() -> None:
-    """A row that no computation gives any more would stay in the page for good."""
+    """A row without a computation would stay on the page forever."""
     for table in {place for place in DECLARED if isinstance(place, Table)}:
         keys = [table.key_of(row) for row in printed_rows(table)]
         assert len(keys) == len(set(keys)), table.name

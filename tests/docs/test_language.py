@@ -1,4 +1,4 @@
-"""Documents have short lines, and none of the phrases that plain engineering English replaces."""
+"""Documents have short lines, and contain no phrase that plain engineering English replaces."""
 
 import ast
 import re
@@ -42,7 +42,7 @@ EXCEPTIONS: dict[tuple[str, str], str] = {}
 
 
 def prose(text: str) -> list[tuple[int, str]]:
-    """Lines of a page with their numbers, without code blocks and without the targets of links."""
+    """Return the lines of a page with their numbers, without code blocks and link targets."""
     lines, fenced, before = [], False, ""
     for number, line in enumerate(text.splitlines(), 1):
         if line.startswith("```"):
@@ -54,7 +54,7 @@ def prose(text: str) -> list[tuple[int, str]]:
 
 
 def without_rejected_words(page: Path, line: str) -> str:
-    """A row of the glossary without its last cell, which lists the words that it replaces."""
+    """Return a row of the glossary without its last cell, which lists replaced words."""
     return line.rsplit("|", 2)[0] if page.name == "glossary.md" and line.startswith("|") else line
 
 
@@ -136,7 +136,7 @@ TEXT_EXCEPTIONS: dict[tuple[str, str], str] = {
 
 
 def texts(module: Path) -> list[tuple[int, str]]:
-    """Texts of a module with their lines: literals with a space that are not docstrings."""
+    """Return the texts of a module with their lines: literals with a space that are not docstrings."""
     tree = ast.parse(module.read_text(encoding="utf-8"))
     passed = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     found = []
@@ -174,7 +174,7 @@ TEMPLATE = re.compile(r"(?:GET|POST|PUT|PATCH|DELETE) /api/|.*\$.*\$|√|\s*<(?:
 
 @pytest.mark.parametrize("package", ["backend", "plant"])
 def test_texts_contain_no_unevaluated_expressions(package: str) -> None:
-    """A text split over several literals loses its values where one of them lacks its f."""
+    """A text of several literals loses its values if one of them lacks its f prefix."""
     found = [
         f"{module.relative_to(ROOT)}:{line}: {text[:80]!r}"
         for module in sorted((ROOT / package).rglob("*.py"))

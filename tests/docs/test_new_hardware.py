@@ -1,4 +1,4 @@
-"""docs/how-to/new-hardware.md names existing parts of a Plant, columns, modules, commands, code of the example."""
+"""docs/how-to/new-hardware.md names existing parts of a Plant, columns, modules, commands and example code."""
 
 import importlib
 import re
@@ -55,7 +55,7 @@ def test_code_on_the_page_equals_the_example_package_or_runs() -> None:
         return Simulator(parameters, seed)
 
     names: dict[str, Any] = {"make": make, "parameters": load_parameters("ideal")}
-    exec(used, names)  # it asserts by itself that all promises are kept
+    exec(used, names)  # the code itself asserts that all checks pass
     assert len(names["findings"]) == len(CHECKS)
 
 

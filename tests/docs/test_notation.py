@@ -1,4 +1,4 @@
-"""docs/reference/notation.md says what the code says: the same names, symbols, units and meanings."""
+"""docs/reference/notation.md agrees with the code: names, symbols, units and meanings."""
 
 import re
 from dataclasses import fields
@@ -13,7 +13,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "notation.md").read_t
 
 
 def rows(heading: str) -> list[list[str]]:
-    """Cells of the table under a heading, header left out."""
+    """Return the cells of the table under a heading, without its header."""
     part = PAGE.split(f"\n## {heading}", 1)[1].split("\n## ", 1)[0]
     lines = re.findall(r"^\|(.*)\|$", part, re.MULTILINE)
     return [[cell.strip() for cell in line.split("|")] for line in lines[2:]]

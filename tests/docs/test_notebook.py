@@ -1,4 +1,4 @@
-"""The notebook of docs/how-to/notebook.md, played from top to bottom on the running service."""
+"""The notebook of docs/how-to/notebook.md, executed from top to bottom on a running service."""
 
 import re
 from pathlib import Path
@@ -23,7 +23,7 @@ def test_the_code_blocks_of_the_notebook_run_unchanged(
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
     with running_service(tmp_path / "data") as service:
-        for count in range(2):  # the second time there is another run to compare with
+        for count in range(2):  # the second time, there is another run for the comparison
             for block in BLOCKS:
                 exec(block.replace("http://127.0.0.1:8000", service.url), names)
             until(lambda: names["sinew"].get("/api/state").json()["holder"] is None)

@@ -1,4 +1,4 @@
-"""docs/how-to/rig.md has the shipped wiring, the figures of the code, and the words of ``sinew doctor``."""
+"""docs/how-to/rig.md contains the shipped wiring, the figures of the code, and the findings of ``sinew doctor``."""
 
 import inspect
 import re

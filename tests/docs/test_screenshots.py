@@ -1,4 +1,4 @@
-"""The pictures that the documents show are few and small enough to be kept with the sources."""
+"""The screenshots of the documents are small enough for the repository."""
 
 import io
 
@@ -27,4 +27,4 @@ def test_compression_retains_size_and_sharp_edges_with_few_colours() -> None:
     assert kept.size == drawn.size
     pixels = np.asarray(kept.convert("RGB"))
     assert len(np.unique(pixels.reshape(-1, 3), axis=0)) <= FREQUENT + RARE
-    assert pixels[:40, :120].max(axis=2).min() < 60  # the ink of the text
+    assert pixels[:40, :120].max(axis=2).min() < 60  # the pixels of the text

@@ -1,4 +1,4 @@
-"""docs/reference/security.md has the numbers and costs of the code."""
+"""docs/reference/security.md agrees with the numbers and costs of the code."""
 
 import re
 from collections.abc import Iterator
@@ -22,14 +22,14 @@ from backend.settings import Settings
 from tests.docs.faults_page import SECTIONS, documented_ms
 from tests.soak.attack import kill_service, kill_watchdog, parts, tally
 
-# docs/reference/security.md has the code's numbers, and the tests and attacks that it names are there.
+# docs/reference/security.md has the numbers of the code, and the tests and attacks that it names exist.
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "reference" / "security.md").read_text(encoding="utf-8")
 
 
 def cells(heading: str, columns: int) -> list[list[str]]:
-    """Rows of the first table under a heading."""
+    """Return the rows of the first table under a heading."""
     under = PAGE.split(f"{heading}\n", 1)[1]
     rows = [line.strip("|").split("|") for line in under.splitlines() if line.startswith("|")][2:]
     return [[cell.strip() for cell in row] for row in rows if len(row) == columns]
@@ -108,14 +108,14 @@ def test_tests_and_attacks_named_on_the_page_exist() -> None:
     assert attacks == set(parts.NAMES)
 
 
-# Every route of the interface says what it may cost, and docs/reference/security.md lists those that compute.
+# Every route declares its cost, and docs/reference/security.md lists the computing routes.
 
 APPLICATION = create_app()
 METHODS = ("get", "put", "post", "delete", "patch", "head", "options", "trace")
 
 
 def described() -> set[str]:
-    """Method and path of each route of the OpenAPI document."""
+    """Return method and path of each route in the OpenAPI document."""
     paths = APPLICATION.openapi()["paths"]
     return {f"{method.upper()} {path}" for path, item in paths.items() for method in item if method in METHODS}
 
@@ -125,7 +125,7 @@ def calls(dependant: Dependant) -> set[object]:
 
 
 def who(route: APIRoute) -> str:
-    """Who may ask, by what the route depends on."""
+    """Return who may send the request, from the dependencies of the route."""
     needed = calls(route.dependant)
     if dependencies._get_actuator_operator in needed:
         return "holder of the control lease"
@@ -147,7 +147,7 @@ def routes() -> Iterator[APIRoute]:
 
 
 def asking() -> Iterator[tuple[str, str]]:
-    """Yield each route of the interface with who may ask it."""
+    """Yield each route of the interface with the people who may use it."""
     for route in routes():
         yield from ((f"{method} {route.path}", who(route)) for method in route.methods or ())
 

@@ -1,4 +1,4 @@
-"""What README, ARCHITECTURE, pages and docstrings say of the code, compared with the code."""
+"""Statements of README, ARCHITECTURE, documents and docstrings about the code, compared with the code."""
 
 import inspect
 import math
@@ -70,7 +70,7 @@ def test_all_texts_state_the_same_heartbeat_timeouts() -> None:
     assert f"{told} without a heartbeat" in supervisor._HEARTBEAT_PART.consequence
     longest_s = heartbeat.STALE_S + heartbeat.HEARTBEAT_S + process.SILENCE_S + motion_primitives.SOFT_STOP_S
     assert f"within {longest_s:.0f} s" in supervisor._LIVENESS_PART.consequence
-    # In comments and docstrings the constant is named: a number there would be held by nothing.
+    # Comments and docstrings name the constant, because no test would check a number there.
     for module in (main, heartbeat):
         assert not re.search(r"nothing for 0\.\d+ s|heartbeat every 0\.\d+ s", inspect.getsource(module)), module
 

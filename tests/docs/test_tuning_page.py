@@ -1,4 +1,4 @@
-"""docs/explanation/tuning.md: every formula of the page places the poles that the page says, as polynomials."""
+"""docs/explanation/tuning.md: every formula places the stated poles, computed with polynomials."""
 
 import math
 import re
@@ -17,7 +17,7 @@ GREEK = {"Σ": "Sum", "Π": "Pro", "λ": "lam"}
 
 
 def formulas(line: str, **known: float) -> dict[str, float]:
-    """Values of the formulas in one stretch of the page, each "name = expression", as they stand there."""
+    """Return the values of the formulas "name = expression" in one section of the page."""
     found = re.search(line, PAGE)
     assert found, line
     values = dict(known)

@@ -1,1 +1,1 @@
-"""The figures that the documents print, computed; ``make figures`` writes them into the pages."""
+"""Computations of the figures in the documents; ``make figures`` updates the documents."""

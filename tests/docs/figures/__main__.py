@@ -1,6 +1,6 @@
-"""``python -m tests.docs.figures [--write] [NAME ...]``: compute what the documents print.
+"""``python -m tests.docs.figures [--write] [NAME ...]``: compute the figures of the documents.
 
-Without ``--write`` it tells which printed figures differ and ends with 1 if any does. NAME chooses computations by a
+Without ``--write`` it prints the figures that differ and returns 1 if there are any. NAME selects computations by a
 part of their name.
 """
 
@@ -16,13 +16,13 @@ from tests.docs.figures.places import Computation, Found, PlaceError, difference
 
 
 def found_of(place: int) -> tuple[Found, float]:
-    """Return what one computation gives, and the processor time that it took [s]."""
+    """Return the result of one computation and its processor time [s]."""
     begun = time.process_time()
     return COMPUTATIONS[place].found(), time.process_time() - begun
 
 
 def main() -> int:
-    """Compute, then tell the differences or write the pages. Return the status of the command."""
+    """Compute, then print the differences or update the documents. Return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--write", action="store_true", help="write the computed figures into the documents")
     parser.add_argument("names", nargs="*", metavar="NAME", help="computations whose name contains this; all if none")
@@ -42,14 +42,14 @@ def main() -> int:
             computation = COMPUTATIONS[place]
             try:
                 found, seconds = future.result()
-            except Exception as error:  # the others go on; this one is named and counted
+            except Exception as error:  # the others continue; this one is reported and counted
                 failed += 1
                 print(f"{computation.name}: failed: {type(error).__name__}: {error}", flush=True)
                 continue
             all_found[computation] = found
             try:
                 told = differences(computation, found)
-            except PlaceError as error:  # a table with other headings is written anew, a sentence cannot be
+            except PlaceError as error:  # a table with other headings is rewritten, a sentence is not
                 told = [str(error)]
             print(f"{computation.name}: {seconds:.1f} s, {len(told)} figures differ", flush=True)
             for each in told:

@@ -77,7 +77,7 @@ REST = Table(
 
 
 def computations() -> Iterator[Computation]:
-    """Return those of the page, one for each run."""
+    """Return the computations of the page, one per run."""
     yield Computation("sines that are followed", (FOLLOWED,), followed)
     for name, table, compute in (
         ("frequency response", RESPONSE, responses),
@@ -96,7 +96,7 @@ PROSE_OF = {("ideal", LAMBDA): SWING, ("lab", LAMBDA): LOADED}
 
 
 def followed() -> Found:
-    """Return up to which frequency the voltage limit suffices for a sine of q of two amplitudes."""
+    """Return the frequencies up to which the voltage limit suffices for a sine of q of two amplitudes."""
     parameters = load_parameters("lab")
     motor, geometry = parameters.identified, parameters.geometry
 
@@ -111,7 +111,7 @@ def followed() -> Found:
 
 
 def responses(plant: str, motion: str) -> Found:
-    """Return bandwidths, measured and predicted, and the largest difference of both responses."""
+    """Return measured and predicted bandwidths, and the largest difference of the responses."""
     run = in_motion(plant, "frequency_response", motion)
     figures = {figure.name: figure.value for figure in run.played.metrics.figures}
     highest = {
@@ -138,7 +138,7 @@ def responses(plant: str, motion: str) -> Found:
 
 
 def disturbances(plant: str, motion: str) -> Found:
-    """Return the largest deviation at each stiffness under steps and impulses, and how far they are off."""
+    """Return the largest deviation at each stiffness under steps and impulses, and its prediction error."""
     run = in_motion(plant, "disturbance_battery", motion)
     pushes = measure_pushes(run.played.columns, run.plan.program(), run.in_force)
     steps, impulses, ramps = (
@@ -177,7 +177,7 @@ def _off(pushes: list[MeasuredPush]) -> str:
 
 
 def still_off(run: Experiment) -> float:
-    """Return how far a motor is from its reference as a load ends, as a share of its largest deviation under it."""
+    """Return the deviation of a motor at the end of a load, relative to its largest deviation under the load."""
     shares = []
     for side, window, _ in list_load_steps(run.plan.program()):
         error = np.abs(run.played.columns[f"theta_{side}_ref"] - run.played.columns[f"theta_{side}"])[window]
@@ -186,7 +186,7 @@ def still_off(run: Experiment) -> float:
 
 
 def rests(plant: str, motion: str) -> Found:
-    """Return the worst of all places that were held."""
+    """Return the worst values of all holds."""
     run = in_motion(plant, "hold_at_rest", motion)
     row = [
         f"`{plant}`", MOTION_NAMES[motion], f"{run.value('held_off_counts'):.2f} counts",

@@ -40,7 +40,7 @@ LOADED = Table(
 
 
 def computations() -> Iterator[Computation]:
-    """Return those of the page that look at friction."""
+    """Return the computations of the page that involve friction."""
     yield Computation("robustness, lab, long loads", (LOADED,), loaded)
     for plant in PLANTS:
         yield Computation(f"standing, {plant}", (STANDING,), partial(standing, plant))
@@ -48,7 +48,7 @@ def computations() -> Iterator[Computation]:
 
 
 def loaded() -> Found:
-    """Return where the motors of `lab` are in the second half of 20 s under a load, and of 20 s without it again."""
+    """Return the motor positions of `lab` in the second half of 20 s under a load, and of 20 s after it."""
     parameters = load_parameters("lab")
     run = experiment(parameters, "robustness", hold_s=LOADED_S)
     columns, steps = run.played.columns, list_load_steps(run.plan.program())
@@ -70,7 +70,7 @@ def loaded() -> Found:
 
 
 def standing(plant: str) -> Found:
-    """Return the largest peak to peak of joint, motors and voltages of five places, each held for a minute."""
+    """Return the largest peak-to-peak values of joint, motors and voltages over five holds of one minute."""
     parameters = load_parameters(plant)
     bench = Bench(parameters, LoopSettings())
     worst = np.zeros(4)
@@ -97,7 +97,7 @@ def standing(plant: str) -> Found:
 
 
 def stepped(plant: str) -> Found:
-    """Return how long the largest step takes to 90 % with the fastest λ_q."""
+    """Return the rise time to 90 % of the largest step with the fastest λ_q."""
     settings = LoopSettings(lam_q=0.355)
     bench = Bench(load_parameters(plant), settings)
     try:

@@ -56,17 +56,17 @@ class Runs:
 
 
 def default_plan(tension_N: float) -> ActuatorIdentificationPlan:
-    """Chips of 80 ms, 7 bits, ±1 rad, two periods."""
+    """Return the default: chips of 80 ms, 7 bits, ±1 rad, two periods."""
     return ActuatorIdentificationPlan(tension_N=tension_N)
 
 
 def paper_plan(tension_N: float) -> ActuatorIdentificationPlan:
-    """Chips of 1 ms as in the paper; amplitude, register and length are ours: ±0.5 rad, 12 bits, 20 s."""
+    """Return chips of 1 ms as in the paper; amplitude, register and length are chosen: ±0.5 rad, 12 bits, 20 s."""
     return ActuatorIdentificationPlan(tension_N=tension_N, amplitude_rad=0.5, chip_s=0.001, bits=12, periods=5)
 
 
 def played_at(parameters: PlantParameters, tension: float) -> Runs:
-    """Play all records of one tension, one after the other on one headless loop."""
+    """Execute all identifications of one tension successively on one headless loop."""
     bench = Bench(parameters)
     count = newtons_per_count(parameters, TABLE_1[tension].S)
     default = bench.play(default_plan(tension))
@@ -148,7 +148,7 @@ def motors() -> Found:
 
 
 def actuator_at(tension: float) -> Found:
-    """Return the rows of one tension in all tables of models."""
+    """Return the rows of one tension for all tables of models."""
     parameters = load_parameters("lab")
     runs = played_at(parameters, tension)
     found: dict[Place, Rows | Values] = {GAINS: [gain_row(parameters, tension, runs.default)]}
@@ -159,7 +159,7 @@ def actuator_at(tension: float) -> Found:
 
 
 def computations() -> Iterator[Computation]:
-    """Return those of the page that identify something."""
+    """Return the identifications of the page."""
     yield Computation("identified motor", (MOTOR,), motors)
     for tension in TABLE_1:
         places = (GAINS, *FIRST_ORDER.values(), *THIRD_ORDER.values())

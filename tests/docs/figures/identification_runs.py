@@ -1,4 +1,4 @@
-"""The paper's identification procedure on the simulated rig: what docs/explanation/fidelity.md is computed from."""
+"""The identification procedure of the paper on the simulated rig, for docs/explanation/fidelity.md."""
 
 import math
 
@@ -26,7 +26,7 @@ VOLTAGES = (2.0, 4.0, 6.0, 8.0)
 
 
 class Bench:
-    """One headless loop on the simulator, brought to pretension once; every experiment starts from there."""
+    """A headless loop on the simulator with pretension established; every experiment starts from there."""
 
     def __init__(self, parameters: PlantParameters, seed: int = 0) -> None:
         self._rows: list[Array] = []
@@ -37,11 +37,11 @@ class Bench:
         self._tick_until_pretension()
 
     def append(self, row: Array) -> None:
-        """Keep a sample."""
+        """Store a sample."""
         self._rows.append(row.copy())
 
     def play(self, plan: ActuatorIdentificationPlan) -> dict[str, Array]:
-        """Run a force-hold program; the columns of its excited part."""
+        """Execute a force-hold program and return the columns of its excited part."""
         self._rows.clear()
         self._order(RunProgram(plan.program()))
         while self._loop.mode is Mode.IDENTIFY:
@@ -67,7 +67,7 @@ class Bench:
 
 
 def unloaded_steps(parameters: PlantParameters) -> dict[str, list[VoltageStepRecord]]:
-    """Velocity steps of both motors with the tendons off their reels, as the encoders see them, by side."""
+    """Return velocity steps of both motors without tendons, as the encoders measure them, by side."""
     count = 2.0 * math.pi / parameters.sensors.motor_counts
     off_the_reel = AT_REST._replace(theta_A=-200.0, theta_B=-200.0)
     runs: dict[str, list[VoltageStepRecord]] = {"A": [], "B": []}
@@ -85,7 +85,7 @@ def unloaded_steps(parameters: PlantParameters) -> dict[str, list[VoltageStepRec
 
 
 def first_order_output_error(u: Array, y: Array) -> tuple[float, float, float]:
-    """K, T [s] and fit [%] of K/(T s + 1) with offset and initial state: exact least squares for each T."""
+    """Return K, T [s] and fit [%] of K/(T s + 1) with offset and initial state, by least squares for each T."""
     u, y = u - u[0], y - y[0]
     t = np.arange(u.size) * T_s
 
@@ -104,5 +104,5 @@ def first_order_output_error(u: Array, y: Array) -> tuple[float, float, float]:
 
 
 def newtons_per_count(parameters: PlantParameters, S: float) -> float:
-    """Tension [N] that moves the joint by one encoder count while theta_B stays at 0: F' r_j = S/(2 r_j)."""
+    """Return the tension [N] that moves the joint by one encoder count at theta_B = 0: F' r_j = S/(2 r_j)."""
     return S / (2.0 * parameters.geometry.r_j) * 2.0 * math.pi / parameters.sensors.joint_counts

@@ -33,20 +33,20 @@ UNLIKE = "`lab` with a cubic and a tabulated spring, zeros found from load cells
 
 
 def computations() -> Iterator[Computation]:
-    """Return those of the page, one for each plant."""
+    """Return the computations of the page, one per plant."""
     for plant, name in (("lab", "`lab`"), ("lab-stick", "`lab-stick`"), ("unlike springs", UNLIKE)):
         yield Computation(f"external force, {plant}", (OUTSIDE,), partial(row, name))
 
 
 def row(name: str) -> Found:
-    """Return what was learned and how far it is off, over all seeds."""
+    """Return the calibrated bias and its error, over all seeds."""
     parameters = zeros_off() if name == UNLIKE else load_parameters(name.strip("`"))
     learned, off, shown = zip(*(swept(parameters, seed) for seed in SEEDS), strict=True)
     return {OUTSIDE: [[name, _learned(np.array(learned)), _largest(np.array(off)), _largest(np.array(shown))]]}
 
 
 def _learned(ends: np.ndarray) -> str:
-    """Return what was learned at both ends of S, (seeds, 2) [N]: the mean, or the range where seeds differ."""
+    """Return the bias at both ends of S, (seeds, 2) [N]: the mean, or the range if seeds differ."""
     low, high = (f"{end.mean():.2f}" if np.ptp(end) < 0.1 else f"{end.min():.2f} to {end.max():.2f}" for end in ends.T)
     return f"{low} and {high} N"
 
@@ -56,9 +56,9 @@ def _largest(error: np.ndarray) -> str:
 
 
 def swept(parameters: PlantParameters, seed: int) -> tuple[tuple[float, float], list[float], list[float]]:
-    """Return what a sweep learned at the least and the largest S [N], then of each of STIFFNESSES two errors [N].
+    """Return the bias at the lowest and the highest S [N], then two errors [N] for each of STIFFNESSES.
 
-    Of the bias that was learned against the springs, and of what the outside force reads at rest against zero.
+    The errors are those of the bias relative to the springs, and of the external force at rest relative to zero.
     """
     plant = Simulator(parameters, seed)
     off: list[float] = []

@@ -36,7 +36,7 @@ ALONE = Prose(PAGE, "delay that makes the paper's figure", "Delay alone causes {
 
 
 def computations() -> Iterator[Computation]:
-    """Return those of the page that repeat an experiment of the paper."""
+    """Return the computations that repeat an experiment of the paper."""
     yield Computation("figure 7", (FIGURE_7,), figure_7)
     lab = load_parameters("lab")
     prompt = replace(lab, sensors=replace(lab.sensors, force_delay=0.0))
@@ -56,7 +56,7 @@ def computations() -> Iterator[Computation]:
 
 
 def figure_7() -> Found:
-    """Return what tracking comes to beside what the paper says of it."""
+    """Return the results of tracking with the values of the paper."""
     return {FIGURE_7: list(figure_7_rows(load_parameters("lab")))}
 
 
@@ -84,7 +84,7 @@ def figure_7_rows(parameters: PlantParameters) -> Iterator[list[str]]:
 
 
 def by_hand() -> Found:
-    """Return the row of the hand, and what a delay comes to under it."""
+    """Return the row of the pushes by hand, and the effect of a delay."""
     row = pushed_row(HAND, load_parameters("lab"), "hand")
     rate = float(row[-1])
     return {
@@ -95,7 +95,7 @@ def by_hand() -> Found:
 
 
 def by_steps() -> Found:
-    """Return the row of the steps, and what a delay comes to under them."""
+    """Return the row of the steps, and the effect of a delay."""
     row = pushed_row(STEPS, load_parameters("lab"), "steps")
     rate = float(row[-1])
     return {FIGURE_8: [row], FAST: {"rate": rate, "error": DELAY_S * rate}}
@@ -107,7 +107,7 @@ def pushed(name: str, parameters: PlantParameters, profile: str) -> Found:
 
 
 def pushed_row(name: str, parameters: PlantParameters, profile: str) -> list[str]:
-    """Return RMSE raw and aligned, the difference at rest before the first push, and how fast the pushes are."""
+    """Return raw and aligned RMSE, the difference at rest before the first push, and the speed of the pushes."""
     columns, r_j = experiment(parameters, "compliance", profile=profile).played.columns, parameters.geometry.r_j
     figures = compute_compliance_metrics(columns, r_j, LEAD_IN_S)
     pushed = round(LEAD_IN_S / T_s)
@@ -119,7 +119,7 @@ def pushed_row(name: str, parameters: PlantParameters, profile: str) -> list[str
 
 
 def loaded(plant: str) -> Found:
-    """Return one row: load, deviations of both motors, time until they are back, joint deviation, tensions."""
+    """Return one row: load, deviations of both motors, recovery time, joint deviation, tensions."""
     parameters = load_parameters(plant)
     run = experiment(parameters, "robustness")
     found = compute_robustness_metrics(

@@ -1,7 +1,7 @@
-"""Where a computed figure is printed, whether it still holds, and how the page is rewritten.
+"""Places of computed figures in the documents, their comparison, and their update.
 
-A table is printed between ``<!-- computed: NAME -->`` and ``<!-- end -->``. A figure in a sentence has no mark of its
-own: the sentence is declared here with a format field for each figure, so the text stays readable in the page.
+A table is between ``<!-- computed: NAME -->`` and ``<!-- end -->``. A figure in a sentence has no mark: this package
+declares the sentence with a format field for each figure, so that the text of the page stays readable.
 """
 
 import re
@@ -21,12 +21,12 @@ _BLOCK = re.compile(r"<!-- computed: ([^>]+?) -->\n(.*?)<!-- end -->", re.DOTALL
 
 
 class PlaceError(Exception):
-    """A page lacks a declared place, or prints it in another form."""
+    """A page lacks a declared place, or contains it in another form."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a page. The first ``key`` cells of a row name it."""
+    """A table of a page. The first ``key`` cells of a row identify it."""
 
     page: str
     name: str
@@ -34,13 +34,13 @@ class Table:
     key: int = 1
 
     def key_of(self, row: Sequence[str]) -> tuple[str, ...]:
-        """Return the cells that name a row."""
+        """Return the cells that identify a row."""
         return tuple(row[: self.key])
 
 
 @dataclass(frozen=True)
 class Prose:
-    """Figures within a sentence of a page: ``text`` is that part of it, with a format field for each figure."""
+    """Figures in a sentence of a page: ``text`` is the sentence, with a format field for each figure."""
 
     page: str
     name: str
@@ -58,7 +58,7 @@ class Prose:
         return found[0]
 
     def formatted(self, values: Values) -> dict[str, str]:
-        """Return each figure as it is printed."""
+        """Return the text of each figure."""
         specs = {field: spec for _, field, spec, _ in Formatter().parse(self.text) if field is not None}
         if specs.keys() != values.keys():
             raise PlaceError(f"{self.name} was given {sorted(values)}, it prints {sorted(specs)}")
@@ -71,14 +71,14 @@ Found = Mapping[Place, Rows | Values]
 
 @dataclass(frozen=True)
 class Computation:
-    """One computation and the places whose figures it gives; of a table it may give some of the rows."""
+    """One computation and the places of its figures; of a table it may compute only some rows."""
 
     name: str
     places: tuple[Place, ...]
     compute: Callable[[], Found]
 
     def found(self) -> Found:
-        """Return the computed rows and values. Raises PlaceError unless they are those of the declared places."""
+        """Return the computed rows and values. Raises PlaceError if they differ from the declared places."""
         found = self.compute()
         if set(found) != set(self.places):
             raise PlaceError(f"{self.name} computes {sorted(place.name for place in found)}")
@@ -91,7 +91,7 @@ def page_text(page: str) -> str:
 
 
 def printed_rows(table: Table) -> list[list[str]]:
-    """Return the rows that the page prints, cell by cell, without headings. Raises PlaceError."""
+    """Return the rows on the page, cell by cell, without headings. Raises PlaceError."""
     blocks = dict(_BLOCK.findall(page_text(table.page)))
     if table.name not in blocks:
         raise PlaceError(f"{table.page} has no block <!-- computed: {table.name} --> ... <!-- end -->")
@@ -110,7 +110,7 @@ def marked_tables(page: str) -> list[str]:
 
 
 def differences(computation: Computation, found: Found) -> list[str]:
-    """Return each printed figure that the computation no longer gives, in words. Raises PlaceError."""
+    """Return a message for each figure that differs from the computation. Raises PlaceError."""
     told = []
     for place, computed in found.items():
         for where, printed, now in _pairs(place, computed):
@@ -136,7 +136,7 @@ def _pairs(place: Place, computed: Rows | Values) -> list[tuple[str, str, str]]:
 
 
 def same(printed: str, computed: str) -> bool:
-    """Whether both say the same: words alike, each number within one unit of its last printed digit."""
+    """Return whether two texts are equal, with numbers within one unit of the last printed digit."""
     if re.split(_NUMBER, printed) != re.split(_NUMBER, computed):
         return False
     pairs = zip(re.findall(_NUMBER, printed), re.findall(_NUMBER, computed), strict=True)
@@ -159,9 +159,9 @@ def _last_digit(text: str) -> float:
 
 
 def write(all_found: Mapping[Computation, Found], declared: Sequence[Computation]) -> list[str]:
-    """Put computed figures into their pages; return the pages that changed. Raises PlaceError, with nothing written.
+    """Write computed figures to their pages; return the changed pages. Raises PlaceError before any change.
 
-    Rows of a table whose computation is not among ``all_found`` stay as they are printed.
+    Rows of a table whose computation is not in ``all_found`` are unchanged.
     """
     texts: dict[str, str] = {}
     for place in dict.fromkeys(place for found in all_found.values() for place in found):

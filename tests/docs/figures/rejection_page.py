@@ -1,4 +1,4 @@
-"""The table of docs/explanation/tuning.md on pushes: what the forecast says and what a loop on the simulator does."""
+"""The table of docs/explanation/tuning.md on pushes: the forecast, and the behaviour of a simulated loop."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -51,7 +51,7 @@ LEANING = Prose(
 
 
 def computations() -> Iterator[Computation]:
-    """Return those of the page, one for each row."""
+    """Return the computations of the page, one per row."""
     for lam_q in LAMBDAS_S:
         for k_ext in SHARES:
             yield Computation(f"held push, lam_q {lam_q:g} s, k_ext {k_ext:g}", (PUSHED,), partial(row, lam_q, k_ext))
@@ -60,7 +60,7 @@ def computations() -> Iterator[Computation]:
 
 
 def give() -> Found:
-    """Return how far the joint gives way at first: the forecast, and what is measured on `lab`."""
+    """Return the initial compliance of the joint: the forecast, and the measurement on `lab`."""
     settings = LoopSettings(lam_q=1.0, lam_S=0.345, motion=TIME_OPTIMAL, u_plan=U_PLAN_V)
     bench = Bench(load_parameters("lab"), settings)
     try:
@@ -75,7 +75,7 @@ def give() -> Found:
 
 
 def margins() -> Found:
-    """Return M_s of a joint that leans on 100 N·m/rad at λ_q = 2 s and S = 8 N·m/rad."""
+    """Return M_s of a joint in contact with 100 N·m/rad at λ_q = 2 s and S = 8 N·m/rad."""
     return {
         LEANING: {
             name: M_s(*opened(2.0, 8.0, k_ext, 100.0))
@@ -85,14 +85,14 @@ def margins() -> Found:
 
 
 def forecast_of(plant: str, settings: LoopSettings) -> PushForecast:
-    """Return what the tuning card expects of a held push."""
+    """Return the forecast of the tuning card for a held push."""
     parameters = load_parameters(plant)
     gains = build_cascade_tuning(build_tuning_command(parameters, settings, None), collect_plant_knowledge(parameters))
     return forecast_push(parameters, gains, S_REF, settings.lam_q)
 
 
 def row(lam_q: float, k_ext: float) -> Found:
-    """Return the forecast beside what is measured on each plant."""
+    """Return the forecast and the measurements on each plant."""
     settings = LoopSettings(lam_q=lam_q, lam_S=0.345, motion=TIME_OPTIMAL, u_plan=U_PLAN_V, k_ext=k_ext)
     forecasts = [forecast_of(plant, settings) for plant in PLANTS]
     back, off, slow, fast = zip(*(measured(plant, settings) for plant in PLANTS), strict=True)
@@ -113,9 +113,9 @@ def _beside(expected: float, measured: tuple[float, ...], spec: str) -> str:
 
 
 def measured(plant: str, settings: LoopSettings) -> tuple[float, float, float, float]:
-    """Return the time until the joint is back [s], how far it is off after 1 s [rad], and how hard it feels [N·m/rad].
+    """Return recovery time [s], deviation after 1 s [rad], and apparent stiffness [N·m/rad].
 
-    The last is torque over deviation of q under a sine of the same force, at FELT_HZ.
+    The apparent stiffness is torque over deviation of q under a sine of the same force, at FELT_HZ.
     """
     bench = Bench(load_parameters(plant), settings)
     try:
@@ -124,7 +124,7 @@ def measured(plant: str, settings: LoopSettings) -> tuple[float, float, float, f
         bench.advance(2.0)
         held_s = 2.0 + 8.0 * settings.lam_q
         for part_s in list_tuning_parts(held_s):
-            bench.send(ApplyPush(PUSH_N, part_s + OVERLAP_S))  # the next order replaces this one before it ends
+            bench.send(ApplyPush(PUSH_N, part_s + OVERLAP_S))  # the next command replaces this one before it ends
             bench.advance(part_s)
         off = np.abs(bench.seconds("q", held_s) - bench.seconds("q_ref", held_s))
         away = np.flatnonzero(off > NEAR_RAD + 1e-9)
@@ -141,7 +141,7 @@ def measured(plant: str, settings: LoopSettings) -> tuple[float, float, float, f
 
 
 def list_tuning_parts(seconds: float) -> list[float]:
-    """Return the times of the orders by which a push is held for so long: one order holds it for 10 s at most."""
+    """Return the times of the commands that hold a push for this duration; one command lasts at most 10 s."""
     count = int(np.ceil(seconds / LONGEST_PART_S))
     return [seconds / count] * count
 

@@ -1,4 +1,4 @@
-"""Experiments played for the documents: a headless loop, the product's program and tuning, seed 0 unless said."""
+"""Experiments for the documents: a headless loop with program and tuning of the product, seed 0 by default."""
 
 import asyncio
 from dataclasses import dataclass, replace
@@ -31,13 +31,13 @@ MOTION_NAMES = {LAMBDA: LAMBDA, TIME_OPTIMAL: f"time-optimal, {U_PLAN_V:g} V"}
 
 
 def no_bank(number: int) -> Bank:
-    """Gains come from geometry: no computation of the documents uses a bank."""
+    """Return no bank: the computations use geometric gains."""
     raise AssertionError(f"bank {number}")
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """A run that was played to its end, and what was in use."""
+    """A completed run and its active settings."""
 
     parameters: PlantParameters
     plan: ExperimentPlan
@@ -46,11 +46,11 @@ class Experiment:
 
     @property
     def in_force(self) -> EvaluationContext:
-        """What predictions of the run need."""
+        """Return the inputs of the predictions for the run."""
         return EvaluationContext(self.parameters, self.plan, self.settings.tuning)
 
     def value(self, name: str) -> float:
-        """Return a figure of the result. Raises AssertionError, with the reason, where it was not measured."""
+        """Return a metric of the result. Raises AssertionError with the reason if it was not measured."""
         figure = next(figure for figure in self.played.metrics.figures if figure.name == name)
         assert figure.value is not None, f"{name}: {figure.reason}"
         return figure.value
@@ -59,7 +59,7 @@ class Experiment:
 def experiment(
     parameters: PlantParameters, name: str, settings: LoopSettings | None = None, **values: Any
 ) -> Experiment:
-    """Play a ready-made experiment to its end; ``settings`` are the defaults unless given."""
+    """Execute a ready-made experiment; ``settings`` override the defaults."""
     plan, used = build_ready_plan(name, **values), settings or LoopSettings()
     played = simulate_in_memory(parameters, plan, used, no_bank)
     assert played.end_state == "completed", played.end_detail
@@ -67,12 +67,12 @@ def experiment(
 
 
 def in_motion(plant: str, name: str, motion: str) -> Experiment:
-    """Play a ready-made experiment on a parameter set in one of the two motions."""
+    """Execute a ready-made experiment on a parameter set with one of the two motions."""
     return experiment(load_parameters(plant), name, LoopSettings(motion=motion, u_plan=U_PLAN_V))
 
 
 class Bench:
-    """A headless loop on the simulator at which a computation holds, pushes and measures as an operator does."""
+    """A headless loop on the simulator for holds, pushes and measurements."""
 
     def __init__(self, parameters: PlantParameters, settings: LoopSettings) -> None:
         self.parameters, self.settings = parameters, settings
@@ -81,20 +81,20 @@ class Bench:
         self._loop: SimulatedLoop = make_headless_loop(parameters, replace(settings, k_ext=0.0), None, self._drain)
 
     def close(self) -> None:
-        """Let go of the plant."""
+        """Close the plant."""
         self._loop.close()
 
     def send(self, command: Command) -> None:
-        """Give a command to the loop. Raises AssertionError, with its reason, where the loop refuses it."""
+        """Send a command to the loop. Raises AssertionError with the reason if the loop refuses it."""
         answer = asyncio.run(self._loop.send(command))
         assert isinstance(answer, Accepted), answer
 
     def advance(self, seconds: float) -> None:
-        """Let the loop go on for so long."""
+        """Let the loop run for a duration."""
         asyncio.run(self._loop.advance(seconds))
 
     def hold(self, q_ref: float, S_ref: float, seconds: float) -> None:
-        """Hold references in run, from pretension if the loop is off."""
+        """Hold references in mode Run, after the pretension if the loop is off."""
         if not self._rows:
             self.send(SetMode(Mode.PRETENSION))
             self.advance(20.0)
@@ -103,7 +103,7 @@ class Bench:
         self.advance(seconds)
 
     def learn(self, S: float) -> None:
-        """Learn what the outside force reads with nothing outside, then use the rejection of the settings."""
+        """Calibrate the external force without contact, then enable disturbance rejection."""
         self.send(ConfigureContactDetection(((S, float(np.mean(self.column("F_ext_hat", 500)))),)))
         self.send(build_tuning_command(self.parameters, self.settings, None))
 
@@ -118,7 +118,7 @@ class Bench:
         return np.concatenate(rows[::-1])[-last:]
 
     def seconds(self, name: str, seconds: float) -> Array:
-        """Return a signal over the last seconds."""
+        """Return a signal over the last ``length_s`` seconds."""
         return self.column(name, round(seconds / T_s))
 
     def _drain(self, ring: Ring) -> None:

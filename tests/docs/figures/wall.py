@@ -1,4 +1,4 @@
-"""The tables of docs/explanation/fidelity.md on a wall: hits at two stiffnesses, without and with contact reaction."""
+"""The tables of docs/explanation/fidelity.md on obstacles: two stiffnesses, without and with contact reaction."""
 
 from collections.abc import Iterator
 
@@ -44,12 +44,12 @@ K_WALL = 20e3
 
 
 def computations() -> Iterator[Computation]:
-    """Return the one run that all of this is of."""
+    """Return the only run of these tables."""
     yield Computation("impact", (IMPACT, REACTION, CONTACT, LATER, SPARED), impacts)
 
 
 def impacts() -> Found:
-    """Return both tables and what the text says of them."""
+    """Return both tables and the figures of the text."""
     run = experiment(load_parameters("lab"), "impact")
     columns, geometry = run.played.columns, run.parameters.geometry
     hits = find_hits(columns, run.plan.program())
