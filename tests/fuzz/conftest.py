@@ -1,4 +1,4 @@
-"""One real service to throw things at, in a state where most of what it offers can be reached."""
+"""One real service for the fuzz tests, in a state in which most operations are possible."""
 
 import os
 from collections.abc import Iterator
@@ -29,7 +29,7 @@ def target(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
 
 @pytest.fixture(autouse=True)
 def _unharmed(target: Target) -> Iterator[None]:
-    """Whatever a test threw: the service said nothing of a traceback, its processes are the same, it answers."""
+    """After each test, the service has logged no traceback, has the same processes, and responds."""
     before = target.log_size()
     yield
     said = target.log_since(before)

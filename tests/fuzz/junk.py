@@ -1,4 +1,4 @@
-"""Requests and messages that no client of ours would send, made from a seed: the same on every run."""
+"""Invalid requests and messages from a seed: the same in every run."""
 
 import json
 import random
@@ -68,7 +68,7 @@ BODIES = (
 
 
 def request(dice: random.Random) -> bytes:
-    """One broken request; often broken in more than one place."""
+    """Return one malformed request, often with several faults."""
     line = b" ".join((dice.choice(TOKENS), dice.choice(PATHS), dice.choice(VERSIONS)))
     headers = [b"Host: 127.0.0.1", *dice.sample(HEADERS, dice.randint(0, 4))]
     if dice.random() < 0.1:
@@ -85,7 +85,7 @@ def request(dice: random.Random) -> bytes:
 
 
 def mangled(whole: bytes, dice: random.Random) -> bytes:
-    """Cut, flip, doubled or with zero bytes in it."""
+    """Return the bytes cut, with flipped bits, doubled or with zero bytes."""
     place = dice.randrange(len(whole) + 1)
     ways: tuple[Callable[[], bytes], ...] = (
         lambda: whole[:place],
@@ -98,7 +98,7 @@ def mangled(whole: bytes, dice: random.Random) -> bytes:
 
 
 def message(dice: random.Random) -> str | bytes:
-    """One message to the live stream: a ping that is wrong in some way, other JSON, text, bytes."""
+    """Return one message to the live stream: an invalid ping, other JSON, text or bytes."""
     numbers: tuple[object, ...] = (None, True, -1, 0, 2**63, 10**400, 1e308)
     values: tuple[object, ...] = (*numbers, "1", "\ud800", "\x00", [], {}, [[[[]]]], {"id": 1})
     ways: tuple[Callable[[], str | bytes], ...] = (
@@ -113,7 +113,7 @@ def message(dice: random.Random) -> str | bytes:
 
 
 def frame(dice: random.Random) -> bytes:
-    """Bytes of a websocket frame as no library makes it: reserved bits and codes, no mask, wrong lengths, bad UTF-8."""
+    """Return an invalid websocket frame: reserved bits and codes, no mask, wrong lengths, invalid UTF-8."""
     first = dice.randrange(256)
     length = dice.choice((0, 1, 5, 125, 126, 127))
     second = length | (0x80 if dice.random() < 0.7 else 0)
@@ -121,7 +121,7 @@ def frame(dice: random.Random) -> bytes:
 
 
 def upgrade(path: str, host: str, headers: dict[str, str]) -> bytes:
-    """A correct handshake of a websocket."""
+    """Return a valid websocket handshake."""
     lines = {
         "Host": host,
         "Upgrade": "websocket",
@@ -135,7 +135,7 @@ def upgrade(path: str, host: str, headers: dict[str, str]) -> bytes:
 
 
 def handshake(dice: random.Random, path: str, host: str, headers: dict[str, str]) -> bytes:
-    """A handshake that is cut, or wrong in one header."""
+    """Return a handshake that is cut or has one wrong header."""
     wrong = {
         "Sec-WebSocket-Key": ("", "x", "=" * 400, "\x00"),
         "Sec-WebSocket-Version": ("", "12", "abc", "99999999999999999999"),

@@ -1,4 +1,4 @@
-"""A real service under fuzz: furnished so that requests find something, calmed after what moves, watched."""
+"""A real service for the fuzz tests: with stored data, reset between requests, and monitored."""
 
 import socket
 import subprocess
@@ -21,7 +21,7 @@ TIMEOUT_S = 600.0
 
 
 def furnish(data: Path) -> None:
-    """Leave an identification and an experiment in the data folder, short ones, by the command line."""
+    """Store a short identification and a short experiment in the data folder, by the command line."""
     for words in (
         ["identify", "actuator", "--set", "bits=6", "--set", "periods=2"],
         ["experiment", "tracking", "--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5"],
@@ -31,7 +31,7 @@ def furnish(data: Path) -> None:
 
 
 class Target:
-    """The service, the request to it and what it answered."""
+    """The service, its clients and the counts of its responses."""
 
     summary: ClassVar[list[str]] = []
 
@@ -44,7 +44,7 @@ class Target:
         self.accepted: Counter[tuple[str, Role]] = Counter()
         self.sessions: dict[Role, requests.Session] = {role: requests.Session() for role in TOKEN_FILE}
         self._loop = self._loop_process()
-        # One for all: each client of its own would load the certificates of the system first.
+        # One client, because each new one would first load the certificates of the system.
         self._beside = httpx.Client(base_url=service.url, timeout=TIMEOUT_S)
         self.ask("POST", "/api/banks", {"name": "bench", "identifications": [1]}).raise_for_status()
 
@@ -66,14 +66,14 @@ class Target:
         return host, int(port)
 
     def authorization(self, role: Role) -> dict[str, str]:
-        """Header with the token as it is now: a request of the fuzz may have changed it."""
+        """Return the header with the current token, because a request of the fuzz may have changed it."""
         return {"Authorization": f"Bearer {(self.service.data / TOKEN_FILE[role]).read_text(encoding='ascii').strip()}"}
 
     def connect(self) -> socket.socket:
         return socket.create_connection(self.address, timeout=10.0)
 
     def ask(self, method: str, path: str, body: dict[str, Any] | None = None) -> httpx.Response:
-        """Ask as the operator, beside the fuzz."""
+        """Send a request as the operator, outside of the fuzz."""
         headers = self.authorization("operator")
         return self._beside.request(method, path, headers=headers, json=body)
 
@@ -81,9 +81,9 @@ class Target:
         return dict(self.ask("GET", "/api/state").raise_for_status().json())
 
     def calm(self) -> None:
-        """Undo what an accepted request has set going: a movement, a task, a queue, a broken part, a lease of control.
+        """Undo the effects of an accepted request: a motion, a run, a queue, an injected fault, a control lease.
 
-        So everything that moves can be in the fuzz, and what one request began does not refuse the next one.
+        This allows requests that start a motion, without refusals of the following requests.
         """
         state = self.state()
         if state["mode"] != "off" or state["task"] is not None:
@@ -96,10 +96,10 @@ class Target:
                 time.sleep(0.05)
             answer.raise_for_status()
             if state["fault"] is not None and state["fault"]["code"] == Fault.WATCHDOG_DEAD:
-                self._loop = self._loop_process()  # injected: the reset of this one starts another loop
+                self._loop = self._loop_process()  # an injected fault, whose reset starts another loop
 
     def be_in_run(self) -> None:
-        """Bring the loop to run, where it takes references and begins experiments."""
+        """Change to mode Run, in which the loop accepts references and starts experiments."""
         self.calm()
         self.ask("POST", "/api/mode", {"mode": "pretension"}).raise_for_status()
         until = time.monotonic() + TIMEOUT_S
@@ -117,16 +117,16 @@ class Target:
             return log.read().decode(errors="replace")
 
     def alive(self) -> bool:
-        """Whether service and loop are the processes that were started, and the service answers."""
+        """Return whether service and loop are the original processes and the service responds."""
         return self._loop_process() == self._loop and self.ask("GET", "/api/health").status_code == 200
 
     def memory_MB(self) -> float:
-        """Memory of the service process that is its own [MB]: its code and what it shares with the loop left out."""
+        """Return the private memory of the service process [MB], without its code and shared memory."""
         fields = dict(line.split(":", 1) for line in Path(f"/proc/{self.service.pid}/status").read_text().splitlines())
         return int(fields["RssAnon"].split()[0]) / 1024.0
 
     def note_memory(self) -> None:
-        """Keep how much memory the service has after so many requests."""
+        """Record the memory of the service after the current number of requests."""
         self.memory.append((sum(self.answers.values()), self.memory_MB()))
 
     def _loop_process(self) -> int | None:

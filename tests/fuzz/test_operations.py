@@ -1,4 +1,4 @@
-"""Each operation of the interface with what fits its schema and what does not, with either token: never a 5xx."""
+"""Each operation of the interface with valid and invalid input, with either token: no server error."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ from backend.experiments.library import experiments_by_name
 from tests.fuzz.conftest import EXAMPLES, SEED
 from tests.fuzz.target import TIMEOUT_S, Role, Target
 
-pytestmark = pytest.mark.timeout(3 * TIMEOUT_S)  # one dry run of those asked for may take its whole time
+pytestmark = pytest.mark.timeout(3 * TIMEOUT_S)  # a requested dry run may use its complete time limit
 
 CHECKS = [not_a_server_error, status_code_conformance, content_type_conformance, response_schema_conformance]
 WITH_BOUNDS = 20
@@ -44,7 +44,7 @@ THERE = [1, 2, 3]
 
 
 def aimed(document: dict[str, Any]) -> dict[str, Any]:
-    """Offer names and numbers of what is there beside all that the schema allows, which would hardly ever hit it."""
+    """Add existing names and numbers to the values that the schema allows, because random ones rarely exist."""
 
     def also(values: list[Any], described: dict[str, Any]) -> dict[str, Any]:
         return {"anyOf": [{"enum": values}, described]}

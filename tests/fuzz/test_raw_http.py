@@ -1,4 +1,4 @@
-"""Bytes on the port of the service that no client would send: refused or cut off, never a 5xx, nothing left hanging."""
+"""Invalid bytes on the port of the service: refused or closed, no server error, no hanging connection."""
 
 import random
 import re
@@ -41,9 +41,9 @@ def test_pipelined_requests_are_answered_in_order(target: Target) -> None:
 
 
 def exchange(target: Target, requests: list[bytes], answered_within_s: float = 0.0) -> list[bytes]:
-    """Send each on a connection of its own, all at once; return what came back until it fell silent or was closed.
+    """Send each request on its own connection, all at once; return the responses until silence or closing.
 
-    Those that must have an answer are listened to until they have one, ``answered_within_s`` at most.
+    Connections that must respond are read until they do, for at most ``answered_within_s``.
     """
     connections = [target.connect() for _ in requests]
     answers = dict.fromkeys(connections, b"")
@@ -71,7 +71,7 @@ def _send(connection: socket.socket, request: bytes) -> None:
     try:
         connection.sendall(request)
     except OSError:
-        return  # refused in the middle of it, which is an answer too
+        return  # refused during the transfer, which is also a response
 
 
 def _receive(connection: socket.socket) -> bytes:

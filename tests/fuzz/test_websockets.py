@@ -1,4 +1,4 @@
-"""Junk on the websockets: the live stream and the scenes drop it or close, and go on serving everybody else."""
+"""Invalid data on the websockets: live stream and scenes ignore it or close, and serve all other connections."""
 
 import asyncio
 import random
@@ -53,7 +53,7 @@ def test_random_messages_cause_no_abnormal_closure(target: Target, path: str, ro
 
 
 async def hear(socket: ClientConnection) -> None:
-    """Take whatever comes until the end: who does not read is not told of the end either."""
+    """Receive until the connection closes; without reading, the close would not be noticed."""
     with suppress(ConnectionClosed):
         async for _ in socket:
             pass

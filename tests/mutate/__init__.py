@@ -1,1 +1,1 @@
-"""Whether the tests would notice: what computes is changed in one place at a time, and its tests have to fail."""
+"""Mutation tests: the code is changed in one place at a time, and its tests have to fail."""

@@ -1,9 +1,9 @@
-"""``python -m tests.mutate``: change one place at a time in what computes, and list the changes that no test notices.
+"""``python -m tests.mutate``: change one place of the code at a time, and list the changes that no test detects.
 
-The places are spread evenly over all there are, from a start that the seed decides. Each is changed in a copy of the
-project; there all tests that reach its file run but those with a browser, the nearest and quickest first, until one
-fails. A change that makes them run for ever counts as noticed. `explained.toml` says of changes that nothing can notice
-why; these are not counted.
+The places are spread evenly over the code, from an offset that the seed determines. Each change is made in a copy of
+the project. There all tests that reach the file run except browser tests, the nearest and fastest first, until one
+fails. A change that causes an endless loop counts as detected. `explained.toml` gives the reason why no test can detect
+a change; such changes are not counted.
 """
 
 import argparse
@@ -32,12 +32,12 @@ AT_LEAST = 0.95
 
 @cache
 def all_there() -> list[Mutant]:
-    """Return each change that could be made."""
+    """Return every possible mutant."""
     return [mutant for path in sources() for mutant in mutants(path, (ROOT / path).read_text(encoding="utf-8"))]
 
 
 def chosen(count: int, seed: int) -> list[Mutant]:
-    """Return so many mutants, as evenly spread over all there are as whole numbers allow."""
+    """Return ``count`` mutants, spread as evenly as whole numbers allow."""
     there = all_there()
     step = len(there) / count
     start = random.Random(seed).random() * step
@@ -45,13 +45,13 @@ def chosen(count: int, seed: int) -> list[Mutant]:
 
 
 def explained() -> dict[tuple[str, str, str], str]:
-    """Return why no test can notice some changes, by file, line before and line after."""
+    """Return why no test can detect certain changes, by file, line before and line after."""
     listed = tomllib.loads(EXPLAINED.read_text(encoding="utf-8")).get("equivalent", [])
     return {(entry["file"], entry["before"], entry["after"]): entry["because"] for entry in listed}
 
 
 def verdicts(wanted: list[Mutant], given: argparse.Namespace) -> dict[Mutant, str]:
-    """Return what became of each mutant, as far as the minutes went."""
+    """Return the result of each mutant that was tried within the time limit."""
     until = time.monotonic() + 60.0 * given.minutes
     FOLDER.mkdir(parents=True, exist_ok=True)
     memory, files = Memory(FOLDER / "memory.json"), tracked()

@@ -1,4 +1,4 @@
-"""Which tests reach a source file: those that import what imports it, and all that start a service."""
+"""Assign tests to source files: tests that import them directly or indirectly, and all tests that start a service."""
 
 from functools import cache
 
@@ -21,42 +21,42 @@ _ELSEWHERE = {"packaging", "mutate"}
 
 
 def sources() -> list[str]:
-    """Return the files that are changed, as paths in the project; what only the installation runs computes nothing."""
+    """Return the mutated source files as paths in the project; files that only the installation runs are excluded."""
     files = [path for package in TESTED_IN for path in sorted((ROOT / package).glob("*.py"))]
     return [str(path.relative_to(ROOT)) for path in files if path.name != "compile_ahead.py"]
 
 
 def files_of_tests() -> list[str]:
-    """Return the files with tests that only compute."""
+    """Return the files of tests that only compute."""
     names = sorted(ONLY_COMPUTES - _ELSEWHERE)
     folders = [ROOT / "tests" / name for name in names if (ROOT / "tests" / name).is_dir()]
     return [str(path.relative_to(ROOT)) for folder in folders for path in sorted(folder.glob("test_*.py"))]
 
 
 def reaching(steps: dict[str, int]) -> dict[str, int]:
-    """Return the files with tests that only compute and reach a source file, and by how many imports each is away.
+    """Return the files of computing tests that reach a source file, with their distance in imports.
 
-    ``steps`` says that of the modules. Those that name the file, themselves or through what they share, are 0 away.
+    ``steps`` has the distances of the modules. Tests that import the file, also by shared modules, have distance 0.
     """
     away = {test: min((steps[m] for m in _imported(test) if m in steps), default=None) for test in files_of_tests()}
     return {test: n for test, n in away.items() if n is not None}
 
 
 def belonging_to(path: str, away: dict[str, int]) -> list[str]:
-    """Return those of the tests ``away`` that name a source file, or are of the packages where its like is tested."""
+    """Return the tests in ``away`` that import a source file directly, or are in the folder of its package."""
     folders = tuple(f"{folder}/" for folder in TESTED_IN[path.rpartition("/")[0]])
     return [test for test, n in away.items() if n == 0 or test.startswith(folders)]
 
 
 @cache
 def live_tests() -> list[str]:
-    """Return all files of tests but those with a browser: a service that one of them starts reaches every source."""
+    """Return all files of tests except browser tests: a test that starts a service reaches every source file."""
     files = [file for file in sorted((ROOT / "tests").glob("**/test_*.py")) if not {PAGE, *_ELSEWHERE} & {*file.parts}]
     return [str(file.relative_to(ROOT)) for file in files]
 
 
 def live_tests_of(path: str) -> list[str]:
-    """Return those that import a source file themselves: what a loop owes to a clock or a process is seen there."""
+    """Return the live tests that import a source file directly, which test its timing and processes."""
     module = path.removesuffix(".py").replace("/", ".")
     return [name for name in live_tests() if module in imported(ROOT / name)]
 

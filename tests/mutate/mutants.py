@@ -1,9 +1,9 @@
-"""The mutants of a source file: one operator, constant or sign changed in each.
+"""Mutants of a source file, each with one changed operator, constant or sign.
 
-Numbers below 10 grow by one, larger ones are doubled: one more of a thousand is within what a test tolerates.
-Comparisons are turned round; where one side is plainly a whole number they are moved by their boundary too, since two
-measured or computed floats are never equal. What only words depend on is left alone: docstrings, type hints, f-strings,
-what is raised or logged, decorators. So are the values of arguments that a function is compiled for.
+Numbers below 10 are increased by one, and larger ones are doubled, because tests tolerate one in a thousand.
+Comparisons are reversed. If one side is plainly an integer, their boundary is moved too, because two measured or
+computed floats are never equal. Code that affects only texts is unchanged: docstrings, type hints, f-strings,
+exceptions, log messages, decorators. So are the arguments by which a compiled function is specialized.
 """
 
 import ast
@@ -65,12 +65,12 @@ class Mutant:
     after: str
 
     def of(self, text: str) -> str:
-        """Return the file's text as this mutant has it."""
+        """Return the text of the file with this mutant."""
         return text[: self.at] + self.new + text[self.at + len(self.old) :]
 
 
 def mutants(path: str, text: str) -> list[Mutant]:
-    """Return what can be changed in the text of a file, in its order."""
+    """Return the mutants of a file in the order of its text."""
     return sorted(_Finder(path, text).found(), key=lambda mutant: (mutant.at, mutant.new))
 
 
@@ -133,10 +133,10 @@ class _Finder:
                 old = ast.get_source_segment(self._text, node) or ""
                 yield self._mutant(_start(self, node), old, repr(value + 1 if abs(value) < _LARGE else 2 * value))
             case _:
-                pass  # nothing that computes
+                pass  # no computation
 
     def _operator(self, begin: Place, end: Place, old: str, others: tuple[str, ...]) -> Iterator[Mutant]:
-        """Change the operator between two operands; parentheses may stand there too."""
+        """Change the operator between two operands, which may be in parentheses."""
         first, *rest = old.split()
         for index in range(bisect.bisect_left(self._places, begin), bisect.bisect_left(self._places, end)):
             if [token.string for token in self._tokens[index : index + 1 + len(rest)]] == [first, *rest]:
@@ -157,7 +157,7 @@ class _Finder:
         return self._starts[place[0] - 1] + place[1]
 
     def characters(self, line: int, in_bytes: int) -> Place:
-        """Return the place of a column that ast counts in bytes."""
+        """Return the position of a column that ast counts in bytes."""
         return line, len(self._lines[line - 1].encode()[:in_bytes].decode())
 
 
@@ -170,7 +170,7 @@ def _end(finder: _Finder, node: ast.AST) -> Place:
 
 
 def _is_whole(node: ast.AST) -> bool:
-    """Tell whether an operand is plainly a whole number: a literal, a length, or made of such."""
+    """Return whether an operand is plainly an integer: a literal, a length, or composed of these."""
     match node:
         case ast.Constant(value=value):
             return isinstance(value, int) and not isinstance(value, bool)

@@ -1,4 +1,4 @@
-"""What `make mutate` changes: one operator, constant or sign of what computes, and never what is only said."""
+"""Mutants of `make mutate`: one operator, constant or sign of a computation, and no text."""
 
 import ast
 import io

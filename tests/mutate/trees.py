@@ -1,8 +1,8 @@
-"""Copies of the project to change files in, and the machine code that may be kept when one is changed.
+"""Copies of the project for mutants, with the machine code that is still valid after a change.
 
-A compiled function holds what it calls, from other files too. So a changed file costs the code of all modules that
-import it, however far away; what is left is taken over from the unchanged copy. Nothing is shared: each mutant has a
-folder of its own for what is compiled for it.
+A compiled function contains the functions that it calls, also from other files. A changed file therefore invalidates
+the code of all modules that import it, directly or indirectly; the remaining code is taken from the unchanged copy.
+Nothing is shared: each mutant has its own folder for compiled code.
 """
 
 import importlib
@@ -39,20 +39,20 @@ MOST_BYTES = 6 * 1024**3
 
 
 def tracked() -> list[str]:
-    """Return the files of the project, those not committed yet too."""
+    """Return the files of the project, including uncommitted ones."""
     command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     listed = subprocess.run(command, cwd=ROOT, capture_output=True, check=True, text=True)
     return sorted(name for name in listed.stdout.split("\0") if (ROOT / name).is_file())
 
 
 class Imports:
-    """Who imports whom in the project."""
+    """The imports between the modules of the project."""
 
     def __init__(self) -> None:
         self._graph = module_graph()
 
     def steps_to(self, path: str) -> dict[str, int]:
-        """Return by how many imports modules have a file: itself 0, what imports it 1, what imports that 2."""
+        """Return the distance of modules to a file in imports: itself 0, its importers 1, their importers 2."""
         here = path.removesuffix(".py").replace("/", ".").removesuffix(".__init__")
         steps, last = {here: 0}, {here}
         while last:
@@ -63,19 +63,19 @@ class Imports:
         return steps
 
     def touched_by(self, path: str) -> set[str]:
-        """Return the file and all that import it, directly or not, as paths."""
+        """Return the file and its direct and indirect importers, as paths."""
         return {f"{module.replace('.', '/')}.py" for module in self.steps_to(path)}
 
 
 class Tree:
-    """A copy of the project at ``root``, with what is compiled in it beside it."""
+    """A copy of the project at ``root``, with its compiled code."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
         self.cache = root.with_name(f"{root.name}-compiled")
 
     def bring_up_to_date(self, files: Iterable[str]) -> None:
-        """Copy what is not as it is in the project, with its time; remove what is no longer there."""
+        """Copy the files that differ from the project, with their time stamps; delete removed ones."""
         wanted = set(files)
         for path in [path for path in self.root.rglob("*.py") if str(path.relative_to(self.root)) not in wanted]:
             path.unlink()
@@ -88,12 +88,14 @@ class Tree:
 
     @contextmanager
     def changed(self, path: str, text: str) -> Iterator[None]:
-        """Have ``text`` in a file for a while, and nothing compiled."""
+        """Replace the content of a file temporarily, with its compiled code removed."""
         file = self.root / path
         kept, times = file.read_bytes(), file.stat()
         shutil.rmtree(self.cache, ignore_errors=True)
         file.write_text(text, encoding="utf-8")
-        os.utime(file, (times.st_atime, times.st_mtime + 10.0))  # by its second Python tells it from what it knows
+        os.utime(
+            file, (times.st_atime, times.st_mtime + 10.0)
+        )  # Python detects the change by the time stamp in seconds
         try:
             yield
         finally:
@@ -101,7 +103,7 @@ class Tree:
             os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
 
     def take_over(self, base: "Tree", code_of_base: Path, touched: Collection[str]) -> None:
-        """Have of what is compiled in the base that which comes from files that are not touched; in a process here."""
+        """Take the compiled code of files that are not touched from the base; in the current process."""
         importlib.import_module("plant.compilation")
         target = Path(numba.config.CACHE_DIR)  # type: ignore[attr-defined]  # numba fills this module at run time
         for sources in (
@@ -122,7 +124,7 @@ class Tree:
                     shutil.copy2(code, new)
 
     def run(self, command: list[str], limit_s: float) -> str:
-        """Return what Python says in this copy. Raises subprocess.SubprocessError."""
+        """Return the output of Python in this copy. Raises subprocess.SubprocessError."""
         environment = os.environ | {"PYTHONPATH": str(self.root), "XDG_CACHE_HOME": str(self.cache)}
         ended = subprocess.run(
             [sys.executable, *command], cwd=self.root, env=environment, capture_output=True, text=True, check=True,
@@ -133,11 +135,11 @@ class Tree:
     def test(
         self, arguments: list[str], limit_s: float, base: "Tree | None" = None, touched: Collection[str] = ()
     ) -> tuple[int | None, str]:
-        """Run pytest in this copy; return its exit code and what it said: None where it took longer.
+        """Run pytest in this copy; return its exit code and output; the code is None after a timeout.
 
-        ``limit_s`` is of processor time: a machine with much to do kills nothing.
+        ``limit_s`` is processor time, so that a busy machine causes no timeout.
 
-        Of what is compiled in the base it has what comes from files that are not ``touched``.
+        Compiled code of files that are not ``touched`` is taken from the base.
         """
         taken = None if base is None else (base, _code_of(base), touched)
         said = self.root.with_name(f"{self.root.name}.txt")
@@ -154,7 +156,7 @@ class Tree:
         return None if code == -signal.SIGXCPU else code, said.read_text(encoding="utf-8", errors="replace")
 
     def enter(self) -> None:
-        """Make this process one that runs here: what it has loaded of the project it forgets."""
+        """Make the current process run in this copy: loaded modules of the project are removed."""
         os.chdir(self.root)
         os.environ |= {"PYTHONPATH": str(self.root), "XDG_CACHE_HOME": str(self.cache), "PYTHONDONTWRITEBYTECODE": "1"}
         sys.dont_write_bytecode = True
@@ -185,5 +187,5 @@ def _pytest(
 
 @cache
 def _code_of(tree: Tree) -> Path:
-    """Return the folder where the project keeps what it compiles in a copy; it is asked once."""
+    """Return the folder of the compiled code of a copy; determined once."""
     return Path(tree.run(["-c", "import numba, plant.compilation; print(numba.config.CACHE_DIR)"], 120.0).strip())

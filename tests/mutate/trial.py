@@ -1,4 +1,4 @@
-"""One mutant before the tests that belong to it."""
+"""Run the tests of one mutant."""
 
 import hashlib
 import json
@@ -29,7 +29,7 @@ SURVIVED, HUNG = "survived", "hung"
 
 
 class Memory:
-    """What earlier runs found, in a file: how long tests take on what is not changed, and which mutants they killed."""
+    """Results of earlier runs in a file: durations of tests without changes, and detected mutants."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._lock = path, threading.Lock()
@@ -45,13 +45,13 @@ class Memory:
 
 
 def digest(files: Iterable[str]) -> str:
-    """Return what tells one state of some files from another."""
+    """Return a value that identifies the state of some files."""
     content = b"".join(name.encode() + (ROOT / name).read_bytes() for name in sorted(files))
     return hashlib.sha256(content).hexdigest()[:16]
 
 
 class Trials:
-    """Mutants before their tests: ``base`` is the copy in which nothing is changed, and how long its tests take."""
+    """Trials of mutants: ``base`` is the unchanged copy, in which the durations are measured."""
 
     def __init__(self, base: Tree, memory: Memory, sources: str, limit_s: float, most_steps: int) -> None:
         self._base, self._memory, self._sources = base, memory, sources
@@ -59,7 +59,7 @@ class Trials:
         self._imports, self._lock = Imports(), threading.Lock()
 
     def verdict(self, mutant: Mutant, tree: Tree) -> str:
-        """Return what killed a mutant, or that it survived. Raises ValueError where a test fails without it too."""
+        """Return the test that detected a mutant, or that it survived. Raises ValueError if a test fails without it."""
         text = (ROOT / mutant.path).read_text(encoding="utf-8")
         with tree.changed(mutant.path, mutant.of(text)):
             for some, lane in self._stages(mutant.path):
@@ -70,7 +70,7 @@ class Trials:
         return SURVIVED
 
     def _stages(self, path: str) -> Iterator[tuple[list[str], tuple[str, ...]]]:
-        """Yield the tests that can reach a file, those first that are near and quick, with the lane that each needs."""
+        """Yield the tests that can reach a file, the near and fast ones first, with their lane."""
         steps = self._imports.steps_to(path)
         away = {test: n for test, n in reaching(steps).items() if n <= self._most_steps}
         near = belonging_to(path, away)
@@ -85,7 +85,7 @@ class Trials:
 
     def _killed_by(self, tests: list[str], lane: tuple[str, ...], tree: Tree, touched: set[str]) -> str:
         code, said = tree.test([*PYTEST, *lane, *tests], self._limit_s, self._base, touched)
-        if lane is LIVE and code not in (0, NO_TESTS):  # what only a busy machine fails, it does not fail again
+        if lane is LIVE and code not in (0, NO_TESTS):  # a failure caused by a busy machine does not repeat
             failed = re.search(_FAILED, said, re.MULTILINE)
             again = tests if failed is None else [failed[1]]
             code, said = tree.test([*PYTEST, *again], self._limit_s, self._base, touched)
@@ -110,14 +110,14 @@ class Trials:
                 self._memory.put(self._key(test), time.monotonic() - begun)
 
     def _require_within_limit(self, tests: list[str], lane: tuple[str, ...]) -> None:
-        """Raise ValueError where these tests take longer than the limit with nothing changed: then no mutant hung."""
+        """Raise ValueError if these tests exceed the limit without a mutant."""
         with self._lock:
             code, _ = self._base.test([*PYTEST, *lane, *tests], self._limit_s)
         if code is None:
             raise ValueError(f"{' '.join(tests)} take longer than {self._limit_s:.0f} s with nothing changed")
 
     def _seconds(self, test: str) -> float:
-        """Return how long a file of tests takes; a guess where that is not known: a second for 1000 characters."""
+        """Return the duration of a file of tests; unknown ones are estimated as one second per 1000 characters."""
         return float(self._memory.get(self._key(test)) or len((ROOT / test).read_bytes()) / 1e3)
 
     def _key(self, test: str) -> str:
