@@ -1,5 +1,6 @@
-"""``python -m tests.bench [PART ...]``: performance as ratios of figures taken in the same run, so that it reads alike
-on any machine. Ends with 1 if a bound is missed.
+"""``python -m tests.bench [PART ...]``: performance as ratios of values from the same run.
+
+The ratios are comparable between machines. Returns 1 if a bound is missed.
 """
 
 import sys

@@ -11,10 +11,10 @@ _Result = TypeVar("_Result")
 def run_batch(runs: Iterable[Callable[[], _Result]], workers: int | None = None) -> list[_Result]:
     """Call each of ``runs`` and return their results in order; ``workers`` defaults to the number of cores.
 
-    For runs that spend their time in ``backend.tuning.simulation`` and its like: compiled, they leave Python's lock to
-    each other, so that threads use all cores and nothing has to be copied between processes. Let a run reduce its
-    trajectory to what is wanted, for all results are kept. The result does not depend on ``workers``. The first error
-    of a run is raised after the runs already begun have ended; the others are not begun.
+    For runs that use compiled code like ``backend.tuning.simulation``, which releases the lock of Python: threads use
+    all cores, and no data are copied between processes. All results are retained, so a run should return only the
+    required values. The result does not depend on ``workers``. The first error of a run is raised after the started
+    runs have ended; the others are not started.
     """
     with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
         return list(pool.map(lambda run: run(), runs))

@@ -1,4 +1,4 @@
-"""The twins in C: twin.c runs on what ``backend.tuning.simulation.simulate`` runs on, pacing_twin.c only waits."""
+"""Twins in C: twin.c simulates like ``backend.tuning.simulation.simulate``, pacing_twin.c only waits."""
 
 import ctypes
 import shutil
@@ -22,14 +22,14 @@ class CompilerMissingError(RuntimeError):
 
 
 class PacingTwin:
-    """A bare loop in C that waits for one deadline after the other, compiled by gcc into ``folder``."""
+    """A loop in C that only waits for deadlines, compiled by gcc into ``folder``."""
 
     def __init__(self, folder: Path) -> None:
         self._program = folder / "pacing_twin"
         _compile(PACING, self._program, "-std=gnu11", "-O3")
 
     def lateness_us(self, periods: int, priority: int, period_s: float) -> Array:
-        """Let it wait at ``priority`` of SCHED_FIFO, 0 for ordinary; how late each period was [µs]."""
+        """Wait for the deadlines at ``priority`` of SCHED_FIFO, 0 for normal; return the lateness per period [µs]."""
         command = [str(self._program), str(periods), str(priority), str(round(1e9 * period_s))]
         said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
         return 1e-3 * np.array([float(line) for line in said.split()])
@@ -53,13 +53,13 @@ class CTwin:
         inputs: ClosedLoopInputs,
         out: Array,
     ) -> int:
-        """As ``closed_loop.simulate``; returns the tick at which the safety module tripped, or −1."""
+        """Simulate like ``closed_loop.simulate``; return the tick of a trip of the safety module, or −1."""
         structs = [struct_of(value) for value in (rig, tuning, x, controller, inputs)]
         return int(self._simulate(*map(ctypes.byref, structs), _pointer(out)))
 
 
 def struct_of(value: Any) -> ctypes.Structure:
-    """C struct with the fields of a NamedTuple, in order: an array as pointer and shape, None as nothing."""
+    """Return a C struct with the fields of a NamedTuple: arrays as pointer and shape, None as nothing."""
     fields: list[tuple[str, Any]] = []
     values: list[Any] = []
     for name, part in value._asdict().items():

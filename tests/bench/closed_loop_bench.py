@@ -1,4 +1,4 @@
-"""How fast the offline closed loop is: against a C twin, against python-control, and over the cores."""
+"""Speed of the offline closed loop: relative to a C twin, to python-control, and over the cores."""
 
 import math
 import tempfile
@@ -38,28 +38,28 @@ BLOCKS = 10
 
 
 class DisagreementError(AssertionError):
-    """Two computations of the same closed loop differ: their times must not be compared."""
+    """Two computations of the same closed loop differ, so that their times are not comparable."""
 
 
 def bench(console: Console) -> bool:
-    """Print the ratios of this part; whether all bounds are met."""
+    """Print the ratios of this part; return whether all bounds are met."""
     return print_ratios(console, "Offline closed loop", [*_against_c(), _against_python_control(), _over_cores()])
 
 
 def timed(function: Callable[[], _Result]) -> tuple[float, _Result]:
-    """Wall-clock time of one call [s], and what it returned."""
+    """Return the wall-clock time of one call [s] and its result."""
     start = time.perf_counter()
     result = function()
     return time.perf_counter() - start, result
 
 
 def seconds(function: Callable[[], object]) -> float:
-    """Wall-clock time of one call [s]."""
+    """Return the wall-clock time of one call [s]."""
     return timed(function)[0]
 
 
 def steps(ticks: int) -> tuple[simulation.Array, simulation.Array]:
-    """References (ticks,) of a position step and a stiffness step, at an eighth and at half of the time."""
+    """Return references (ticks,) of a position step and a stiffness step, at an eighth and at half of the time."""
     q_ref, S_ref = np.full(ticks, -HIGH), np.full(ticks, 10.0)
     q_ref[ticks // 8 :] = HIGH
     S_ref[ticks // 2 :] = 14.0

@@ -1,4 +1,4 @@
-"""Four one-hour runs beside each other: from opening the page to the first picture of all, in a real browser."""
+"""Comparison of four runs of one hour: time from opening the page to the first picture, in a real browser."""
 
 import tempfile
 import time
@@ -27,7 +27,7 @@ _DRAWN = """
 
 
 def bench(console: Console) -> bool:
-    """Print how long the first picture takes; whether it keeps the bound."""
+    """Print the time to the first picture; return whether it is within the bound."""
     with tempfile.TemporaryDirectory() as folder:
         numbers = [record_an_hour(Path(folder)) for _ in range(RUNS)]
         with running_service(Path(folder)) as service, chromium() as browser:
@@ -49,7 +49,7 @@ def bench(console: Console) -> bool:
 
 
 def picture_ms(page: Page, numbers: list[int], how: str) -> float:
-    """Return how long the page takes [ms] from the change of its address to curves of all runs."""
+    """Return the time [ms] from the change of the address to the curves of all runs."""
     page.evaluate("address => { location.hash = address }", f"/runs/{numbers[0]}")
     page.wait_for_function("document.querySelector('[data-role=\"value-q\u2032\"]') === null")
     address = f"/runs/{numbers[0]}/{','.join(map(str, numbers[1:]))}{how}"

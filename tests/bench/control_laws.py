@@ -1,4 +1,4 @@
-"""The cascade beside its two baselines: the paper's tracking experiment, the same speed asked of all three."""
+"""The cascade and its two baselines: the tracking experiment of the paper at the same requested speed."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -60,7 +60,7 @@ COLUMNS: dict[str, tuple[str, Callable[[OverallMetrics], float | None]]] = {
 
 
 def bench(console: Console) -> bool:
-    """Print the comparison; there is no bound to miss."""
+    """Print the comparison, which has no bound."""
     title = f"Control laws, tracking experiment, λ_q = {LAMBDAS.lam_q:g} s, λ_S = {LAMBDAS.lam_S:g} s"
     note = "20 % off: springs stiffer and motors weaker by a fifth than the law knows"
     table = Table(title=title, title_justify="left", title_style="bold", caption=note, caption_justify="left")
@@ -77,7 +77,7 @@ def bench(console: Console) -> bool:
 
 
 def plants() -> dict[str, tuple[PlantParameters, PlantParameters]]:
-    """Return by name the plant as it is and as the law knows it."""
+    """Return by name the plant and the plant that the law assumes."""
     ideal, lab = load_parameters("ideal"), load_parameters("lab")
     sides = lab.asymmetry
     off = replace(
@@ -95,7 +95,7 @@ def plants() -> dict[str, tuple[PlantParameters, PlantParameters]]:
 
 
 def tracking(play: Law, true: PlantParameters, known: PlantParameters) -> list[str]:
-    """Play the tracking experiment; one cell per entry of COLUMNS."""
+    """Run the tracking experiment; return one cell per entry of COLUMNS."""
     plan = build_ready_plan("tracking")
     q_ref, S_ref = references(plan)
     trajectory = play(true, known, q_ref, S_ref, np.zeros(q_ref.size))
@@ -109,7 +109,7 @@ def tracking(play: Law, true: PlantParameters, known: PlantParameters) -> list[s
 
 
 def pushed(play: Law, true: PlantParameters, known: PlantParameters) -> str:
-    """Push the standing joint for 3 s; the cell that says how far it gives way at most."""
+    """Push the joint at rest for 3 s; return the cell with its largest deviation."""
     ticks = 4000
     F_push = np.where(np.arange(ticks) < 1000, 0.0, PUSH_N)
     trajectory = play(true, known, np.zeros(ticks), np.full(ticks, 10.0), F_push)
@@ -117,7 +117,7 @@ def pushed(play: Law, true: PlantParameters, known: PlantParameters) -> str:
 
 
 def references(plan: ExperimentPlan) -> tuple[Array, Array]:
-    """Return q_ref and S_ref (ticks,) of the whole program, from its first reference on."""
+    """Return q_ref and S_ref (ticks,) of the complete program, from its first reference on."""
     segments = plan.program().segments
     target = Setpoint(segments[0].q_ref, segments[0].S_ref, 0.0)
     playing = make_segment_player(segments, target)

@@ -1,6 +1,6 @@
-"""``python -m tests.bench.experiment_runs RUNS CORE``: so many tracking experiments one after the other, on one core.
+"""``python -m tests.bench.experiment_runs RUNS CORE``: execute tracking experiments successively on one core.
 
-Says "ready" when everything is loaded, waits for the end of its input, and then says how long they took [s].
+Prints "ready" after loading, waits for the end of its input, and then prints the duration [s].
 """
 
 import asyncio
@@ -20,7 +20,7 @@ from plant.parameters import PlantParameters, load_parameters
 
 
 def main(count: int, core: int) -> None:
-    """Play and tell."""
+    """Execute the runs and print the duration."""
     os.sched_setaffinity(0, [core])
     parameters = load_parameters("lab")
     with tempfile.TemporaryDirectory() as folder:

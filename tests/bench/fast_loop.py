@@ -1,7 +1,7 @@
-"""``python -m tests.bench.fast_loop PERIODS PERIOD_S``: the loop in run on a simulator, its clock going faster.
+"""``python -m tests.bench.fast_loop PERIODS PERIOD_S``: mode Run on a simulator with a faster clock.
 
-The laws are those for 1 ms, as the periods of the simulator are: only deadlines come sooner. Says "ready", at the end
-the 99th percentile of its lateness [µs], how many deadlines it missed, and in which part of the time it was busy.
+Laws and simulator use periods of 1 ms; only the deadlines are closer. Prints "ready", and at the end the 99th
+percentile of the lateness [µs], the number of missed deadlines, and the processor load.
 """
 
 import gc
@@ -16,7 +16,7 @@ from tests.bench.tick_bench import loop_in_run, require_run
 
 
 def main(periods: int, period_s: float) -> None:
-    """Tick and tell."""
+    """Run the loop and print the values."""
     loop = loop_in_run(load_parameters("lab"))
     gc.collect()
     gc.freeze()

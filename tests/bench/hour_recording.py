@@ -1,4 +1,4 @@
-"""An hour at the bench as the recorder leaves it: samples pass a ring and the real recorder into a database."""
+"""A recording of one hour: generated samples pass a ring buffer and the real recorder into a database."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ _STEP_S = 7.0
 
 
 def record_an_hour(data: Path) -> int:
-    """Record steps of q and S with the noise of the sensors into ``data``; return the run's number."""
+    """Record steps of q and S with sensor noise into ``data``; return the number of the run."""
     database = open_database(data)
     try:
         with database.session() as session:
@@ -38,7 +38,7 @@ def record_an_hour(data: Path) -> int:
 
 
 def _rows(second: int, run: int, random: np.random.Generator) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """One second of samples, each column in the resolution and the noise of its sensor."""
+    """Return the samples of one second, each column with the resolution and noise of its sensor."""
     ticks = second * CHUNK_TICKS + np.arange(CHUNK_TICKS)
     t = ticks * T_s
     into = t % _STEP_S

@@ -46,7 +46,7 @@ REPETITIONS = 10
 
 @dataclass(frozen=True)
 class Case:
-    """One row of the study: structure, noise in dB below the output, and what else is wrong with the record."""
+    """One row of the study: structure, noise in dB below the output, and other faults of the record."""
 
     name: str
     snr_dB: float
@@ -139,7 +139,7 @@ ESTIMATORS: dict[str, Callable[[Case, int], tuple[Array, Array | None] | None]] 
 
 
 def study(case: Case, seeds: int, pool: ProcessPoolExecutor) -> dict[str, Outcome]:
-    """Outcomes of all estimators on the same records."""
+    """Return the outcomes of all estimators on the same records."""
     outcomes = {}
     for name, estimator in ESTIMATORS.items():
         runs = [run for run in pool.map(partial(estimator, case), range(seeds), chunksize=5) if run is not None]
@@ -150,7 +150,7 @@ def study(case: Case, seeds: int, pool: ProcessPoolExecutor) -> dict[str, Outcom
 
 
 def seconds_per_estimate(samples: int) -> float:
-    """Least processor time of several default estimates: one thread works, and waiting for others is not its own."""
+    """Return the least processor time of several default estimates in one thread."""
     u, y, _ = Case("third", 20.0).signals(0, samples)
     record = Record(PERIOD_S, u, y, controller=Controller(K_P, K_I))
     durations = []
@@ -162,7 +162,7 @@ def seconds_per_estimate(samples: int) -> float:
 
 
 def bench(console: Console) -> bool:
-    """Run everything, print the table and the bounds, return whether all are met."""
+    """Run the study, print table and bounds, return whether all are met."""
     return _run(console, CASES, SEEDS)
 
 

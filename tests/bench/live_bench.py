@@ -1,4 +1,4 @@
-"""The live side under many viewers: how late frames arrive, what silent viewers cost, how late the loop ticks."""
+"""The live stream with many viewers: delay of frames, cost of silent viewers, lateness of the loop."""
 
 import asyncio
 import resource
@@ -30,7 +30,7 @@ OVERRUNS = STORED_NAMES.index("overruns")
 
 
 def bench(console: Console) -> bool:
-    """Print what was measured; whether all bounds are met."""
+    """Print the measurements; return whether all bounds are met."""
     with tempfile.TemporaryDirectory() as folder, bench_on(Path(folder)) as live:
         loop = Loop(live.service.pid)
         live.run()
@@ -41,7 +41,7 @@ def bench(console: Console) -> bool:
 
 
 def _beside_c(loop: Loop, folder: Path) -> list[Ratio]:
-    """Lateness and processor time of the loop over those of the C loop, both at the same time on the same machine."""
+    """Return lateness and processor time of the loop relative to those of the C loop, measured simultaneously."""
     twin = PacingTwin(folder)
     priority = _fifo_priority(loop.pid)
     begun, before_s, theirs_before_s = loop.ring.count, _processor_s(loop.pid), _of_children_s()
@@ -118,7 +118,7 @@ def _connected(live: Bench, silent: bool = False) -> connect:
 
 
 async def _delays(viewers: list[ClientConnection], origin_s: float) -> tuple[list[float], int]:
-    """Delays [ms] of all frames from the tick of their newest sample to their arrival; how many samples were missed."""
+    """Return the delays [ms] of all frames from the tick of their newest sample, and the number of missed samples."""
     delays: list[float] = []
     missed = 0
 
@@ -135,7 +135,7 @@ async def _delays(viewers: list[ClientConnection], origin_s: float) -> tuple[lis
                 delays.append(1e3 * (arrived_s - born_s))
                 missed += frame.missed
 
-    begun_s = time.monotonic() + 2.0  # the histories are read until then
+    begun_s = time.monotonic() + 2.0  # until the histories have been read
     tasks = [asyncio.create_task(watch(viewer)) for viewer in viewers]
     await asyncio.sleep(WATCHED_S + 2.0)
     for task in tasks:
@@ -145,7 +145,7 @@ async def _delays(viewers: list[ClientConnection], origin_s: float) -> tuple[lis
 
 
 def _time_of_tick_zero(loop: Loop) -> float:
-    """Monotonic time of tick 0 [s]: the earliest that any of many looks at the newest tick allows."""
+    """Return the monotonic time of tick 0 [s]: the earliest value from many readings of the newest tick."""
     looks = []
     for _ in range(2000):
         row = loop.ring.newest()
@@ -157,7 +157,7 @@ def _time_of_tick_zero(loop: Loop) -> float:
 
 
 async def _is_dropped(connection: ClientConnection) -> bool:
-    """Whether the service had ended the connection before anything was read: what comes then has an end."""
+    """Return whether the service had closed the connection before the first read."""
     try:
         async with asyncio.timeout(5.0):
             while True:

@@ -1,4 +1,4 @@
-"""A database with many runs that differ in all that runs are searched by; what each is, is a function of its number."""
+"""A database with many runs that differ in all searchable properties, as functions of their number."""
 
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
@@ -24,7 +24,7 @@ _AT_ONCE = 500
 
 @dataclass(frozen=True)
 class Made:
-    """Run number ``number`` of many, as it was made."""
+    """The properties of run ``number``."""
 
     number: int
 
@@ -97,7 +97,7 @@ class Made:
 
 
 def make_runs(database: Database, count: int) -> dict[int, Made]:
-    """Store ``count`` runs that are over, with their results; return them by their numbers in the database."""
+    """Store ``count`` completed runs with results; return them by their numbers in the database."""
     parameters = load_parameters("lab").to_document()
     made: dict[int, Made] = {}
     for first in range(0, count, _AT_ONCE):

@@ -1,4 +1,4 @@
-"""Script time and rate of frames of the live page: five and eight panels at 1 kHz over 60 s, without the 3D view."""
+"""Script time and frame rate of the live page: five and eight panels at 1 kHz over 60 s, without the 3D view."""
 
 import statistics
 import tempfile
@@ -27,7 +27,7 @@ WINDOW_S = 60
 FILLED_MS = (WINDOW_S + 2) * 1000
 MEASURED_MS = 10_000
 
-# Every callback of an animation frame is timed; those of one frame share its time stamp.
+# Every callback of an animation frame is measured; callbacks of one frame share a time stamp.
 _STOPWATCH = """
 (() => {
   const frames = new Map(), request = window.requestAnimationFrame.bind(window)
@@ -43,7 +43,7 @@ _STOPWATCH = """
 
 
 def bench(console: Console) -> bool:
-    """Print script time and rate of frames; return whether both keep their bounds."""
+    """Print script time and frame rate; return whether both are within their bounds."""
     with tempfile.TemporaryDirectory() as data, running_service(Path(data)) as service, chromium() as browser:
         page = browser.new_context(viewport=DESKTOP).new_page()
         page.add_init_script(_STOPWATCH)
@@ -73,7 +73,7 @@ def empty_rate(page: Page) -> float:
 
 
 def rate_of(frames: list[float]) -> float:
-    """Return the frames per second of the measured stretch."""
+    """Return the frames per second of the measured interval."""
     return len(frames) / (MEASURED_MS / 1000)
 
 
@@ -88,7 +88,7 @@ def add_panels(page: Page) -> None:
 
 
 def measured(page: Page) -> tuple[list[float], float]:
-    """Script time [ms] of each frame's callbacks, and all script time [ms] of the measured stretch."""
+    """Return the script time [ms] of the callbacks of each frame, and the total script time [ms]."""
     devtools = page.context.new_cdp_session(page)
     devtools.send("Performance.enable")
     page.evaluate("forgetFrames()")
@@ -104,7 +104,7 @@ def _script_ms(devtools: CDPSession) -> float:
 
 
 def ratios(frames: list[float], total: float) -> list[Ratio]:
-    """Median and tail over the bound; everything else that runs, messages and React, shared out to the frames."""
+    """Return median and tail over the bound; other script time is distributed over the frames."""
     median = statistics.median(frames)
     p95 = sorted(frames)[int(0.95 * len(frames))]
     shared = total / len(frames)

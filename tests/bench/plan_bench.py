@@ -1,4 +1,4 @@
-"""The plan beside the paper's governor: how near a step comes to what the motors allow, and what a tick of it costs."""
+"""Trajectory feed-forward versus the governor of the paper: step time versus motor limits, cost of a tick."""
 
 from collections.abc import Callable
 from contextlib import closing
@@ -29,13 +29,13 @@ TICKS, LIVE_TICKS, REPEATS = 20_000, 4_000, 25
 
 
 def bench(console: Console) -> bool:
-    """Print what was measured; whether all bounds are met."""
+    """Print the measurements; return whether all bounds are met."""
     steps = [_step(name) for name in ("ideal", "lab", "lab-stick")]
     return print_ratios(console, "Plan: largest step and what a tick of it costs", [*steps, *_cost()])
 
 
 def motors_bound_s(parameters: PlantParameters) -> float:
-    """Least time [s] in which the motors turn by 90 % of the largest step: full voltage, T θ'' + θ' = K u, no load."""
+    """Return the least time [s] for 90 % of the largest step: full voltage, T θ'' + θ' = K u, no load."""
     known, g = parameters.identified, parameters.geometry
     V, T = known.K_m * parameters.motor.u_max, known.T_m
     way = 0.9 * 2.0 * HIGH * g.r_j / g.r_m
@@ -59,7 +59,7 @@ def _to_90_percent_s(parameters: PlantParameters, u_plan: float) -> float:
 
 
 def _cost() -> list[Ratio]:
-    """Two loops in run, alike but for the plan, driven to and fro in turns: the machine is the same for both."""
+    """Run two loops that differ only by the trajectory in turns, under the same conditions."""
     parameters = load_parameters("lab")
     with closing(loop_in_run(parameters)) as planned, closing(loop_in_run(parameters)) as governed:
         tuning = build_tuning_command(parameters, LoopSettings(), None)
@@ -75,7 +75,7 @@ def _cost() -> list[Ratio]:
 
 
 def more_us(loop: Loop, without: Loop, drive: Callable[[Loop, int], None], ticks: int, repeats: int) -> float:
-    """Median of what a tick of ``loop`` takes longer than one of ``without`` [µs]."""
+    """Return the median of the additional time per tick of ``loop`` relative to ``without`` [µs]."""
     more = []
     for k in range(repeats):
         for each in (loop, without):
@@ -85,12 +85,12 @@ def more_us(loop: Loop, without: Loop, drive: Callable[[Loop, int], None], ticks
 
 
 def drive_batches(loop: Loop, ticks: int) -> None:
-    """Let a loop tick as it does headless."""
+    """Execute ticks in batches, as a headless loop does."""
     while ticks > 0:
         ticks -= loop.run(min(1000, ticks))
 
 
 def drive_ticks(loop: Loop, ticks: int) -> None:
-    """Let a loop tick one by one, as it does on a clock."""
+    """Execute single ticks, as a loop with a clock does."""
     for _ in range(ticks):
         loop.tick()

@@ -1,7 +1,7 @@
-"""The same closed loop for python-control: cascade and plant as two nonlinear systems, connected, in continuous time.
+"""The same closed loop in python-control: cascade and plant as two connected nonlinear systems in continuous time.
 
-Written the way its user would write it, with plain floats in the derivative functions. The governed references come
-in as inputs; on `ideal` there are no sensors to model. The envelope, which that step does not reach, is left out.
+The code follows typical use, with plain floats in the derivative functions. The governed references are inputs; `ideal`
+has no sensor models. The envelope, which the step does not reach, is omitted.
 """
 
 import math
@@ -18,19 +18,19 @@ _PLANT_STATES = ["q", "q_dot", "theta_A", "omega_A", "tau_A", "theta_B", "omega_
 
 
 def closed_loop(rig: SimulatedRig, tuning: cascade.CascadeTuning) -> control.InterconnectedSystem:
-    """From (q_ref, S_ref) to (q, S)."""
+    """Return the system from (q_ref, S_ref) to (q, S)."""
     systems = [_plant(rig), _cascade(rig, tuning)]
     return control.interconnect(systems, inputs=["q_ref", "S_ref"], outputs=["q", "S"])
 
 
 def initial_state(x: PlantState, controller: cascade.CascadeState) -> Array:
-    """State of ``closed_loop`` from the states of the offline loop; its friction has no bristles."""
+    """Return the state of ``closed_loop`` from the states of the offline loop, without bristles."""
     outer = [controller.position.integral, controller.stiffness.integral]
     return np.array([*x[:8], *outer, *controller.motors.A, *controller.motors.B])
 
 
 def response(system: control.InterconnectedSystem, t: Array, references: Array, start: Array) -> Array:
-    """(q, S) over t, shape (2, len(t)); ``references`` (2, len(t))."""
+    """Return (q, S) over t, shape (2, len(t)); ``references`` (2, len(t))."""
     return np.asarray(control.input_output_response(system, t, references, start).outputs)
 
 

@@ -1,7 +1,7 @@
-"""A recording of one hour in the real service and a real browser: how long a person waits for its curves.
+"""A recording of one hour in a real service and browser: waiting time for its curves.
 
-From the click on the run to the first curve on the screen, and from turning the wheel to single samples in sight.
-Figures are seconds as a person waits them: medians over several runs of the whole way.
+The times are from the click on the run to the first curve, and from the wheel to visible single samples. They are
+medians over several repetitions.
 """
 
 import math
@@ -51,7 +51,7 @@ _RAW = """() => document.querySelector('[aria-label="Resolution"]')?.textContent
 
 
 def bench(console: Console) -> bool:
-    """Print both waits; whether both stay within their bounds."""
+    """Print both times; return whether both are within their bounds."""
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder)
         run = record_an_hour(data)
@@ -71,7 +71,7 @@ def bench(console: Console) -> bool:
 
 
 def _opening(browser: Browser, service: Service, run: int) -> float:
-    """A fresh browser each time: nothing of the run is in the page's memory."""
+    """Use a new browser each time, so that no data of the run are cached."""
     with browser.new_context(viewport=DESKTOP) as context:
         page = _signed_in(context.new_page(), service)
         page.goto(f"{service.url}/#/runs")
@@ -83,7 +83,7 @@ def _opening(browser: Browser, service: Service, run: int) -> float:
 
 
 def _zooming(browser: Browser, service: Service, run: int) -> list[float]:
-    """Another second of the hour each time."""
+    """Zoom into another second of the hour each time."""
     with browser.new_context(viewport=DESKTOP) as context:
         page = _signed_in(context.new_page(), service)
         page.goto(f"{service.url}/#/runs/{run}")

@@ -1,4 +1,4 @@
-"""What the real nidaqmx client costs: a read and a write at the virtual card, a whole tick, and how late it comes."""
+"""Cost of the real nidaqmx client: a read and a write on the virtual card, a complete tick, and its lateness."""
 
 import tempfile
 import time
@@ -29,7 +29,7 @@ MAX_TICK_MS, MAX_LATENESS_RATIO = 0.1, 1.5
 
 
 def bench(console: Console) -> bool:
-    """Print what was measured; whether all bounds are met."""
+    """Print the measurements; return whether all bounds are met."""
     cycle_s, bare_s = _cycle_s(VIRTUAL), _cycle_s(SIMULATOR)
     tick_s, bare_tick_s = _tick_s(VIRTUAL), _tick_s(SIMULATOR)
     run_s, bare_run_s = _tick_s(VIRTUAL, in_run=True), _tick_s(SIMULATOR, in_run=True)
@@ -66,7 +66,7 @@ def _cycle_s(choice: PlantChoice) -> float:
 
 
 def _tick_s(choice: PlantChoice, *, in_run: bool = False) -> float:
-    """Time a tick with the motors off, or under control in run."""
+    """Measure a tick with the motors off, or in mode Run."""
     parameters = load_parameters("lab")
     plant: Plant = make_plant(choice, parameters, 0)
     loop = Loop(plant, parameters, Ring.create(), build_tuning_command(parameters, LoopSettings(), None))

@@ -1,7 +1,6 @@
-"""Searching among 20 000 runs, and the list of them in a real browser: how long a person waits.
+"""Search among 20 000 runs, and their list in a real browser: waiting times.
 
-Figures are seconds: of each search the median over several, of the list the time from the click to the picture that
-shows its first row.
+The times are medians for each search, and for the list the time from the click to the picture with its first row.
 """
 
 import statistics
@@ -52,7 +51,7 @@ _WATCH = """() => {
 
 
 def bench(console: Console) -> bool:
-    """Print the waits; whether all stay within their bounds."""
+    """Print the times; return whether all are within their bounds."""
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder)
         with closing(open_database(data)) as database:
@@ -75,7 +74,7 @@ def _searched(stored: StoredRuns, where: str) -> Ratio:
 
 
 def _opening(browser: Browser, service: Service) -> float:
-    """A fresh browser each time: nothing of the list is in the page's memory."""
+    """Use a new browser each time, so that no data of the list are cached."""
     with browser.new_context(viewport=DESKTOP) as context:
         page = context.new_page()
         page.goto(service.link)

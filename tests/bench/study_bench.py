@@ -1,6 +1,6 @@
-"""A study of many tracking runs on two cores and on one: how many times faster it is.
+"""Speed-up of a study of many tracking runs by two cores.
 
-``python -m tests.bench.study_bench RUNS`` does it with so many runs, and tells the times as well.
+``python -m tests.bench.study_bench RUNS`` uses this number of runs, and also prints the times.
 """
 
 import sys
@@ -34,7 +34,7 @@ draws: {runs}
 
 
 def bench(console: Console, runs: int = RUNS) -> bool:
-    """Print the ratio; whether it stays above its bound."""
+    """Print the ratio; return whether it is above its bound."""
     with tempfile.TemporaryDirectory() as folder, closing(open_database(Path(folder))) as database:
         one_s, two_s = (_took_s(database, runs, jobs) for jobs in (1, 2))
     told = f"{runs} runs, {one_s:.0f} s and {two_s:.0f} s"

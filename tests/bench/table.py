@@ -1,4 +1,4 @@
-"""What the bench prints: ratios from one run, each beside its bound."""
+"""Output of the benchmarks: ratios from one run with their bounds."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from rich.table import Table
 
 @dataclass(frozen=True)
 class Ratio:
-    """One line: ``ratio`` of two figures of this run; ``bound`` in words and whether it is ``met`` (None: no bound)."""
+    """One line: ``ratio`` of two values of this run; ``bound`` as text and whether it is ``met`` (None: no bound)."""
 
     what: str
     ratio: float
@@ -26,7 +26,7 @@ class Ratio:
 
 
 def print_ratios(console: Console, title: str, ratios: list[Ratio]) -> bool:
-    """Print the lines; whether all bounds are met."""
+    """Print the lines; return whether all bounds are met."""
     table = Table(title=title, title_justify="left", title_style="bold")
     for heading in ("what", "ratio", "bound", "", "detail"):
         table.add_column(heading, justify="right" if heading == "ratio" else "left")

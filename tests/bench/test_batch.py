@@ -1,4 +1,4 @@
-"""A batch gives what its runs would give one after the other."""
+"""A batch returns the same results as its runs in sequence."""
 
 from functools import partial
 from threading import Barrier
@@ -27,7 +27,7 @@ def test_results_do_not_depend_on_the_number_of_workers() -> None:
 
 
 def test_runs_of_a_batch_are_executed_in_parallel() -> None:
-    """Each waits for the other: one after the other they would never end."""
+    """Each run waits for the others, so that a sequence would never end."""
     both = Barrier(2, timeout=30.0)
     run_batch([both.wait, both.wait], workers=2)
 

@@ -50,7 +50,7 @@ def loop_in_run(parameters: PlantParameters, ring: Ring | None = None) -> Loop:
 
 
 def require_run(loop: Loop) -> None:
-    """Refuse to tell what a tick costs of a loop that has tripped: it would have done less."""
+    """Raise if the loop has tripped, because its ticks would do less."""
     if loop.mode != Mode.RUN:
         raise RuntimeError(f"the loop was to be in run until the end, and is in {loop.mode.name.lower()}")
 
@@ -83,7 +83,7 @@ def _headless() -> list[Ratio]:
 
 
 def _experiments() -> list[Ratio]:
-    """Tracking through the whole station, evaluated and stored, without report."""
+    """Execute tracking on the complete station, evaluated and stored, without a report."""
     alone = _runs_a_minute([0])
     both = _runs_a_minute([0, 1])
     what = "tracking experiments a minute, stored and evaluated"
@@ -94,17 +94,17 @@ def _experiments() -> list[Ratio]:
 
 
 def _runs_a_minute(cores: Sequence[int]) -> float:
-    """Let as many processes play as there are cores named, each kept on its own, at the same time."""
+    """Execute runs in one process per named core, pinned to it, simultaneously."""
     with ExitStack() as stack:
         players = [stack.enter_context(_ready("experiment_runs", str(RUNS), str(core))) for core in cores]
         for player in players:
-            _input(player).close()  # begin
+            _input(player).close()
         return sum(60.0 * RUNS / _told(player)[0] for player in players)
 
 
 @contextmanager
 def _ready(module: str, *arguments: str) -> Iterator["subprocess.Popen[str]"]:
-    """Start a module of the bench; wait until it says that it is ready."""
+    """Start a module of the benchmark; wait until it prints "ready"."""
     command = [sys.executable, "-m", f"tests.bench.{module}", *arguments]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         try:
@@ -133,7 +133,7 @@ def _output(process: "subprocess.Popen[str]") -> IO[str]:
 
 
 def _fast() -> list[Ratio]:
-    """The loop in run at five times its rate, beside a bare C loop: each whole tick has 0.2 ms."""
+    """Run the loop at five times its rate next to a C loop: each tick has 0.2 ms."""
     periods = round(FAST_WATCHED_S / FAST_PERIOD_S)
     with tempfile.TemporaryDirectory() as folder:
         twin = PacingTwin(Path(folder))

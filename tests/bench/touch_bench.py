@@ -1,4 +1,4 @@
-"""What a tick's outside force costs: a loop beside one that is compiled from the same sources without it."""
+"""Cost of the external force per tick: a loop compared with one compiled without it."""
 
 import math
 from contextlib import closing
@@ -28,7 +28,7 @@ LEARNED = ConfigureContactDetection(
 
 
 def bench(console: Console) -> bool:
-    """Print what was measured; whether all bounds are met."""
+    """Print the measurements; return whether all bounds are met."""
     parameters, rings = load_parameters("lab"), (Ring.create(), Ring.create())
     with closing(loop_in_run(parameters, rings[0])) as feeling, closing(_numb_loop(parameters, rings[1])) as numb:
         feeling.handle(0, LEARNED)
@@ -45,14 +45,14 @@ def bench(console: Console) -> bool:
 
 
 def _require_feeling(feeling: Ring, numb: Ring) -> None:
-    """Refuse to compare loops that do not differ by what is compared."""
+    """Raise if the two loops do not differ in the external force."""
     forces = [math.nan if row is None else float(row[INDEX["F_ext_hat"]]) for row in (feeling.newest(), numb.newest())]
     if not math.isfinite(forces[0]) or math.isfinite(forces[1]):
         raise RuntimeError(f"one loop was to know the outside force and the other not: {forces} N")
 
 
 def _numb_loop(parameters: PlantParameters, ring: Ring) -> Loop:
-    """Return a loop in run whose tick was compiled without the outside force; none of it is kept on disk."""
+    """Return a loop in mode Run whose tick was compiled without the external force; not cached on disk."""
 
     def feel_nothing(control: object, m: object, zeroed: object) -> float:
         return math.nan

@@ -93,9 +93,7 @@ class Tree:
         kept, times = file.read_bytes(), file.stat()
         shutil.rmtree(self.cache, ignore_errors=True)
         file.write_text(text, encoding="utf-8")
-        os.utime(
-            file, (times.st_atime, times.st_mtime + 10.0)
-        )  # Python detects the change by the time stamp in seconds
+        os.utime(file, (times.st_atime, times.st_mtime + 10.0))  # Python compares time stamps in seconds
         try:
             yield
         finally:

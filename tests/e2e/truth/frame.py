@@ -41,9 +41,8 @@ def _timing(found: Findings, moment: Moment) -> None:
         ("lateness", "ms", "lateness_p99_ms", 1.0),
         ("overruns", "", "overruns", 1.0),
     )
-    found.same(
-        "number of figures of the loop", len(shown), len(told) + 1
-    )  # the page measures the round-trip time itself
+    # The page measures the round-trip time itself.
+    found.same("number of figures of the loop", len(shown), len(told) + 1)
     for words, (what, unit, name, factor) in zip(shown, told, strict=False):
         if unit:
             found.same(f"unit of {what}", words[-1], unit)
