@@ -1,4 +1,4 @@
-"""``python -m tests.soak [PART ...]``: long runs and attacks. Ends with 1 if anything was lost."""
+"""``python -m tests.soak [PART ...]``: long runs and attacks. Returns 1 if a check failed."""
 
 import argparse
 import sys
@@ -57,7 +57,7 @@ def main() -> int:
 
 
 def _kept_its_promises(name: str, part: attack.Part, given: argparse.Namespace, console: Console) -> bool:
-    """Whether a part found nothing broken. One that cannot go on is broken too; the others are tried all the same."""
+    """Return whether a part passed. A part that raises has failed; the other parts run all the same."""
     try:
         return part(given, console)
     except Exception as error:

@@ -22,7 +22,7 @@ LOST_S = 1.0
 
 
 def killed_experiments(console: Console) -> bool:
-    """Kill either in each experiment and look what is left; whether all of it is as promised."""
+    """Kill loop or service in each experiment and check the result; return whether all checks pass."""
     folder = Path(tempfile.mkdtemp(prefix="sinew-killed-"))
     try:
         found = [
@@ -69,7 +69,7 @@ def _after(victim: str, name: str, folder: Path, console: Console) -> bool:
 
 @contextmanager
 def _killed(victim: str, name: str, folder: Path) -> Iterator[tuple[Bench, int, float]]:
-    """Kill it in the middle; give the bench on which the run is looked at, its number, and how much was played [s]."""
+    """Kill it during the run; return the bench for the check, the run, and the executed duration [s]."""
     data = folder / f"{name}-{victim.split()[-1]}"
     with bench_on(data) as bench:
         run = int(bench.client.post("/api/experiments", json={"name": name}).raise_for_status().json()["id"])
@@ -88,7 +88,7 @@ def _killed(victim: str, name: str, folder: Path) -> Iterator[tuple[Bench, int, 
 
 
 def _since_order_s(bench: Bench) -> float:
-    """Return how long ago the experiment was ordered [s], 0 until its program plays."""
+    """Return the time since the start command [s], 0 until the program runs."""
     task = bench.state()["task"]
     return float(task["elapsed_s"]) if task is not None and task["phase"] == "program" else 0.0
 

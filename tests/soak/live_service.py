@@ -1,4 +1,4 @@
-"""A real service under test: operated over its interface, its loop process looked at from outside."""
+"""A real service under test: operated over HTTP, with its loop process observed from outside."""
 
 import os
 import time
@@ -18,7 +18,7 @@ PATIENCE_S = 60.0
 
 
 class Loop:
-    """The loop process of a service: its number, and its ring and card, which outlive it here."""
+    """The loop process of a service: its id, and its ring buffer and card, which outlive it here."""
 
     def __init__(self, service_pid: int) -> None:
         self.pid, ring_fd, card_fd = _worker_of(service_pid)
@@ -37,7 +37,7 @@ class Loop:
 
 
 class Bench:
-    """What a person does at the bench, by a script."""
+    """Commands of an operator, by a script."""
 
     def __init__(self, service: Service) -> None:
         token = (service.data / "token").read_text(encoding="ascii").strip()
@@ -50,7 +50,7 @@ class Bench:
         return dict(self.client.get("/api/state").raise_for_status().json())
 
     def run(self) -> int:
-        """Bring the loop to run; return the number of the run."""
+        """Change to mode Run; return the number of the run."""
         self.client.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
         wait_until(lambda: bool(self.state()["pretension_done"]), "pretension")
         self.client.post("/api/mode", json={"mode": "run"}).raise_for_status()
@@ -58,13 +58,13 @@ class Bench:
         return int(self.state()["recording_run"])
 
     def step(self, q_ref: float) -> None:
-        """Send the joint on its way."""
+        """Send a reference step to the joint."""
         self.client.put("/api/references", json={"q_ref": q_ref, "S_ref": 11.0}).raise_for_status()
 
 
 @contextmanager
 def bench_on(data: Path, log: Path | None = None, plant: Sequence[str] = ("simulator",)) -> Iterator[Bench]:
-    """Start a service on the data folder, with ``plant`` the words after ``--plant``; end it, if it still runs."""
+    """Start a service on the data folder with ``plant`` after ``--plant``; end it if it still runs."""
     with running_service(data, log=log, plant=plant) as service:
         bench = Bench(service)
         try:
@@ -74,7 +74,7 @@ def bench_on(data: Path, log: Path | None = None, plant: Sequence[str] = ("simul
 
 
 def wait_until(reached: Callable[[], bool], what: str, timeout_s: float = PATIENCE_S) -> float:
-    """Wait; return how long it took [s]."""
+    """Wait for a condition; return the duration [s]."""
     begun = time.monotonic()
     while not reached():
         if time.monotonic() - begun > timeout_s:

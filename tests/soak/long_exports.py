@@ -1,7 +1,7 @@
-"""Eight hours exported in every format, each in a process of its own: how much memory that takes above an idle one.
+"""Eight hours exported in every format, each in its own process: the additional memory.
 
-The recording is made of one second of noise like that of the sensors, packed once for each of sixty and stored as the
-recorder stores it: what a format makes of it does not depend on where it came from.
+The recording consists of sixty variants of one second of noise, stored as by the recorder; the content does not affect
+the memory of the export.
 """
 
 import multiprocessing
@@ -33,7 +33,7 @@ _ALIKE = 60
 
 
 def long_exports(hours: float, console: Console) -> bool:
-    """Export ``hours`` in every format and tell the peaks; whether all of them stay below ``MOST_MB``."""
+    """Export ``hours`` in every format and print the peaks; return whether all stay below ``MOST_MB``."""
     folder = Path(tempfile.mkdtemp(prefix="sinew-exports-"))
     try:
         run = _recorded(folder, round(hours * 3600))
@@ -84,7 +84,7 @@ def _measured(folder: Path, run: int, kind: DataFormat, hours: float, console: C
 
 
 def _export(connection: Connection, folder: Path, run: int, kind: DataFormat) -> None:
-    """Write one format to nowhere, as a download does, and send what it took [bytes, s]; idle has the libraries."""
+    """Write one format to nowhere, as a download does, and send its memory and duration [bytes, s]."""
     import mcap.writer
     import pyarrow.compute
     import pyarrow.csv

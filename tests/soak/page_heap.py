@@ -1,4 +1,4 @@
-"""The live page left open: its JavaScript heap, swept before each look, does not grow while the charts stream."""
+"""The live page left open: its JavaScript heap after garbage collection does not grow."""
 
 import tempfile
 import time
@@ -22,7 +22,7 @@ _MB = 1e6
 
 
 def streaming_page(minutes: float, console: Console) -> bool:
-    """Watch the page for ``minutes`` with a window of 60 s; whether its heap keeps its size and its charts are live."""
+    """Observe the page for ``minutes`` with a window of 60 s; return whether heap and charts are as required."""
     with tempfile.TemporaryDirectory() as data, running_service(Path(data)) as service, chromium() as browser:
         page = browser.new_context(viewport=DESKTOP).new_page()
         operator = Operator(page, service)
@@ -48,7 +48,7 @@ def streaming_page(minutes: float, console: Console) -> bool:
 
 
 def _move(operator: Operator, seconds: float) -> None:
-    """Step the joint to and fro for so long; the boxes and previews of the page are used as a person uses them."""
+    """Step the joint back and forth; the boxes and previews of the page are used as by a person."""
     ending, side = time.monotonic() + seconds, 1.0
     while time.monotonic() < ending:
         operator.enter("q_ref value [°]", 15.0 * side)
@@ -57,7 +57,7 @@ def _move(operator: Operator, seconds: float) -> None:
 
 
 def heap_MB(devtools: CDPSession) -> float:
-    """What is in use after a sweep, the arrays' own storage included."""
+    """Return the used heap after a garbage collection, including array buffers."""
     devtools.send("HeapProfiler.collectGarbage")
     usage = devtools.send("Runtime.getHeapUsage")
     return float(usage["usedSize"] + usage.get("backingStorageSize", 0)) / _MB

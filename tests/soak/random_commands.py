@@ -1,7 +1,7 @@
-"""Commands of four people drawn by chance while the joint moves: what ends a trial ends it, and no voltage jumps.
+"""Random commands of four people during motion: every trial ends as specified, and no voltage jumps.
 
-Two operators at pages, who take control from each other, a script, and a viewer who presses STOP. All samples of the
-loop are looked at, and after each command the state.
+The people are two operators who take control from each other, a script, and a viewer who presses STOP. All samples
+of the loop are checked, and after each command the state.
 """
 
 import tempfile
@@ -46,7 +46,7 @@ _WEIGHTS = {
 
 
 class _Seen:
-    """All samples since the last look, and the largest step of a voltage outside of what takes the voltages away."""
+    """All samples since the last check, and the largest voltage step outside of intended zeroing."""
 
     def __init__(self, loop: Loop) -> None:
         self._loop, self._since = loop, loop.ring.count
@@ -66,7 +66,7 @@ class _Seen:
             self.samples += len(rows)
             u, modes = rows_here[:, [INDEX["u_A"], INDEX["u_B"]]], rows_here[:, INDEX["mode"]]
             steps = np.max(np.abs(np.diff(u, axis=0)), axis=1)
-            steps[np.isin(modes[1:], _STILL)] = 0.0  # STOP, a trip and off take the voltages away at once
+            steps[np.isin(modes[1:], _STILL)] = 0.0  # STOP, a trip and mode Off set zero volts immediately
             if steps.size and (worst := int(np.argmax(steps))) is not None and steps[worst] > self.largest_V:
                 self.largest_V = float(steps[worst])
                 names = list(Mode)
@@ -91,7 +91,7 @@ class _People:
         self.script.close()
 
     def bring_to_run(self) -> None:
-        """Reset, wind up and run, so that most commands find a joint that moves."""
+        """Reset and change to mode Run, so that most commands apply to a moving joint."""
 
         def is_held() -> bool:
             self.holder.ping()
@@ -111,7 +111,7 @@ class _People:
         self.holder.command("POST", "/api/mode", {"mode": "run"})
 
     def obey(self, kind: str) -> httpx.Response:
-        """Give one command; it may be refused, which is no failure."""
+        """Send one command; a refusal is no failure."""
         draw, order = self.random.uniform, self.holder.command
         match kind:
             case "references":
@@ -149,7 +149,7 @@ class _People:
 
 
 def random_commands(console: Console, seed: int | None, commands: int = COMMANDS) -> bool:
-    """Give so many commands; whether each trial ended with what ends it, and no voltage stepped beyond the bound."""
+    """Send random commands; return whether each trial ended as specified and no voltage step exceeded the bound."""
     seed = int(np.random.default_rng().integers(10**6)) if seed is None else seed
     random, kinds, weights = np.random.default_rng(seed), list(_WEIGHTS), np.array(list(_WEIGHTS.values()), float)
     console.print(f"commands: {commands} of seed {seed}")

@@ -1,4 +1,4 @@
-"""Ten thousand moves drawn by chance on each parameter set, with nothing outside: none may be taken for a contact."""
+"""Ten thousand random moves on each parameter set without contact: none may be detected as a contact."""
 
 import numpy as np
 from rich.console import Console
@@ -12,7 +12,7 @@ CONTACT_N = 1.5
 
 
 def moves_without_contact(console: Console, moves: int = MOVES) -> bool:
-    """Play them; whether the estimated outside force stayed below a contact."""
+    """Execute the moves; return whether the estimated external force stayed below the threshold."""
     kept = True
     for name in SHIPPED:
         parameters = load_parameters(name)

@@ -1,4 +1,4 @@
-"""A thousand programs drawn by chance on each parameter set: what control promises of tendons and trips."""
+"""A thousand random programs on each parameter set: tendons stay taut, and no trip occurs."""
 
 from rich.console import Console
 
@@ -10,7 +10,7 @@ TAUT_N, SOLID_N = 1.0, 50.0
 
 
 def random_programs(console: Console, programs: int = PROGRAMS) -> bool:
-    """Play them; whether all stayed taut, below where springs turn solid, and without a trip."""
+    """Execute the programs; return whether all tendons stayed taut and below their limits, without a trip."""
     kept = True
     for name in SHIPPED:
         played = [random_program(load_parameters(name), seed) for seed in range(programs)]

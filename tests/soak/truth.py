@@ -1,4 +1,4 @@
-"""A robot operator at the real page, for long: after each deed all that is shown is what the service says."""
+"""A robot operates the real page for a long time: after each action the page agrees with the service."""
 
 import tempfile
 from pathlib import Path
@@ -13,7 +13,7 @@ DEEDS = 200
 
 
 def truthful_page(seed: int | None, deeds: int, console: Console) -> bool:
-    """Let the robot do so many deeds, drawn by ``seed`` or afresh; whether the page told the truth after each."""
+    """Let the robot perform actions from ``seed`` or a random one; return whether the page always agreed."""
     chosen = fresh_seed() if seed is None else seed
     console.print(f"truth: {deeds} deeds of seed {chosen}; --seed {chosen} does them again")
     with tempfile.TemporaryDirectory() as data, running_service(Path(data)) as service, chromium() as browser:

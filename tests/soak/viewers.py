@@ -1,4 +1,4 @@
-"""Live simulation with viewers for minutes: no recorder gap, tick accounting exact, no sample missed by who reads."""
+"""Live simulation with viewers for minutes: no gap in the recording, exact ticks, no missed sample."""
 
 import asyncio
 import tempfile
@@ -18,7 +18,7 @@ STEP_S = 5.0
 
 
 class Viewer:
-    """A websocket that reads everything and counts."""
+    """A websocket client that reads and counts everything."""
 
     def __init__(self) -> None:
         self.samples = 0
@@ -44,7 +44,7 @@ class Viewer:
 
 
 def watched_simulation(minutes: float, viewers: int, console: Console) -> bool:
-    """Run for ``minutes`` with ``viewers``; whether all accounts are exact."""
+    """Run for ``minutes`` with ``viewers``; return whether all counts are exact."""
     with tempfile.TemporaryDirectory() as folder, bench_on(Path(folder)) as bench:
         loop = Loop(bench.service.pid)
         run = bench.run()
@@ -60,7 +60,7 @@ def watched_simulation(minutes: float, viewers: int, console: Console) -> bool:
         loop.close()
     ticks, overruns = (last - first)[[INDEX["tick"], INDEX["overruns"]]]
     periods = (ended - begun) / 1e6
-    # The clock was read beside the ring, not in the same moment.
+    # Clock and ring buffer were not read at the same moment.
     exact = abs(ticks + overruns - periods) < 5.0 + last[INDEX["lateness_s"]] * 1e3
     missed, gaps = sum(viewer.missed for viewer in watching), sum(viewer.gaps for viewer in watching)
     complete = stored["missing_samples"] == 0 and stored["samples"] >= ticks

@@ -1,1 +1,1 @@
-"""Attacks on the real service: crowds at its door, kills, halts, a wrong clock, a full disk, a lost folder."""
+"""Attacks on the real service: load, kills, suspended processes, a wrong clock, a full disk, a lost folder."""

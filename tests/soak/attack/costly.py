@@ -1,4 +1,4 @@
-"""STOP's latency while people make the service compute as much as a request can: each costly request, then all."""
+"""Latency of STOP while people send the most costly requests: each kind alone, then all together."""
 
 import asyncio
 import json
@@ -47,7 +47,7 @@ Request = tuple[str, str, Mapping[str, Any] | None]
 
 
 def text_of(duration: str) -> dict[str, Any]:
-    """Return an experiment that holds for a duration, as a document."""
+    """Return the document of an experiment that holds for a duration."""
     parts = [{"do": "hold", "duration_s": duration}]
     return {
         "format": 1,
@@ -59,12 +59,12 @@ def text_of(duration: str) -> dict[str, Any]:
 
 
 def long_text() -> str:
-    """Return the costliest text of an experiment that is known: as many small mappings as it has room for."""
+    """Return the most costly known text of an experiment: as many small mappings as the limit allows."""
     return "format: 1\nname: a\ntitle: a\ndescription: d\nphases: [" + "{}," * 33_000 + "]"
 
 
 def largest_sheet() -> str:
-    """Return a sheet of charts at its bounds."""
+    """Return a chart sheet at its limits."""
     head = '<svg xmlns="http://www.w3.org/2000/svg" width="180mm" height="90mm" viewBox="0 0 900 450">'
     long = sheet.MOST_LETTERS // sheet.MOST_LETTERS_OF_A_TEXT - 10
     texts = f'<text x="9" y="9">{"ab c" * (sheet.MOST_LETTERS_OF_A_TEXT // 4)}</text>' * long
@@ -77,13 +77,13 @@ def largest_sheet() -> str:
 
 
 def long_letters() -> str:
-    """Return a sheet with one text of a million letters."""
+    """Return a chart sheet with one text of a million characters."""
     head = '<svg xmlns="http://www.w3.org/2000/svg" width="180mm" height="90mm" viewBox="0 0 900 450">'
     return f"{head}<text>{'a' * 1_000_000}</text></svg>"
 
 
 def costly_requests() -> dict[str, list[Request]]:
-    """Return the requests of each attack by its name."""
+    """Return the requests of each attack by name."""
     check = "/api/experiments/check"
     preview = "/api/tuning/preview?lam_q=0.5&lam_S=0.5&printed=true"
     return {
@@ -100,7 +100,7 @@ def costly_requests() -> dict[str, list[Request]]:
 
 
 def store_costly_run(data: Path) -> int:
-    """Store a run whose plan holds the interpreter, as one that was brought in by an earlier version."""
+    """Store a run with a plan that blocks the interpreter, as if imported from an earlier version."""
     database = open_database(data)
     written = json.dumps(text_of(HOLDING))
     new = NewRun(
@@ -120,7 +120,7 @@ def store_costly_run(data: Path) -> int:
 
 
 def ask(signals: Signals, url: str, tokens: list[str], wanted: list[Request], connections: int) -> None:
-    """Ask over and over. ``now`` counts who waits for an answer, ``ever`` answers, ``failed`` those of 500 and none."""
+    """Repeat requests. ``now`` counts waiting requests, ``ever`` responses, ``failed`` status 500 and lost ones."""
     asyncio.run(_ask_all(signals, url, tokens, wanted, connections))
 
 
@@ -132,7 +132,7 @@ async def _ask_all(signals: Signals, url: str, tokens: list[str], wanted: list[R
     ]
     while not signals.over.is_set():
         await asyncio.sleep(0.05)
-        if signals.ever.value > 0:  # its process is there
+        if signals.ever.value > 0:  # its process exists
             signals.there.set()
     for task in asking:
         task.cancel()
@@ -162,7 +162,7 @@ async def _ask(signals: Signals, url: str, token: str, wanted: Request, begins_s
 
 
 def under_costly_requests(presses: int, console: Console) -> bool:
-    """Press STOP ``presses`` times under each costly request, then under all, by viewers and operators alike."""
+    """Press STOP ``presses`` times under each costly request, then under all, from viewers and operators."""
     whole = True
     with tempfile.TemporaryDirectory() as folder:
         run = store_costly_run(Path(folder))

@@ -1,4 +1,4 @@
-"""Crowds at the door, each in processes of its own: they begin, and go on until the ``with`` block ends."""
+"""Groups of clients, each in its own processes, that run until the ``with`` block ends."""
 
 import multiprocessing
 import resource
@@ -14,7 +14,7 @@ USUAL_DESCRIPTORS = 1024
 
 
 class Signals(NamedTuple):
-    """What a crowd's process tells and is told: that all of it is there, that it is over, and three counters."""
+    """Signals of a client process: ready, end, and three counters."""
 
     there: Event
     over: Event
@@ -29,7 +29,7 @@ Crowd = tuple[Callable[..., None], tuple[Any, ...]]
 
 @contextmanager
 def crowds(*wanted: Crowd) -> Iterator[list[Signals]]:
-    """Let processes press at the door; the block runs once each of them is there, or after BEGIN_TIMEOUT_S."""
+    """Start client processes; the block runs once all are ready, or after BEGIN_TIMEOUT_S."""
     signals = [Signals(_CONTEXT.Event(), _CONTEXT.Event(), *(_CONTEXT.Value("q", 0) for _ in range(3))) for _ in wanted]
     processes = [
         _CONTEXT.Process(target=function, args=(signal, *arguments), daemon=True)
@@ -50,12 +50,12 @@ def crowds(*wanted: Crowd) -> Iterator[list[Signals]]:
 
 
 def usual_descriptors() -> None:
-    """Let what this process starts begin with the limit of descriptors that most machines have."""
+    """Give child processes the limit of descriptors that most machines have."""
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (min(USUAL_DESCRIPTORS, most), most))
 
 
 def many_descriptors() -> None:
-    """Let this process have as many sockets as the machine grants."""
+    """Raise the limit of sockets of this process to the maximum of the machine."""
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))

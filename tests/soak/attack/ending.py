@@ -1,4 +1,4 @@
-"""SIGTERM, SIGINT and SIGHUP while an experiment plays: the joint stands, all is stored, and the run says why."""
+"""SIGTERM, SIGINT and SIGHUP during an experiment: the joint stops, all data are stored, the run has the reason."""
 
 import os
 import signal
@@ -21,7 +21,7 @@ SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
 def end_service(times: int, console: Console) -> bool:
-    """End a service by each signal ``times`` times."""
+    """End a service with each signal ``times`` times."""
     tally = Tally("service ended", console)
     for _ in range(times):
         for number in SIGNALS:

@@ -1,4 +1,4 @@
-"""STOP's latency while viewers pour frames, reconnect, sign in, send slow heads or hold connections, without end."""
+"""Latency of STOP while viewers send frames, reconnect, sign in, send slow headers or hold connections."""
 
 import asyncio
 import base64
@@ -24,7 +24,7 @@ _AT_ONCE = 64 * 1024
 
 
 def _frame(opcode: int, payload: bytes = b"", *, last: bool = True) -> bytes:
-    """A frame as a browser masks it, with the mask 0."""
+    """Return a masked frame as a browser sends it, with mask 0."""
     assert len(payload) < 126
     return bytes([opcode | (0x80 if last else 0), 0x80 | len(payload), 0, 0, 0, 0]) + payload
 
@@ -55,7 +55,7 @@ async def _opened(host: str, port: int, cookie: str) -> tuple[asyncio.StreamRead
 
 
 async def _pour(host: str, port: int, cookie: str, frames: bytes, before: bytes) -> None:
-    """Send frames as fast as the kernel takes them, and throw away what comes."""
+    """Send frames as fast as possible, and discard the responses."""
     reader, writer = await _opened(host, port, cookie)
     reading = asyncio.create_task(_drain(reader))
     try:
@@ -79,7 +79,7 @@ async def _reconnect(host: str, port: int, cookie: str) -> None:
 
 
 async def _cookie(url: str, token: str) -> str:
-    """Sign in, however long the sign-ins of floods before have to be waited for."""
+    """Sign in, after any delay by the sign-ins of earlier floods."""
     async with httpx.AsyncClient(base_url=url, timeout=60.0) as page:
         while (answer := await page.post("/api/session", json={"token": token, "name": "Vic"})).status_code == 429:
             await asyncio.sleep(1.0)
@@ -104,7 +104,7 @@ async def _slow_head(host: str, port: int) -> None:
 
 
 async def _hold(host: str, port: int) -> None:
-    """Hold connections with half a request on each, and replace at once each one that the service closes."""
+    """Hold connections with incomplete requests, and replace each one that the service closes."""
 
     async def hold_one() -> None:
         while True:
@@ -120,7 +120,7 @@ async def _hold(host: str, port: int) -> None:
 
 
 def flood(signals: Signals, kind: str, url: str, token: str, viewers: int) -> None:
-    """Let so many viewers do one thing without end, each in a task of its own."""
+    """Run ``count`` viewers that repeat one action, each in its own task."""
     asyncio.run(_flood(signals, kind, url, token, viewers))
 
 
@@ -156,7 +156,7 @@ async def _flood(signals: Signals, kind: str, url: str, token: str, viewers: int
 
 
 def under_floods(presses: int, console: Console) -> bool:
-    """Press STOP so often under each flood of each size; the median counts too, and control is lost by nobody."""
+    """Press STOP under each flood of each size; the median is checked too, and nobody loses control."""
     with tempfile.TemporaryDirectory() as folder, bench_on(Path(folder)) as bench:
         loop = Loop(bench.service.pid)
         token = (bench.service.data / "viewer-token").read_text("ascii").strip()

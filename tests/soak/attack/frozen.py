@@ -1,4 +1,4 @@
-"""SIGSTOP: each process stands still for a while and goes on; what watches over it has acted meanwhile."""
+"""SIGSTOP: each process is suspended and continued; its monitor has reacted in the meantime."""
 
 import os
 import signal
@@ -27,7 +27,7 @@ LOOP_SHORT_S, LOOP_LONG_S = 0.6, 1.0
 
 
 def freeze(times: int, console: Console) -> bool:
-    """Freeze each process ``times`` times; whether the outputs were safe in time and everything went on."""
+    """Suspend each process ``times`` times; return whether the outputs were safe in time and all recovered."""
     tally = Tally("frozen", console)
     with tempfile.TemporaryDirectory() as folder, bench_on(Path(folder)) as bench:
         accounts, button = Accounts(), StopButton(bench)
@@ -44,7 +44,7 @@ def freeze(times: int, console: Console) -> bool:
 
 
 def _rest(bench: Bench) -> None:
-    """Reset; where the loop is gone this starts another one."""
+    """Reset; without a control loop this starts another one."""
     if bench.client.get("/api/health").json()["alive"] and bench.state()["mode"] != "tripped":
         bench.client.post("/api/stop").raise_for_status()
     bench.client.post("/api/reset").raise_for_status()
@@ -90,7 +90,7 @@ def _loop(bench: Bench, loop: Loop, tally: Tally, seconds: float) -> None:
         tally.take("loop: zero volts, drives off [s]", time.monotonic() - begun, ZERO_S)
         time.sleep(max(0.0, seconds - (time.monotonic() - begun)))
     finally:
-        with suppress(ProcessLookupError):  # given up and killed meanwhile
+        with suppress(ProcessLookupError):  # detected as lost and killed in the meantime
             os.kill(loop.pid, signal.SIGCONT)
 
 

@@ -1,4 +1,4 @@
-"""The disk fills up while a run records, and is emptied again: told, STOP works, what waited is written."""
+"""The disk fills up during a run and is cleared: reported, STOP works, pending data are written."""
 
 import tempfile
 import time
@@ -21,7 +21,7 @@ AGAIN_S = 30.0
 
 
 def fill_disk(times: int, console: Console) -> bool:
-    """Fill the disk under the data folder ``times`` times."""
+    """Fill the disk of the data folder ``times`` times."""
     tally = Tally("disk full", console)
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as elsewhere:
         mount_small(folder, DISK_MB)
@@ -40,7 +40,7 @@ def fill_disk(times: int, console: Console) -> bool:
 def _fill(
     bench: Bench, loop: Loop, button: StopButton, accounts: Accounts, tally: Tally, filler: Path, *, stops: bool
 ) -> None:
-    """Fill the disk while a run records; with ``stops`` end the run while the disk is full, else after."""
+    """Fill the disk during a run; with ``stops`` the run ends while the disk is full, otherwise afterwards."""
     run = be_moving(bench, loop)
     accounts.look(bench, tally)
     _write_until_full(filler)
@@ -68,7 +68,7 @@ def _fill(
 
 
 def _must_tell_of_stop(bench: Bench, tally: Tally, run: int) -> None:
-    """Check that what happened while nothing could be written is in the run's marks."""
+    """Check that the marks of the run contain the events during the full disk."""
 
     def texts() -> list[str]:
         marks = bench.client.get(f"/api/runs/{run}/marks").raise_for_status().json()["marks"]

@@ -1,4 +1,4 @@
-"""STOP's latency, every hundred requests, while generated requests come in as viewers and as operators."""
+"""Latency of STOP under generated requests from viewers and operators."""
 
 import asyncio
 import json
@@ -30,7 +30,7 @@ TOLD = 1_000
 
 
 def ask(signals: Signals, url: str, token: str, seed: int) -> None:
-    """Send generated requests. ``ever`` counts answers, ``failed`` those of 500 and none."""
+    """Send generated requests. ``ever`` counts responses, ``failed`` status 500 and lost ones."""
     asyncio.run(_ask_all(signals, url, token, seed))
 
 
@@ -70,7 +70,7 @@ async def _ask(signals: Signals, url: str, token: str, seed: int) -> None:
 
 
 def under_generated_requests(requests: int, seed: int | None, console: Console) -> bool:
-    """Press STOP each ``EACH`` of so many generated requests; every answer is one, none a failure of the service."""
+    """Press STOP every ``EACH`` generated requests; every request has a response, none a server error."""
     seed = random.SystemRandom().randrange(10**6) if seed is None else seed
     with tempfile.TemporaryDirectory() as folder:
         store_costly_run(Path(folder))

@@ -1,4 +1,4 @@
-"""Requests with documents and expressions made from a seed: the same on every run, some right, most nearly so."""
+"""Requests with generated documents and expressions from a seed: the same in every run, some valid, most nearly."""
 
 import json
 import random
@@ -88,7 +88,7 @@ def generated(dice: random.Random) -> Request:
 
 
 def expression(dice: random.Random, depth: int = 0) -> str:
-    """Return an expression, now and then far too long, deep or large."""
+    """Return an expression, sometimes too long, deep or large."""
     if depth == 0 and dice.random() < 0.05:
         return dice.choice(("(" * 60 + "1" + ")" * 60, "1 + " * 300 + "1", "-" * 90 + "a", "9" * 190))
     if depth > 3 or dice.random() < 0.35:
@@ -109,7 +109,7 @@ def expression(dice: random.Random, depth: int = 0) -> str:
 
 
 def document(dice: random.Random) -> dict[str, Any]:
-    """Return an experiment, mostly one in form."""
+    """Return an experiment, usually of valid form."""
     names = dice.sample(string.ascii_lowercase, 3)
     setting = {"symbol": _words(dice), "meaning": _words(dice), "minimum": 0, "maximum": 10}
     made: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""Take the network and the mounts away from this process and all it starts: nothing that is tried here can leave."""
+"""Isolate this process and its children from network and mounts, so that no test data can leave."""
 
 import ctypes
 import fcntl
@@ -14,12 +14,12 @@ _LIBC = ctypes.CDLL(None, use_errno=True)
 
 
 class NotIsolatedError(OSError):
-    """This machine grants no namespaces of one's own."""
+    """The machine grants no own namespaces."""
 
 
 @cache
 def isolate() -> None:
-    """Move this process into a network that has a loopback only, and mounts of its own. Raises NotIsolatedError."""
+    """Move this process to a network with only a loopback, and to own mounts. Raises NotIsolatedError."""
     own = _CLONE_NEWNET | _CLONE_NEWNS
     user, group = os.getuid(), os.getgid()
     if _LIBC.unshare(own) != 0:
@@ -35,7 +35,7 @@ def isolate() -> None:
 
 
 def mount_small(folder: str, megabytes: int) -> None:
-    """Mount an empty file system of so many MB in memory on ``folder``; only this process and its children see it."""
+    """Mount an empty file system of ``size_MB`` in memory on ``folder``, visible to this process and its children."""
     isolate()
     _check(_LIBC.mount(b"tmpfs", folder.encode(), b"tmpfs", 0, f"size={megabytes}m".encode()), f"mounting {folder}")
 

@@ -1,6 +1,6 @@
-"""Junk for every door: bytes that are no HTTP, HTTP that lies, messages that nobody sends to these websockets.
+"""Invalid data for every endpoint: no HTTP, malformed HTTP, unknown messages to the websockets.
 
-One of them is viser's request to publish the scene, so this runs where nothing can leave the machine.
+One of them is the request of viser to publish the scene, so this runs in isolation.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ SEED = 20
 
 
 def throw(signals: Signals, address: tuple[str, int], token: str, hands: int) -> None:
-    """Throw junk with so many hands at once until it is over; ``ever`` counts what was thrown."""
+    """Send invalid data from ``hands`` tasks until the end; ``ever`` counts the requests."""
     asyncio.run(_throw(signals, address, token, hands))
 
 
@@ -59,7 +59,7 @@ async def _raw(signals: Signals, address: tuple[str, int], chance: random.Random
 
 
 def _requests(chance: random.Random) -> Iterator[bytes]:
-    """Junk without end, the same for the same seed."""
+    """Yield invalid data without end, the same for the same seed."""
     while True:
         yield chance.randbytes(chance.randint(1, 4000))
         yield b"GET / HTTP/1.1\r\nHost: localhost\r\n" + b"X: y\r\n" * 20_000 + b"\r\n"
@@ -77,7 +77,7 @@ def _requests(chance: random.Random) -> Iterator[bytes]:
             b"Content-Length: %d\r\n\r\n" % len(body) + body
         )
         yield b"GET /api/live HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\r\n"
-        yield b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + chance.randbytes(200)  # the beginning of TLS
+        yield b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + chance.randbytes(200)  # the start of TLS
         yield b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
         yield b"GET / HTTP/1.1\r\nHost: " + chance.randbytes(40).replace(b"\n", b"") + b"\r\n\r\n"
 
@@ -89,7 +89,7 @@ async def _messages(
     while True:
         try:
             async with connect(url, additional_headers=headers, subprotocols=subprotocols, max_size=None) as socket:
-                # One a connection: the first that is not understood may end it.
+                # One per connection: the first invalid message may close it.
                 await socket.send(_message(chance))
                 signals.ever.value += 1
                 async with asyncio.timeout(0.2):
@@ -105,7 +105,7 @@ def _message(chance: random.Random) -> str | bytes:
         SHARE.replace(b"Request", b"Request" + b"\x00"),
         chance.randbytes(chance.randint(0, 2000)),
         b"\x81\xa4type",
-        b"\xdf\xff\xff\xff\xff",  # a map of four thousand million entries, says its beginning
+        b"\xdf\xff\xff\xff\xff",  # the header announces a map of four thousand million entries
         b"\x91" * 5000,
         "",
         "{",

@@ -1,4 +1,4 @@
-"""Kill the loop with -9 while it stands, winds up, moves or plays; the card's watchdog and the service take over."""
+"""SIGKILL of the loop at rest, under voltage, in motion or during a run; watchdog and service take over."""
 
 import tempfile
 from collections.abc import Sequence
@@ -15,12 +15,12 @@ from tests.soak.live_service import Bench, Loop, bench_on, wait_until
 
 
 def kill_loop(times: int, console: Console) -> bool:
-    """Kill the loop process ``times`` times under one service; whether each was told, made safe and replaced."""
+    """Kill the loop ``times`` times under one service; return whether it was reported, safe and replaced."""
     return _kill("loop killed", ("simulator",), times, console)
 
 
 def kill_card_loop(times: int, console: Console) -> bool:
-    """Do the same to a loop that drives the virtual card through NI-DAQmx."""
+    """Do the same with a loop that drives the virtual card through NI-DAQmx."""
     return _kill("loop killed on the virtual card", ("rig", "--virtual-card"), times, console)
 
 
@@ -45,7 +45,7 @@ def _kill(what: str, plant: Sequence[str], times: int, console: Console) -> bool
 
 
 def _after(bench: Bench, loop: Loop, button: StopButton, tally: Tally) -> None:
-    """Press STOP at once: nobody can prove it, which has to be said in time. Then wait for what takes over."""
+    """Press STOP immediately: the response must state that it is unconfirmed. Then wait for the new loop."""
     press = button.press()
     tally.take("STOP refused [s]", press.latency_s, STOP_S)
     tally.lost(press.status != 503, f"STOP without a loop answered {press.status}")

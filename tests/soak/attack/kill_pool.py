@@ -1,4 +1,4 @@
-"""Kill the workers of the pools with -9 while they compute: a dry run, a report, an export, a fit, or nothing."""
+"""SIGKILL of worker processes during a dry run, a report, an export, an evaluation, or at rest."""
 
 import random
 import tempfile
@@ -36,7 +36,7 @@ SEED = 20
 
 
 class Pools:
-    """The workers of one service."""
+    """The worker processes of one service."""
 
     def __init__(self, service: int) -> None:
         self._service = service
@@ -44,7 +44,7 @@ class Pools:
 
     @contextmanager
     def killed_at_work(self) -> Iterator[Callable[[], bool]]:
-        """Ask for work within the block, then call what it yields: kills the worker that took it, if any did."""
+        """Start work in the block, then call the yielded function: it kills the worker of this work, if any."""
         before = dict(pool_workers(self._service))
 
         def kill_it() -> bool:
@@ -65,7 +65,7 @@ class Pools:
         yield kill_it
 
     def kill_all(self) -> int:
-        """Kill every worker, at work or not; return how many there were."""
+        """Kill every worker process; return their number."""
         workers = pool_workers(self._service)
         for worker in workers:
             kill(worker.pid)
@@ -73,7 +73,7 @@ class Pools:
 
 
 def kill_pool(times: int, console: Console) -> bool:
-    """Kill workers ``times`` times; whether all that was asked for was answered all the same."""
+    """Kill workers ``times`` times; return whether all requests were completed nevertheless."""
     tally = Tally("pool worker killed", console)
     with tempfile.TemporaryDirectory() as folder, bench_on(Path(folder)) as bench:
         loop, button, accounts, pools = Loop(bench.service.pid), StopButton(bench), Accounts(), Pools(bench.service.pid)
@@ -122,13 +122,13 @@ def _at_work(
 
 
 def _fit(bench: Bench, loop: Loop, pools: Pools, tally: Tally) -> None:
-    """Kill the worker that loads for, or makes, the evaluation; the run must get its result all the same."""
+    """Kill the worker of the evaluation; the run must get its result nevertheless."""
     with pools.killed_at_work() as kill_it:
         _evaluated(bench, loop, tally, lambda: tally.lost(not kill_it(), "fit: nobody computed"))
 
 
 def _evaluated(bench: Bench, loop: Loop, tally: Tally, disturb: Callable[[], None]) -> int:
-    """Play a short experiment, ``disturb`` while it is evaluated, and wait for its result; return the run."""
+    """Execute a short experiment, ``disturb`` its evaluation, and wait for the result; return the run."""
     be_off(bench, loop)
     run = int(bench.client.post("/api/experiments", json=sequence(0.4, 0.4)).raise_for_status().json()["id"])
 

@@ -1,4 +1,4 @@
-"""Kill the service with -9 while the joint moves; the loop stops by itself, and the next service finds everything."""
+"""SIGKILL of the service during motion; the loop stops by itself, and the next service recovers all data."""
 
 import select
 import tempfile
@@ -29,7 +29,7 @@ GONE_S = 10.0
 
 
 def kill_service(times: int, console: Console) -> bool:
-    """Kill the service ``times`` times; whether nothing was lost in any."""
+    """Kill the service ``times`` times; return whether no data were lost."""
     tally = Tally("service killed", console)
     accounts = Accounts()
     with tempfile.TemporaryDirectory() as folder:
@@ -56,7 +56,7 @@ def kill_service(times: int, console: Console) -> bool:
 
 
 def _must_have_kept(bench: Bench, accounts: Accounts, tally: Tally, killed: int) -> None:
-    """Look into a service that was started after a kill: what was stored is there, and STOP works."""
+    """Check that the service after a kill has all stored data, and that STOP works."""
     if not killed:
         return
     accounts.look(bench, tally)
@@ -69,7 +69,7 @@ def _must_have_kept(bench: Bench, accounts: Accounts, tally: Tally, killed: int)
 
 
 def _must_have_stopped(loop: Loop, at: int, tally: Tally) -> None:
-    """Read in the loop's own samples what it did when its service was gone."""
+    """Check the reaction of the loop to the missing service in its own samples."""
     _, rows, _ = loop.ring.read(max(0, at - 1), 10_000)
     fault, q_dot = rows[:, INDEX["fault"]], np.abs(rows[:, INDEX["q_dot"]])
     tally.lost(fault[-1] != FAULT_CODE[Fault.SERVICE_LOST], "no fault was latched")
@@ -83,7 +83,7 @@ def _must_have_stopped(loop: Loop, at: int, tally: Tally) -> None:
 
 
 def _must_be_gone(below: list[int], tally: Tally) -> None:
-    """Wait until nothing is left of the processes below the service."""
+    """Wait until all child processes of the service have ended."""
     try:
         wait_until(lambda: not any(map(is_there, below)), "end of all processes", GONE_S)
     except TimeoutError:
@@ -92,7 +92,7 @@ def _must_be_gone(below: list[int], tally: Tally) -> None:
 
 
 def _recording_lacks(data: Path, run: int, at: int) -> bool:
-    """Whether a run's recording has gaps, or ends earlier than the last second before tick ``at``."""
+    """Return whether a recording has gaps, or ends more than a second before tick ``at``."""
     database = open_database(data)
     with database.reading() as session:
         extent, missed = recordings.extent(session, run), recordings.get(session, run).missed

@@ -1,4 +1,4 @@
-"""Kill the card's watchdog with -9, alone or with the loop at once after it: the other one has to see it."""
+"""SIGKILL of the watchdog of the card, alone or followed by the loop: the remaining process must react."""
 
 import tempfile
 from pathlib import Path
@@ -21,7 +21,7 @@ PATIENCE_S = 3.0
 
 
 def kill_watchdog(times: int, console: Console) -> bool:
-    """Kill the watchdog ``times`` times, every third time the loop with it; whether the outputs were made safe."""
+    """Kill the watchdog ``times`` times, every third time with the loop; return whether the outputs were safe."""
     tally = Tally("watchdog killed", console)
     with tempfile.TemporaryDirectory() as folder, bench_on(Path(folder)) as bench:
         button, accounts = StopButton(bench), Accounts()
@@ -49,7 +49,7 @@ def kill_watchdog(times: int, console: Console) -> bool:
 
 
 def _must_be_safe(loop: Loop, tally: Tally, what: str, within_s: float) -> None:
-    """Wait for zero volts and drives off at the registers."""
+    """Wait for zero volts and disabled drives in the registers."""
 
     def safe() -> bool:
         card = loop.card.state()

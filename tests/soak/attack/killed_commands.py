@@ -1,7 +1,7 @@
-"""Commands killed at random moments, and on a disk that fills up: the next start has the old state or the new one.
+"""Commands killed at random moments, and on a full disk: the next start has the old state or the new one.
 
-Each command works on a copy of a prepared folder. After its end a start as the service makes it recovers the folder;
-then the state is one of the two, the database is whole, and nothing is left that the command had begun.
+Each command works on a copy of a prepared folder. Afterwards a start of the service recovers the folder. The state must
+then be one of the two, the database must be intact, and no unfinished files of the command may remain.
 """
 
 import os
@@ -36,7 +36,7 @@ State = Callable[[Path], str]
 
 @dataclass(frozen=True)
 class Trial:
-    """A command by its words, with ``{}`` for the folder it works on; ``prepared`` is copied there first."""
+    """A command with ``{}`` for its folder, which is a copy of ``prepared``."""
 
     name: str
     prepared: Path
@@ -45,7 +45,7 @@ class Trial:
 
 
 def kill_commands(kills: int, console: Console) -> bool:
-    """Kill commands so often in all, spread over the kinds, and let each meet ``SIZES`` sizes of a full disk."""
+    """Kill commands ``times`` times in total, spread over the kinds, and run each on ``SIZES`` sizes of a full disk."""
     tally = Tally("commands killed", console)
     dice = random.Random(int(time.time()))
     with tempfile.TemporaryDirectory() as made:
@@ -69,7 +69,7 @@ def kill_commands(kills: int, console: Console) -> bool:
 
 
 def _trials(made: Path) -> list[Trial]:
-    """Prepare the folders: a run with a backup of before it was tagged, an old schema, and a bundle of elsewhere."""
+    """Prepare the folders: a run with a backup from before its tag, an old schema, and a bundle from elsewhere."""
     with_run, old, other = made / "run", made / "old", made / "other"
     for folder in (with_run, other):
         _sinew("experiment", "compliance", "--data", str(folder / "data"), "--params", "ideal")
@@ -107,7 +107,7 @@ def _runs(folder: Path) -> str:
 
 
 def _is_there(name: str) -> State:
-    """Whether a file is written, and if so how long it is: half a file is a third state."""
+    """Return the size of a file, or that it is absent: an incomplete file is a third state."""
     return lambda folder: str((folder / name).stat().st_size) if (folder / name).exists() else "not there"
 
 
@@ -123,7 +123,7 @@ def _is_whole(name: str) -> State:
 
 
 def _whole(trial: Trial, made: Path) -> tuple[str, str, float, int]:
-    """Run it undisturbed: the states before and after, how long it takes [s], and how much it writes [bytes]."""
+    """Run the command undisturbed; return the states before and after, its duration [s], and its output [bytes]."""
     folder = _copied(trial, made / "whole")
     before, begun, size = trial.state(folder), time.monotonic(), _size(folder)
     process = _begun(trial, folder)
@@ -139,7 +139,7 @@ def _whole(trial: Trial, made: Path) -> tuple[str, str, float, int]:
 def _judge(
     trial: Trial, folder: Path, before: str, after: str, tally: Tally, outcomes: dict[str, int], what: str
 ) -> None:
-    """Start as the service does, and compare."""
+    """Start as the service does, and compare the state."""
     with lock_for_service(folder / "data"):
         recover_database(folder / "data" / "sinew.db")
     found = trial.state(folder)
@@ -154,7 +154,7 @@ def _judge(
 
 
 def _on_full_disk(trial: Trial, before: str, after: str, room: float, tally: Tally) -> None:
-    """Let it run with room for a part of what it writes; a command that fails says which file could not be written."""
+    """Run the command with space for a part of its output; a failed command must name the file."""
     with tempfile.TemporaryDirectory() as mount:
         size = _size(trial.prepared)
         mount_small(mount, max(1, round((size + room) / 2**20 + 0.5)))
@@ -173,7 +173,7 @@ def _on_full_disk(trial: Trial, before: str, after: str, room: float, tally: Tal
 
 
 def _give_room(mount: str) -> None:
-    """Give the disk room again: the next start is made on one that is not full."""
+    """Clear the disk, because the next start needs space."""
     subprocess.run(["mount", "-o", "remount,size=512m", mount], check=True, capture_output=True)
 
 

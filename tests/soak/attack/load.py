@@ -1,4 +1,4 @@
-"""STOP's latency while crowds press at the door: each alone, then all at once."""
+"""Latency of STOP under load from groups of clients: each alone, then all together."""
 
 import tempfile
 import time
@@ -29,7 +29,7 @@ LONGEST_S = 120.0
 
 
 def under_load(presses: int, idle: int, console: Console) -> bool:
-    """Press STOP ``presses`` times under each crowd; whether every answer came in time and nothing was left behind."""
+    """Press STOP ``presses`` times under each load; return whether all responses were in time and nothing leaked."""
     isolate()
     usual_descriptors()
     whole = True
@@ -38,7 +38,7 @@ def under_load(presses: int, idle: int, console: Console) -> bool:
         for name, wanted in _crowds(bench, idle).items():
             tally = Tally(f"STOP under {name}", console)
             service = _Service(bench)
-            button = StopButton(bench)  # signed in, and connected, before the crowd comes
+            button = StopButton(bench)  # signed in and connected before the load starts
             with crowds(*wanted) as signals:
                 _press(bench, loop, button, tally, presses)
                 tally.note(_count(signals))
@@ -70,7 +70,7 @@ def _crowds(bench: Bench, idle: int) -> dict[str, list[Crowd]]:
 
 
 def _press(bench: Bench, loop: Loop, button: StopButton, tally: Tally, presses: int) -> None:
-    """Press with volts on the motors, on a kept and on a new connection in turn."""
+    """Press STOP under voltage, on a kept and on a new connection in turn."""
     ending = time.monotonic() + LONGEST_S
     for turn in range(presses):
         if time.monotonic() > ending:
@@ -85,7 +85,7 @@ def _press(bench: Bench, loop: Loop, button: StopButton, tally: Tally, presses: 
 
 
 class _Service:
-    """What a crowd may not leave behind in the service: memory, lines in the log, tracebacks, processes."""
+    """Possible leaks of the service: memory, log lines, tracebacks, processes."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench

@@ -1,4 +1,4 @@
-"""The data folder is deleted, or another one put in its place, while a run records: told at once, STOP works."""
+"""The data folder is deleted or replaced during a run: reported immediately, STOP works."""
 
 import shutil
 import subprocess
@@ -54,7 +54,7 @@ def _lose(tally: Tally, *, replaced: bool) -> None:
 
 
 def _second_service(tally: Tally, data: Path, what: str) -> None:
-    """Start another service on the folder: it must be refused while the first one lives."""
+    """Start another service on the folder: it must be refused while the first one runs."""
     command = [sys.executable, "-m", "backend", "serve", "--plant", "simulator", "--port", "0", "--data", str(data)]
     try:
         ended = subprocess.run(command, capture_output=True, text=True, timeout=SECOND_S, check=False)

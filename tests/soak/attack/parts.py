@@ -1,4 +1,4 @@
-"""The parts of the attack, and how 400 kills are spread over those that kill."""
+"""The parts of the attack, and the distribution of 400 kills over them."""
 
 import argparse
 from collections.abc import Callable, Iterable, Mapping
@@ -58,7 +58,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def parts(chosen: Iterable[str]) -> dict[str, Part]:
-    """Return the attack's parts by name; those ``chosen`` that kill share the kills."""
+    """Return the parts of the attack by name; those of ``chosen`` that kill share the kills."""
     shares = {name: share for name, (share, _) in KILLS.items() if name in chosen} or dict.fromkeys(KILLS, 1)
     made: dict[str, Part] = {"crowds": lambda given, console: under_load(given.presses, given.sockets, console)}
     made["costly"] = lambda given, console: under_costly_requests(given.presses, console)

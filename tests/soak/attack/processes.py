@@ -1,4 +1,4 @@
-"""The processes of a service: which there are, and how busy."""
+"""The processes of a service and their processor time."""
 
 import os
 import signal
@@ -11,14 +11,14 @@ WATCHDOG, POOL, TRACKER = b"plant.safety_card", b"spawn_main", b"resource_tracke
 
 
 class Busy(NamedTuple):
-    """A process and the time it has computed [s]."""
+    """A process and its processor time [s]."""
 
     pid: int
     cpu_s: float
 
 
 def children(pid: int) -> list[int]:
-    """Return the children of a process, none where it is gone."""
+    """Return the children of a process, none if it has ended."""
     found: list[int] = []
     with suppress(FileNotFoundError, ProcessLookupError):
         for thread in Path(f"/proc/{pid}/task").iterdir():
@@ -28,35 +28,35 @@ def children(pid: int) -> list[int]:
 
 
 def descendants(pid: int) -> list[int]:
-    """Return all processes below one."""
+    """Return all descendants of a process."""
     return [below for child in children(pid) for below in (child, *descendants(child))]
 
 
 def named(pid: int, word: bytes) -> list[int]:
-    """Return the processes below ``pid`` with ``word`` in their command line."""
+    """Return the descendants of ``pid`` with ``word`` in their command line."""
     return [below for below in descendants(pid) if word in _command_line(below)]
 
 
 def pool_workers(service: int) -> list[Busy]:
-    """Return the workers of a service's pools."""
+    """Return the worker processes of a service."""
     return [Busy(pid, cpu_s) for pid in named(service, POOL) if (cpu_s := _cpu_s(pid)) is not None]
 
 
 def strangers(service: int) -> int:
-    """Count the children of a service that come and go with no pool: its loop, and whatever should not be there."""
+    """Count the children of a service outside of the pools: its loop, and unexpected ones."""
     lines = map(_command_line, children(service))
     return sum(POOL not in line and TRACKER not in line for line in lines)
 
 
 def is_there(pid: int) -> bool:
-    """Whether a process lives; one that is only waited for does not."""
+    """Return whether a process is alive; a zombie is not."""
     with suppress(FileNotFoundError, ProcessLookupError):
         return _fields(pid)[0] not in "ZX"
     return False
 
 
 def kill(pid: int) -> None:
-    """kill -9, also of what is gone already."""
+    """Send SIGKILL, also to a process that has ended."""
     with suppress(ProcessLookupError):
         os.kill(pid, signal.SIGKILL)
 
@@ -75,5 +75,5 @@ def _cpu_s(pid: int) -> float | None:
 
 
 def _fields(pid: int) -> list[str]:
-    """Fields of /proc/PID/stat from the state on; the name before it may hold anything."""
+    """Return the fields of /proc/PID/stat from the state on; the name before it may contain any character."""
     return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(") ")[2].split()

@@ -1,4 +1,4 @@
-"""Sockets that take a place and give nothing: idle ones, and bodies of a byte a second."""
+"""Sockets that occupy connections without use: idle ones, and request bodies of one byte per second."""
 
 import errno
 import selectors
@@ -22,7 +22,7 @@ BODY = 100_000
 
 
 class _Sockets:
-    """So many sockets held open; each that the service closes is opened anew, at a bounded rate."""
+    """Open sockets; closed ones are reopened at a bounded rate."""
 
     def __init__(self, signals: Signals, address: tuple[str, int], count: int, addresses: int) -> None:
         self._signals = signals
@@ -36,7 +36,7 @@ class _Sockets:
         begun = dripped = time.monotonic()
         while not self._signals.over.is_set():
             self._fill_up()
-            # A file that polls tells at once of what was closed, so the pause paces what is opened again.
+            # Polling reports closed sockets immediately, so the pause bounds the rate of reopening.
             time.sleep(LOOK_S)
             for key, _ in self._selector.select(0.0):
                 assert isinstance(key.fileobj, socket.socket)
@@ -50,10 +50,10 @@ class _Sockets:
                 self._signals.there.set()
 
     def greet(self, connected: socket.socket) -> None:
-        """Say something first; idle sockets say nothing."""
+        """Send initial data; idle sockets send nothing."""
 
     def drip(self, connected: list[socket.socket]) -> None:
-        """Say something every second."""
+        """Send data every second."""
 
     def _fill_up(self) -> None:
         most = OPENED_AGAIN if self._signals.there.is_set() else OPENED_AT_ONCE
@@ -85,7 +85,7 @@ class _Sockets:
 
 
 class _SlowBodies(_Sockets):
-    """Announces a body and sends a byte a second; every other one is slow already in its header."""
+    """Announces a body and sends one byte per second; every second socket sends a slow header."""
 
     def greet(self, connected: socket.socket) -> None:
         head = "POST /api/session HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
@@ -95,7 +95,7 @@ class _SlowBodies(_Sockets):
             connected.settimeout(0.2)
             connected.send(said.encode())
         except OSError:
-            return  # refused; the next look at it tells
+            return  # refused; the next poll detects it
         finally:
             connected.setblocking(False)
 
@@ -108,10 +108,10 @@ class _SlowBodies(_Sockets):
 
 
 def idle(signals: Signals, address: tuple[str, int], count: int, addresses: int) -> None:
-    """Hold ``count`` connections that never say anything, from so many loopback addresses."""
+    """Hold ``count`` idle connections from several loopback addresses."""
     _Sockets(signals, address, count, addresses).hold()
 
 
 def slow_bodies(signals: Signals, address: tuple[str, int], count: int, addresses: int) -> None:
-    """Hold ``count`` requests that never come to their end."""
+    """Hold ``count`` requests that never end."""
     _SlowBodies(signals, address, count, addresses).hold()

@@ -1,4 +1,4 @@
-"""A page that is signed in and presses STOP: how long until the answer, and whether the outputs are at zero then."""
+"""A signed-in client that presses STOP: latency of the response, and outputs at zero at that time."""
 
 import http.client
 import json
@@ -20,7 +20,7 @@ _CLOSED = (http.client.RemoteDisconnected, ConnectionResetError, BrokenPipeError
 
 @dataclass(frozen=True)
 class Press:
-    """One STOP: its answer, from request to answer [s], and the loop's own proof [ms], None where it gave none."""
+    """One STOP: response, latency [s], and the confirmation of the loop [ms], None without one."""
 
     status: int
     latency_s: float
@@ -28,9 +28,9 @@ class Press:
 
 
 class StopButton:
-    """Presses STOP by the cookie of a page, on a connection that is kept or on a new one each time.
+    """Presses STOP with the session cookie, on a kept connection or a new one each time.
 
-    ``token``: whose page it is; the operator's by default.
+    ``token``: the token of the session; the operator's by default.
     """
 
     def __init__(self, bench: Bench, name: str = "at the button", token: str = "") -> None:
@@ -45,7 +45,7 @@ class StopButton:
         self._kept.getresponse().read()
 
     def press(self, *, fresh: bool = False) -> Press:
-        """Press STOP; a kept connection that the service has closed meanwhile is opened again, as a browser does."""
+        """Press STOP; a kept connection that the service has closed is reopened, as a browser does."""
         begun = time.perf_counter()
         if fresh:
             connection = self._connection()
@@ -64,7 +64,7 @@ class StopButton:
         return Press(0, time.perf_counter() - begun, None)
 
     def get(self, path: str) -> int:
-        """Ask as the page does; return the status."""
+        """Send a GET as the page does; return the status."""
         connection = self._connection()
         try:
             connection.request("GET", path, headers={"Cookie": self._cookie})
@@ -94,7 +94,7 @@ class StopButton:
 
 
 def stop_and_check(button: StopButton, loop: Loop, tally: Tally, *, fresh: bool = False, what: str = "STOP") -> None:
-    """Press STOP once while service and loop live; answered in time, proven, and the card at zero volts."""
+    """Press STOP while service and loop run; the response must be in time, confirmed, with zero volts."""
     press = button.press(fresh=fresh)
     card = loop.card.state()
     tally.take(f"{what} [s]", press.latency_s, STOP_S)
@@ -105,7 +105,7 @@ def stop_and_check(button: StopButton, loop: Loop, tally: Tally, *, fresh: bool 
 
 
 def rest(bench: Bench) -> None:
-    """Bring the loop to off, whatever it does."""
+    """Change to mode Off from any mode."""
     mode = bench.state()["mode"]
     if mode != "off":
         if mode != "tripped":
@@ -114,7 +114,7 @@ def rest(bench: Bench) -> None:
 
 
 def wind_up(bench: Bench, loop: Loop) -> None:
-    """Bring volts onto the motors, from rest."""
+    """Apply voltages to the motors, from rest."""
     rest(bench)
     bench.client.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
     wait_until(lambda: abs(loop.card.state().u_A) > WOUND_V, "volts on the motors")

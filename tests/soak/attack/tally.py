@@ -1,4 +1,4 @@
-"""What an attack measured and what it broke."""
+"""Measurements and violations of an attack."""
 
 import os
 from collections import defaultdict
@@ -24,7 +24,7 @@ TOLD_S = 1.0
 
 
 class Tally:
-    """Figures and broken promises of one part; each promise that is broken is printed at once."""
+    """Measurements and violations of one part; each violation is printed immediately."""
 
     def __init__(self, name: str, console: Console) -> None:
         self.name = name
@@ -33,26 +33,26 @@ class Tally:
         self._figures: defaultdict[str, list[float]] = defaultdict(list)
 
     def lost(self, is_lost: bool, what: str) -> None:
-        """Count a broken promise."""
+        """Count a violation."""
         if is_lost:
             self.losses += 1
             self._console.print(f"LOST: {self.name}: {what}")
 
     def take(self, figure: str, value: float, at_most: float | None = None) -> None:
-        """Keep a measured figure; beyond ``at_most`` it is a broken promise."""
+        """Store a measurement; more than ``at_most`` is a violation."""
         self._figures[figure].append(value)
         self.lost(at_most is not None and not value <= at_most, f"{figure}: {value:.3f}, promised {at_most}")
 
     def median(self, figure: str) -> float:
-        """Return the median of a figure, nan where it was never measured."""
+        """Return the median of a measurement, NaN without values."""
         return float(np.median(self._figures[figure])) if self._figures[figure] else float("nan")
 
     def note(self, text: str) -> None:
-        """Print what is worth knowing beside the figures."""
+        """Print additional information."""
         self._console.print(f"{self.name}: {text}")
 
     def close(self) -> bool:
-        """Print median and maximum of each figure; return whether every promise was kept."""
+        """Print median and maximum of each measurement; return whether there was no violation."""
         figures = (f"{name}: {_summary(values)}" for name, values in self._figures.items())
         load = os.getloadavg()[0]
         said = "; ".join([*figures, f"{self.losses} losses; load of the machine {load:.1f}"])
@@ -61,7 +61,7 @@ class Tally:
 
 
 def _summary(values: Iterable[float]) -> str:
-    """Median and maximum, where there is more than one value."""
+    """Return median and maximum, if there are several values."""
     taken = np.array(list(values))
     if len(taken) == 1:
         return f"{taken[0]:.3g}"

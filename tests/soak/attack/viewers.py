@@ -1,4 +1,4 @@
-"""Busy viewers: each reads the live stream and asks for one page after another."""
+"""Busy viewers: each reads the live stream and requests pages successively."""
 
 import asyncio
 from collections.abc import Coroutine, Sequence
@@ -13,7 +13,7 @@ ASKED = ("/api/state", "/api/runs", "/api/experiments", "/api/checklist", "/api/
 
 
 def busy(signals: Signals, url: str, token: str, count: int) -> None:
-    """Let ``count`` viewers stream and ask. ``ever`` counts answers, ``failed`` answers of 500 and dropped streams."""
+    """Run ``count`` viewers. ``ever`` counts responses, ``failed`` status 500 and lost streams."""
     asyncio.run(_all(signals, url, {"Authorization": f"Bearer {token}"}, count))
 
 

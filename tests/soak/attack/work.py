@@ -1,4 +1,4 @@
-"""What the rig is doing when it is attacked, and whether it is well afterwards."""
+"""The activity of the rig during an attack, and its state afterwards."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -19,7 +19,7 @@ ENDED_S = 20.0
 
 
 def sequence(*durations_s: float) -> dict[str, object]:
-    """Return an experiment that moves the joint to and fro, held so long each time [s]."""
+    """Return an experiment that moves the joint back and forth, with holds of this duration [s]."""
     segments = [
         {"duration_s": held_s, "q_ref": 0.4 if position % 2 else -0.4, "S_ref": 10}
         for position, held_s in enumerate(durations_s)
@@ -28,19 +28,19 @@ def sequence(*durations_s: float) -> dict[str, object]:
 
 
 def be_off(bench: Bench, _loop: Loop) -> int:
-    """Stand still; no run."""
+    """Be in mode Off without a run."""
     rest(bench)
     return 0
 
 
 def be_wound_up(bench: Bench, loop: Loop) -> int:
-    """Hold volts on both motors; no run."""
+    """Hold voltages on both motors without a run."""
     wind_up(bench, loop)
     return 0
 
 
 def be_moving(bench: Bench, loop: Loop, side: float = 1.0) -> int:
-    """Move the joint in a recorded session; return the run."""
+    """Move the joint in a manual session; return the run."""
     be_off(bench, loop)
     run, begun = bench.run(), loop.ring.count
     wait_until(lambda: loop.ring.count > begun + RECORDED_TICKS, "recording")
@@ -50,7 +50,7 @@ def be_moving(bench: Bench, loop: Loop, side: float = 1.0) -> int:
 
 
 def be_in_experiment(bench: Bench, loop: Loop) -> int:
-    """Play a sequence that moves; return the run."""
+    """Execute a sequence; return the run."""
     be_off(bench, loop)
     answer = bench.client.post("/api/experiments", json=sequence(3, 30, 30)).raise_for_status()
     wait_until(lambda: abs(loop.newest("q_dot")) > 0.2, "motion")
@@ -66,14 +66,14 @@ OCCUPATIONS: Mapping[str, Callable[[Bench, Loop], int]] = {
 
 
 class Accounts:
-    """What is stored of each run: nothing that was once there may be gone, or be there in another shape."""
+    """Stored data of each run, which must not disappear or change."""
 
     def __init__(self) -> None:
         self._samples: dict[int, int] = {}
         self._ended: dict[int, str] = {}
 
     def look(self, bench: Bench, tally: Tally) -> None:
-        """Compare the newest runs with what was stored of them before."""
+        """Compare the newest runs with their earlier data."""
         for run in bench.client.get("/api/runs", params={"limit": 20}).raise_for_status().json()["runs"]:
             number, stored, ended = run["id"], run["samples"], run["end_state"]
             before = self._samples.get(number, 0)
@@ -86,7 +86,7 @@ class Accounts:
                 self._ended[number] = ended
 
     def must_end_as(self, bench: Bench, tally: Tally, run: int, wanted: str) -> None:
-        """Wait for the end of a run."""
+        """Wait for the end of a run and check its state."""
         if not run:
             return
 
@@ -102,7 +102,7 @@ class Accounts:
 
 
 class Flights:
-    """Flight records of one kind: each trip is there once."""
+    """Flight records of one kind: one per trip."""
 
     def __init__(self, bench: Bench, fault: str) -> None:
         self._bench = bench
@@ -110,7 +110,7 @@ class Flights:
         self._seen = self._newest(0)
 
     def must_grow_by_one(self, tally: Tally, what: str) -> None:
-        """Wait for the record of a trip that has just happened; another one of it is as bad as none."""
+        """Wait for the record of the latest trip; a second record of it is an error."""
         before = self._seen
         try:
             wait_until(lambda: bool(self._after(before)), "flight record", ENDED_S)
@@ -129,7 +129,7 @@ class Flights:
 
 
 def must_be_well(bench: Bench, tally: Tally, after: str, within_s: float = ENDED_S) -> None:
-    """Check that the whole safety chain is good, a watchdog is at work, and nothing stays shown as a problem."""
+    """Check that the safety chain is good, a watchdog runs, and no problem is shown."""
     watchdogs = named(bench.service.pid, WATCHDOG)
     tally.lost(len(watchdogs) != 1, f"{len(watchdogs)} watchdogs after {after}")
     try:

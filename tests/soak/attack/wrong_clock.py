@@ -1,6 +1,6 @@
-"""The wall clock jumps under a running service: whoever is signed in goes on, STOP works, the recording has no hole.
+"""The wall clock jumps under a running service: sessions continue, STOP works, the recording has no gap.
 
-The machine's own clock is left alone: a shim that is preloaded into the service, and so into its loop, shifts theirs.
+The clock of the machine is unchanged: a preloaded library shifts the clock of the service and its loop.
 """
 
 import os
@@ -34,7 +34,7 @@ WATCHED_S = 2.0
 
 
 class ShiftedClock:
-    """The clock of what is started while the shim is preloaded."""
+    """The clock of processes with the preloaded library."""
 
     def __init__(self, folder: Path) -> None:
         gcc = shutil.which("gcc")
@@ -46,13 +46,13 @@ class ShiftedClock:
         self._file.write_bytes(struct.pack("q", 0))
 
     def shift(self, seconds: int) -> None:
-        """Put the clock off the real one by so much."""
+        """Shift the clock relative to the real one."""
         with self._file.open("r+b") as file:
             file.write(struct.pack("q", seconds))
 
     @contextmanager
     def preloaded(self) -> Iterator[None]:
-        """Give the shim to what is started within the block."""
+        """Preload the library into processes that start in the block."""
         added = {"LD_PRELOAD": str(self._library), "SHIFTED_CLOCK": str(self._file)}
         os.environ.update(added)
         try:
@@ -63,7 +63,7 @@ class ShiftedClock:
 
 
 def move_clock(times: int, console: Console) -> bool:
-    """Let the clock jump to and fro, ``times`` times each way."""
+    """Let the clock jump forwards and backwards, ``times`` times each."""
     tally = Tally("clock moved", console)
     with tempfile.TemporaryDirectory() as folder:
         clock = ShiftedClock(Path(folder))
@@ -87,7 +87,7 @@ def move_clock(times: int, console: Console) -> bool:
 
 
 def _jump(bench: Bench, loop: Loop, button: StopButton, tally: Tally, name: str) -> None:
-    """Look at a run whose beginning the real clock timed, and whose end the wrong one does."""
+    """Check a run that begins with the real clock and ends with the wrong one."""
     time.sleep(WATCHED_S)
     tally.lost(bench.state()["fault"] is not None, f"{name}: {bench.state()['fault']}")
     answered = button.get("/api/state")
