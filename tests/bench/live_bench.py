@@ -35,12 +35,12 @@ def bench(console: Console) -> bool:
         loop = Loop(live.service.pid)
         live.run()
         wait_until(lambda: loop.ring.count > HISTORY_S / T_s, "a full history")
-        lines = [*_beside_c(loop, Path(folder)), *asyncio.run(_viewers(live, loop))]
+        lines = [*_relative_to_c(loop, Path(folder)), *asyncio.run(_viewers(live, loop))]
         loop.close()
     return print_ratios(console, "Live: loop and viewers", lines)
 
 
-def _beside_c(loop: Loop, folder: Path) -> list[Ratio]:
+def _relative_to_c(loop: Loop, folder: Path) -> list[Ratio]:
     """Return lateness and processor time of the loop relative to those of the C loop, measured simultaneously."""
     twin = PacingTwin(folder)
     priority = _fifo_priority(loop.pid)

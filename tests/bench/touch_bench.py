@@ -30,13 +30,16 @@ LEARNED = ConfigureContactDetection(
 def bench(console: Console) -> bool:
     """Print the measurements; return whether all bounds are met."""
     parameters, rings = load_parameters("lab"), (Ring.create(), Ring.create())
-    with closing(loop_in_run(parameters, rings[0])) as feeling, closing(_numb_loop(parameters, rings[1])) as numb:
+    with (
+        closing(loop_in_run(parameters, rings[0])) as feeling,
+        closing(_loop_without_external_force(parameters, rings[1])) as numb,
+    ):
         feeling.handle(0, LEARNED)
         compiled = more_us(feeling, numb, drive_batches, TICKS, PIECES)
         live = more_us(feeling, numb, drive_ticks, LIVE_TICKS, PIECES)
         require_run(feeling)
         require_run(numb)
-        _require_feeling(*rings)
+        _require_difference(*rings)
     lines = [
         Ratio.at_most("compiled tick: what touch adds / 1 µs", compiled / COMPILED_US, 1.0, f"{compiled:.2f} µs"),
         Ratio.at_most("live tick: what touch adds / 5 µs", live / LIVE_US, 1.0, f"{live:.2f} µs"),
@@ -44,14 +47,14 @@ def bench(console: Console) -> bool:
     return print_ratios(console, "Touch: what a tick of it costs", lines)
 
 
-def _require_feeling(feeling: Ring, numb: Ring) -> None:
+def _require_difference(feeling: Ring, numb: Ring) -> None:
     """Raise if the two loops do not differ in the external force."""
     forces = [math.nan if row is None else float(row[INDEX["F_ext_hat"]]) for row in (feeling.newest(), numb.newest())]
     if not math.isfinite(forces[0]) or math.isfinite(forces[1]):
         raise RuntimeError(f"one loop was to know the outside force and the other not: {forces} N")
 
 
-def _numb_loop(parameters: PlantParameters, ring: Ring) -> Loop:
+def _loop_without_external_force(parameters: PlantParameters, ring: Ring) -> Loop:
     """Return a loop in mode Run whose tick was compiled without the external force; not cached on disk."""
 
     def feel_nothing(control: object, m: object, zeroed: object) -> float:

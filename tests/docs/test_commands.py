@@ -20,7 +20,7 @@ PRINTED = [
     for line in re.findall(r"^    (?:docker compose exec sinew )?(sinew .*)$", page.read_text("utf-8"), re.MULTILINE)
 ]
 
-DO_AND_SAY_SO = {
+WITHOUT_JSON_OUTPUT = {
     "serve",
     "link",
     "foxglove",
@@ -59,7 +59,7 @@ def test_commands_are_found_in_the_documents() -> None:
 def test_every_command_with_output_has_a_json_option() -> None:
     found = dict(commands(get_command(app)))
     silent = {words for words, command in found.items() if not any("--json" in p.opts for p in command.params)}
-    assert silent == DO_AND_SAY_SO
+    assert silent == WITHOUT_JSON_OUTPUT
 
 
 @pytest.mark.parametrize("line", PRINTED)

@@ -95,7 +95,7 @@ def test_reaction_times_to_failures_equal_those_of_the_faults() -> None:
 def test_guarantees_equal_the_limits_of_the_soak_attack() -> None:
     text = " ".join(PAGE.split())
     assert f"within {tally.STOP_S:g} s" in text
-    assert f"reported within {tally.TOLD_S:g} s" in text
+    assert f"reported within {tally.REPORTED_S:g} s" in text
     assert f"at most {kill_service.BEHIND_TICKS / 1000:g} s behind" in text
     assert f"{parts.KILLS_IN_ALL} kills in all" in text
 

@@ -37,7 +37,7 @@ def decision_page(number: str) -> str:
     return " ".join(page.read_text(encoding="utf-8").split())
 
 
-def said(documented: object) -> str:
+def docstring_of(documented: object) -> str:
     return " ".join((inspect.getdoc(documented) or "").split())
 
 
@@ -76,8 +76,10 @@ def test_all_texts_state_the_same_heartbeat_timeouts() -> None:
 
 
 def test_docstrings_agree_with_the_code() -> None:
-    assert "returns to PRETENSION when it has ended" in said(commands.RunProgram)
-    assert set(re.findall(r"``(\w+)``", said(motion_types.ControlOutput))) <= set(motion_types.ControlOutput._fields)
+    assert "returns to PRETENSION when it has ended" in docstring_of(commands.RunProgram)
+    assert set(re.findall(r"``(\w+)``", docstring_of(motion_types.ControlOutput))) <= set(
+        motion_types.ControlOutput._fields
+    )
     window = f"the last {timing.WINDOW_TICKS * T_s:g} s"
     for name in ("rate_Hz", "lateness_p50_ms", "lateness_p99_ms"):
         assert window in (TimingView.model_fields[name].description or ""), name

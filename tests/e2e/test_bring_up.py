@@ -68,10 +68,10 @@ def play(operator: Operator, number: int, title: str) -> None:
         expect(confirm.or_(ended)).to_be_visible(timeout=STEP_TIMEOUT_MS)
         if not confirm.is_visible():
             break
-        asked = asked_in(card)
+        asked = request_in(card)
         assert asked != ""
         confirm.click()
-        operator.wait(lambda before=asked: asked_in(card) != before)  # type: ignore[misc]  # bound in each round
+        operator.wait(lambda before=asked: request_in(card) != before)  # type: ignore[misc]  # bound in each round
     expect(card.get_by_role("region", name=TEXTS["result"])).to_be_visible()
     assert ended.inner_text() == TEXTS["current"], card.inner_text()
 
@@ -80,7 +80,7 @@ def figures(step: Any) -> list[tuple[str, float]]:
     return [(figure["words"], figure["value"]) for figure in step["result"]["figures"]]
 
 
-def asked_in(card: Locator) -> str:
+def request_in(card: Locator) -> str:
     """Return the current request to the operator; empty without one."""
     return " ".join(card.get_by_role("status", name=TEXTS["whatToDo"]).all_inner_texts())
 

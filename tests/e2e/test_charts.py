@@ -75,7 +75,7 @@ def test_two_cursors_measure_time_and_value_and_follow_the_arrow_keys(watching: 
     measure, both = page.get_by_role("button", name="Measure", exact=True), page.locator("[data-role=delta-q]")
     first = page.locator("[data-role=cursor-0]")
 
-    def is_told() -> bool:
+    def is_measured() -> bool:
         """Hold and measure the visible interval; a page opened a moment ago has no data at the first cursor."""
         if measure.get_attribute("aria-pressed") == "true":
             measure.click()
@@ -85,7 +85,7 @@ def test_two_cursors_measure_time_and_value_and_follow_the_arrow_keys(watching: 
         expect(first).not_to_have_attribute("aria-valuenow", before)
         return both.inner_text().startswith("Δ")
 
-    watching.wait(is_told)
+    watching.wait(is_measured)
     delta = page.locator("[data-role=delta-t]")
     expect(delta).to_contain_text("Δt 6.000 s")
     page.get_by_role("slider", name="Measuring cursor 2 [s]").press("ArrowRight")

@@ -223,7 +223,7 @@ def test_deviations_beyond_the_tolerance_agree_with_the_samples(
     shown = {row[0]: row[1:] for row in rows_of(page, RUNS["deviations"])}
     assert shown["Run 4"] == [RUNS["notMeasured"].replace("{reason}", "run 4 has no step of q_ref, not 1")]
     for run in (2, 3):
-        told = plain_look(recorded[1], recorded[run], 1.5 / DEG)
+        told = deviations_of_samples(recorded[1], recorded[run], 1.5 / DEG)
         left, outside, longest, largest, at, compared = shown[f"Run {run}"]
         assert (left == "–") == (told["left_at"] is None)
         if told["left_at"] is not None:
@@ -234,12 +234,12 @@ def test_deviations_beyond_the_tolerance_agree_with_the_samples(
         # quantized angles have equal differences at many samples
         assert abs(told["apart"][round(1e3 * number(at))]) == pytest.approx(abs(told["largest"]), rel=1e-6)
         assert number(compared.split(" of ")[0]) == pytest.approx(told["compared"] / 1e3, abs=6e-4)
-    assert plain_look(recorded[1], recorded[3], 1.5 / DEG)["left_at"] is not None
+    assert deviations_of_samples(recorded[1], recorded[3], 1.5 / DEG)["left_at"] is not None
     expect(operator.legend(RUNS["differenceIn"].replace("{signal}", "q"), "Δq′′")).to_be_visible()
     assert page.get_by_role("region", name=RUNS["differences"].replace("{run}", "1")).locator("canvas").count() == 1
 
 
-def plain_look(own: Columns, other: Columns, band: float) -> dict[str, Any]:
+def deviations_of_samples(own: Columns, other: Columns, band: float) -> dict[str, Any]:
     """Compute the same values in samples from exported files alone."""
     shift = first_step(own) - first_step(other)
     apart = {k: other["q"][k - shift] - value for k, value in enumerate(own["q"]) if 0 <= k - shift < len(other["q"])}

@@ -26,7 +26,7 @@ from tests.e2e.stage import (
     release,
     start,
 )
-from tests.e2e.told import not_kept, not_queued, undeclared, words_of
+from tests.e2e.told import not_queued, not_stored, undeclared, words_of
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
@@ -73,7 +73,7 @@ def run_of(kind: str) -> Callable[[Stage], None]:
         release(stage)
         # an identification uses the active tuning, which its form describes
         with_tuning = settings if kind in EXPERIMENTS else {**settings, **own, "seed": 0}
-        assert [*wrong, *not_kept(stage, number, path, with_tuning)] == []
+        assert [*wrong, *not_stored(stage, number, path, with_tuning)] == []
         assert differences(stage.in_force(), own) == []
 
     run.__name__ = kind

@@ -49,7 +49,7 @@ def term(page: Page, text: str, within: Locator | None = None) -> Locator:
     return (within or page).get_by_role("term").filter(has_text=re.compile(f"^{re.escape(text)}$")).first
 
 
-def told(page: Page, key: str) -> None:
+def expect_tooltip_of(page: Page, key: str) -> None:
     """Expect one tooltip with the explanation of the service, with angles in the displayed unit."""
     entry = ENTRIES[key]
     expect(tooltip(page)).to_have_count(1)
@@ -67,12 +67,12 @@ def test_terms_show_their_explanation_on_hover_and_on_focus(operator: Operator) 
     before = tuning.bounding_box()
 
     term(page, "Ms", tuning).hover()
-    told(page, "quantity:M_s")
+    expect_tooltip_of(page, "quantity:M_s")
     assert covered(page, STOP) == []
     page.keyboard.press("Escape")
     expect(tooltip(page)).to_have_count(0)
     term(page, "GM", tuning).hover()
-    told(page, "quantity:gain_margin")
+    expect_tooltip_of(page, "quantity:gain_margin")
     assert tuning.bounding_box() == before  # a tooltip moves nothing
     page.mouse.move(2, 450)
     expect(tooltip(page)).to_have_count(0)
@@ -84,9 +84,9 @@ def test_terms_show_their_explanation_on_hover_and_on_focus(operator: Operator) 
     page.keyboard.press("Shift+Tab")
     page.keyboard.press("Tab")
     expect(first).to_be_focused()
-    told(page, "signal:lam_q")
+    expect_tooltip_of(page, "signal:lam_q")
     page.keyboard.press("ArrowRight")
-    told(page, "quantity:M_s")
+    expect_tooltip_of(page, "quantity:M_s")
     expect(term(page, "Ms", tuning)).to_have_attribute("aria-describedby", str(tooltip(page).get_attribute("id")))
     expect(term(page, "Ms", tuning)).to_have_accessible_description(re.compile("maximum sensitivity"))
     page.keyboard.press("Escape")
@@ -94,7 +94,7 @@ def test_terms_show_their_explanation_on_hover_and_on_focus(operator: Operator) 
 
     # legends and charts have tooltips
     operator.legend("Tendon force", "F_B").hover()
-    told(page, "signal:F_B")
+    expect_tooltip_of(page, "signal:F_B")
     term(page, "Joint stiffness").hover()
     expect(tooltip(page)).to_contain_text(ENTRIES["signal:S"].equation)
     expect(tooltip(page)).to_contain_text(ENTRIES["signal:S_ref"].meaning)
@@ -108,7 +108,7 @@ def test_the_tooltip_of_a_fault_agrees_with_the_state(operator: Operator) -> Non
     with client_with(operator.service, "token") as script:
         latched = script.get("/api/state").json()["fault"]
     fault.get_by_role("term").hover()
-    told(page, f"fault:{latched['code']}")
+    expect_tooltip_of(page, f"fault:{latched['code']}")
     expect(tooltip(page)).to_contain_text(latched["message"])
     expect(tooltip(page)).to_contain_text(latched["remedy"])
     page.mouse.move(2, 450)
@@ -116,7 +116,7 @@ def test_the_tooltip_of_a_fault_agrees_with_the_state(operator: Operator) -> Non
     operator.go("System")
     chain = page.get_by_role("region", name=SYSTEM["chain"], exact=True)
     chain.get_by_role("term").last.hover()
-    told(page, "chain:safety_module")
+    expect_tooltip_of(page, "chain:safety_module")
 
 
 def test_metrics_and_verdicts_of_a_result_have_tooltips(operator: Operator) -> None:
@@ -139,7 +139,7 @@ def test_metrics_and_verdicts_of_a_result_have_tooltips(operator: Operator) -> N
             expect(tooltip(page)).to_contain_text(metric["definition"])
     verdict = done.get_by_role("term").filter(has_text=result["verdict"])
     verdict.hover()
-    told(page, f"outcome:{result['outcome']}")
+    expect_tooltip_of(page, f"outcome:{result['outcome']}")
 
 
 def test_tooltips_of_fields_show_the_meaning_and_the_limits_of_the_service(operator: Operator) -> None:
@@ -168,7 +168,7 @@ def test_tooltips_of_fields_show_the_meaning_and_the_limits_of_the_service(opera
         ("λ_q value [s]", "tuning.lam_q", " s"),
     ):
         page.get_by_role("textbox", name=label, exact=True).focus()
-        told(page, f"setting:{name}")
+        expect_tooltip_of(page, f"setting:{name}")
         expect(tooltip(page)).to_contain_text(ends)
         assert covered(page, STOP) == []
     page.keyboard.press("Escape")

@@ -31,7 +31,7 @@ def service(fresh_service: Service) -> Service:
     return fresh_service
 
 
-class Somebody:
+class ConnectedOperator:
     """An operator with a name, at a page of their own browser."""
 
     def __init__(self, browser: Browser, service: Service, name: str) -> None:
@@ -44,8 +44,8 @@ class Somebody:
         self.page.goto(f"{service.url}/#/studies")  # every page shows the notices; live charts need a processor
         expect(self.page.get_by_role("banner")).to_be_visible()
         skip = self.page.get_by_role("button", name="Skip tour", exact=True)
-        told = self.page.request.get(f"{service.url}/api/preferences").json()
-        if not told["toured"]:
+        preferences = self.page.request.get(f"{service.url}/api/preferences").json()
+        if not preferences["toured"]:
             skip.click()
 
     @property
@@ -67,25 +67,25 @@ class Somebody:
     def expect_control(self, whose: str) -> None:
         expect(self.page.get_by_role("button", name=f"Control: {whose}", exact=True)).to_be_visible()
 
-    def told(self, path: str) -> Any:
+    def get_json(self, path: str) -> Any:
         answer = self.page.request.get(f"{self.service.url}{path}")
         assert answer.ok, answer.text()
         return answer.json()
 
     @property
     def holder(self) -> str | None:
-        holder = self.told("/api/state")["holder"]
+        holder = self.get_json("/api/state")["holder"]
         return None if holder is None else str(holder["name"])
 
     def log(self, count: int) -> list[tuple[str, str]]:
         """Return the newest entries of the log, oldest first: person and text."""
-        entries = self.told(f"/api/log?kind=note&limit={count}")["entries"]
+        entries = self.get_json(f"/api/log?kind=note&limit={count}")["entries"]
         return [(one["who"], one["text"]) for one in reversed(entries)]
 
 
 @contextmanager
-def people(browser: Browser, service: Service, *names: str) -> Iterator[list[Somebody]]:
-    there = [Somebody(browser, service, name) for name in names]
+def people(browser: Browser, service: Service, *names: str) -> Iterator[list[ConnectedOperator]]:
+    there = [ConnectedOperator(browser, service, name) for name in names]
     try:
         yield there
         assert [one.watched.complaints for one in there] == [[] for _ in there]
@@ -97,7 +97,7 @@ def people(browser: Browser, service: Service, *names: str) -> Iterator[list[Som
             one.page.context.close()
 
 
-def placed(page: Page) -> dict[str, Any]:
+def positions(page: Page) -> dict[str, Any]:
     return {name: [str(one) for one in boxes] for name, boxes in survey(page, MOVES).items()}
 
 
@@ -106,15 +106,15 @@ def test_requests_for_control_are_declined_or_granted_and_logged(browser: Browse
         ana.menu(TEXTS["takeControl"])
         ana.expect_control("you")
         vera.expect_control("Ana")
-        before = placed(ana.page)
+        before = positions(ana.page)
 
         vera.menu(TEXTS["askItem"].replace("{name}", "Ana"))
         vera.give("my λ sweep")
         vera.press(TEXTS["ask"])
         expect(ana.notice).to_contain_text("Vera asks for control: “my λ sweep”")
         expect(vera.notice).to_contain_text(SERVICE["asked"].replace("{name}", "Ana"))
-        assert placed(ana.page) == before  # the layout has not moved
-        (wish,) = ana.told("/api/state")["wishes"]
+        assert positions(ana.page) == before  # the layout has not moved
+        (wish,) = ana.get_json("/api/state")["wishes"]
         assert (wish["name"], wish["by"], wish["reason"], wish["standing"]) == ("Vera", "Ana", "my λ sweep", "asked")
 
         ana.press(TEXTS["answer"])
@@ -201,7 +201,7 @@ def test_a_request_ends_when_its_page_closes_or_control_is_released(browser: Bro
         expect(ana.notice).to_contain_text("Vera asks for control: “I am Vera”")
         expect(ana.notice).not_to_contain_text("+1", timeout=MOTION_TIMEOUT_MS + GONE_S * 1000)
         # requests of earlier tests are listed for a while
-        standings = {one["reason"]: one["standing"] for one in ana.told("/api/state")["wishes"]}
+        standings = {one["reason"]: one["standing"] for one in ana.get_json("/api/state")["wishes"]}
         assert standings.items() >= {"I am Vera": "asked", "I am Oda": "left"}.items()
         ana.menu(TEXTS["giveUpControl"])
         expect(vera.notice).to_contain_text(SERVICE["freed"].replace("{name}", "Ana"))

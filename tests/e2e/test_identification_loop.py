@@ -53,9 +53,9 @@ def test_an_identification_is_judged_applied_and_reverted(operator: Operator) ->
     expect(operator.page.get_by_role("status", name="Status", exact=True)).to_contain_text(SHARED["statusReady"])
     first = identified(operator, "motor", STEPS)
     second = identified(operator, "motor", OTHER_STEPS)
-    beside_unseen_data(operator, first, second)
+    compare_on_validation_data(operator, first, second)
     actuator = identified(operator, "actuator", {"bits": 6, "settle_s": 3.0})
-    against_geometry(operator, actuator)
+    compare_with_geometry(operator, actuator)
     report_of_the_session(operator, [first, second, actuator])
     apply_and_undo(operator, first)
 
@@ -106,7 +106,7 @@ def choose(operator: Operator, run: int) -> None:
     )
 
 
-def beside_unseen_data(operator: Operator, first: int, second: int) -> None:
+def compare_on_validation_data(operator: Operator, first: int, second: int) -> None:
     """Compare both motor models on the second record: table, /api, recording and SciPy agree."""
     page = operator.page
     choose(operator, first)
@@ -165,7 +165,7 @@ def by_scipy(recorded: Columns, side: str, motor: Mapping[str, Any], told: Mappi
     return fit, float(np.sqrt(np.mean(whole**2)))
 
 
-def against_geometry(operator: Operator, run: int) -> None:
+def compare_with_geometry(operator: Operator, run: int) -> None:
     """Compare the row of the run with /api and, for G_q, with the closed forms r_m/(2 r_j) and 4 λ + B_j/S."""
     page = operator.page
     (row,) = get(operator, "/api/identification-trend")["rows"]

@@ -23,7 +23,7 @@ def service(fresh_service: Service) -> Service:
     return fresh_service
 
 
-def kept(page: Page, query: str = "") -> list[dict[str, Any]]:
+def log_entries(page: Page, query: str = "") -> list[dict[str, Any]]:
     """Return the entries of the service for the same query."""
     answer = page.evaluate(f"fetch('./api/log?limit=100{query}').then(answer => answer.json())")
     return list(answer["entries"])
@@ -54,9 +54,9 @@ def test_log_entries_are_searched_annotated_and_linked_to_the_recording(operator
     operator.press("Reset")
     operator.expect_mode("off")
 
-    operator.wait(lambda: any(entry["flight"] for entry in kept(page)))  # written after its interval
-    operator.wait(lambda: len(lines(page)) == len(kept(page)))
-    told = kept(page)
+    operator.wait(lambda: any(entry["flight"] for entry in log_entries(page)))  # written after its interval
+    operator.wait(lambda: len(lines(page)) == len(log_entries(page)))
+    told = log_entries(page)
     for line, entry in zip(lines(page), told, strict=True):
         assert line[0].endswith(f".{datetime.fromisoformat(entry['at']).microsecond // 1000:03d}")
         assert line[2] == shown(entry["text"])
@@ -69,18 +69,18 @@ def test_log_entries_are_searched_annotated_and_linked_to_the_recording(operator
     box = page.get_by_role("searchbox", name=TEXTS["searchLog"])
     box.fill("q_ref")
     expect(row_of(page, "q_ref 15°")).to_be_visible()
-    operator.wait(lambda: len(lines(page)) == len(kept(page, "&words=q_ref")))
+    operator.wait(lambda: len(lines(page)) == len(log_entries(page, "&words=q_ref")))
     box.fill("")
     page.get_by_label("Show").select_option("alarms")
-    operator.wait(lambda: len(lines(page)) == len(kept(page, "&kind=fault&kind=trip&kind=recording")))
-    trip = next(entry for entry in kept(page, "&kind=trip") if entry["run"] is not None)
+    operator.wait(lambda: len(lines(page)) == len(log_entries(page, "&kind=fault&kind=trip&kind=recording")))
+    trip = next(entry for entry in log_entries(page, "&kind=trip") if entry["run"] is not None)
     row = row_of(page, trip["text"])
     row.get_by_role("button", name=re.compile("^" + re.escape(TEXTS["edit"].split("{")[0]))).click()
     page.get_by_role("textbox", name=TEXTS["noteOfEvent"]).fill("on purpose")
     page.get_by_role("textbox", name=TEXTS["tagsOfEvent"]).fill("drill two words")
     page.get_by_role("button", name=TEXTS["save"], exact=True).click()
     expect(row).to_contain_text("on purpose")
-    said = kept(page, "&words=on+purpose")
+    said = log_entries(page, "&words=on+purpose")
     assert [(entry["note"], entry["tags"]) for entry in said] == [("on purpose", ["drill", "two", "words"])]
     data = httpx.get(
         row.get_by_role("link", name=TEXTS["flightRecord"]).evaluate("a => a.href"),

@@ -35,7 +35,7 @@ window.lookedAt = true;
 Object.defineProperty(document, 'visibilityState', {get: () => window.lookedAt ? 'visible' : 'hidden'});
 """
 SHORT = '[{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}]'
-HEARD_MS = 1500
+DELIVERY_MS = 1500
 """Longer than a tab takes to hear of what another one has heard of."""
 LOOK = "looked => { window.lookedAt = looked; document.dispatchEvent(new Event('visibilitychange')); }"
 ASKED = "path => performance.getEntriesByType('resource').some(({name}) => name.endsWith(path))"
@@ -64,7 +64,7 @@ def choose(page: Page, name: str, preference: str) -> None:
     page.keyboard.press("Escape")
 
 
-def told(*pages: Page) -> list[list[str]]:
+def notifications_of(*pages: Page) -> list[list[str]]:
     return sorted(one for page in pages for one in page.evaluate(TOLD))
 
 
@@ -82,31 +82,31 @@ def test_a_hidden_page_notifies_once_of_each_run_and_trip_and_links_to_it(
     with client_with(service, "token") as script:
         script.delete("/api/control")
         first = played(script, page, other)
-        assert told(page, other) == []  # both tabs are visible
+        assert notifications_of(page, other) == []  # both tabs are visible
 
         page.evaluate(LOOK, False)
         second = played(script, page, other)
-        page.wait_for_timeout(HEARD_MS)
-        assert told(page, other) == []  # the other tab is visible
+        page.wait_for_timeout(DELIVERY_MS)
+        assert notifications_of(page, other) == []  # the other tab is visible
 
         other.evaluate(LOOK, False)
         third = played(script, page, other)
-        until_told(page, other, count=1)
+        wait_for_notifications(page, other, count=1)
         run = script.get(f"/api/runs/{third}").json()
         assert first < second < third == run["id"]
         assert run["end_state"] == "completed"
         words = run["kind"].replace("_", " ").capitalize()
-        assert told(page, other) == [
+        assert notifications_of(page, other) == [
             [f"{words}, run {third}: completed", run["title"], f"sinew-run-{third}"],
         ]
 
         bring_to_run(service, 0.1)
         script.post("/api/stop").raise_for_status()
-        until_told(page, other, count=2)
-        page.wait_for_timeout(HEARD_MS)
+        wait_for_notifications(page, other, count=2)
+        page.wait_for_timeout(DELIVERY_MS)
         fault = script.get("/api/state").json()["fault"]
         starts = script.get("/api/state").json()["link"]["starts"]
-        assert [one for one in told(page, other) if one[2].startswith("sinew-trip")] == [
+        assert [one for one in notifications_of(page, other) if one[2].startswith("sinew-trip")] == [
             ["Stopped", f"{fault['message']} {fault['remedy']}", f"sinew-trip-{starts}-{fault['tick']}"],
         ]
         assert fault["code"] == "stop_pressed"
@@ -114,17 +114,17 @@ def test_a_hidden_page_notifies_once_of_each_run_and_trip_and_links_to_it(
 
         bring_to_run(service)
         script.post("/api/faults/injection", json={"kind": "no_number", "sensor": "q"}).raise_for_status()
-        until_told(page, other, count=3)
+        wait_for_notifications(page, other, count=3)
         tripped = script.get("/api/state").json()["fault"]
         cause = tripped["code"].replace("_", " ")
         assert tripped["code"] == "sensor_invalid"
-        [told_of] = [one for one in told(page, other) if one[2] == f"sinew-trip-{starts}-{tripped['tick']}"]
+        [told_of] = [one for one in notifications_of(page, other) if one[2] == f"sinew-trip-{starts}-{tripped['tick']}"]
         assert told_of[:2] == [f"Tripped: {cause}", f"{tripped['message']} {tripped['remedy']}"]
         script.delete("/api/faults/injection").raise_for_status()
         script.post("/api/reset").raise_for_status()
 
-        leads(page, other, f"sinew-run-{third}", f"/#/runs/{third}")
-        at_trip = leads(page, other, f"sinew-trip-{starts}-{fault['tick']}", "/#/flights/")
+        click_notification(page, other, f"sinew-run-{third}", f"/#/runs/{third}")
+        at_trip = click_notification(page, other, f"sinew-trip-{starts}-{fault['tick']}", "/#/flights/")
         [flight] = [one for one in script.get("/api/flights").json()["flights"] if one["tick"] == fault["tick"]]
         assert at_trip.url.endswith(f"/#/flights/{flight['id']}")
 
@@ -133,17 +133,17 @@ def played(script: httpx.Client, *pages: Page) -> int:
     """Run a short program until every page has received its end; return the number of its run."""
     order = {"name": "sequence", "settings": {"segments": SHORT}}
     run = int(script.post("/api/experiments", json=order).raise_for_status().json()["id"])
-    until_state(script, lambda told: told["task"] is None, f"run {run} does not end")
+    until_state(script, lambda notifications_of: notifications_of["task"] is None, f"run {run} does not end")
     for page in pages:
         until(partial(page.evaluate, ASKED, f"/api/runs/{run}"))
     return run
 
 
-def until_told(*pages: Page, count: int) -> None:
-    until(lambda: len(told(*pages)) >= count)
+def wait_for_notifications(*pages: Page, count: int) -> None:
+    until(lambda: len(notifications_of(*pages)) >= count)
 
 
-def leads(page: Page, other: Page, tag: str, to: str) -> Page:
+def click_notification(page: Page, other: Page, tag: str, to: str) -> Page:
     """Click the notification in its tab; return that tab."""
     click = "tag => window.told.filter(({options}) => options.tag === tag).map(one => one.onclick()).length"
     [found] = [one for one in (page, other) if one.evaluate(click, tag)]

@@ -26,7 +26,7 @@ def test_refusals_of_a_file_and_of_a_trial_time_appear_at_their_fields(
     file = tmp_path / "bank.json"
     file.write_text(json.dumps({"name": "lab", "entries": [{"S_nominal": 10}]}))
     chooser.value.set_files(file)
-    expect_told_at(button, "entry 1, K of G_q: it is missing")
+    expect_refusal_at(button, "entry 1, K of G_q: it is missing")
 
     operator.go("Operate")
     operator.take_control()
@@ -35,12 +35,12 @@ def test_refusals_of_a_file_and_of_a_trial_time_appear_at_their_fields(
     box = page.get_by_role("textbox", name=OPERATE["trialDuration"])
     box.fill("0.2")
     page.get_by_role("button", name="Try for").click()
-    expect_told_at(box, "duration of the trial: 0.2 s is less than 1 s; choose 1 s at least")
+    expect_refusal_at(box, "duration of the trial: 0.2 s is less than 1 s; choose 1 s at least")
     expect(box).to_have_attribute("aria-invalid", "true")
     page.context.close()
 
 
-def expect_told_at(field: Locator, said: str) -> None:
+def expect_refusal_at(field: Locator, said: str) -> None:
     """Wait until the message describes the field and the field has the focus."""
     page = field.page
     sentence = page.get_by_text(said, exact=True)

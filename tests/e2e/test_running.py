@@ -110,7 +110,7 @@ def test_an_identification_shows_progress_pauses_between_tensions_and_aborts_sof
     go_on = card.get_by_role("button", name=OPERATE["resume"], exact=True)
     expect(go_on).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     expect(card.get_by_role("figure", name="Planned profile")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
-    seen = followed(operator, until=lambda shown: shown["task"]["part"]["doing"] == "exciting")
+    seen = observed_progress(operator, until=lambda shown: shown["task"]["part"]["doing"] == "exciting")
     first = seen[0]["task"]["run"]
     expect(go_on).to_be_visible()
     expect(card.get_by_role("status", name=OPERATE["currentRun"])).to_have_text(
@@ -125,7 +125,7 @@ def test_an_identification_shows_progress_pauses_between_tensions_and_aborts_sof
 
     go_on.click()
     operator.wait(lambda: page.evaluate(SHOWN)["task"]["number"] == 2)
-    seen = followed(operator, until=lambda shown: shown["task"]["part"]["doing"] == "exciting")
+    seen = observed_progress(operator, until=lambda shown: shown["task"]["part"]["doing"] == "exciting")
     task = seen[-1]["task"]
     assert task["run"] == first + 1
     assert card.get_by_role("button", name=OPERATE["pauseAfter"], exact=True).count() == 0
@@ -162,7 +162,7 @@ def test_a_phone_shows_the_planned_voltages_of_a_motor_identification(operator: 
     operator.press(IDENTIFY_TEXTS["start"])
     card = page.get_by_role("region", name=OPERATE["running"], exact=True)
     expect(card).to_be_visible()
-    seen = followed(operator, until=lambda shown: shown["task"]["part"]["number"] == 2)
+    seen = observed_progress(operator, until=lambda shown: shown["task"]["part"]["number"] == 2)
     assert {shown["task"]["part"]["of"] for shown in seen} == {4}
     assert seen[-1]["planned"].startswith("u_A from −6.0 to 6.0 V, now ")
     page.get_by_role("main").evaluate("main => main.scrollTo(0, 0)")
@@ -181,7 +181,7 @@ def test_a_phone_shows_the_planned_voltages_of_a_motor_identification(operator: 
     page.set_viewport_size(size)
 
 
-def followed(operator: Operator, until: Callable[[dict[str, Any]], bool]) -> list[dict[str, Any]]:
+def observed_progress(operator: Operator, until: Callable[[dict[str, Any]], bool]) -> list[dict[str, Any]]:
     """Read the card of an identification a few times per second, with the state of the same moment."""
     seen: list[dict[str, Any]] = []
     begun = time.monotonic()

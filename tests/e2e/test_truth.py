@@ -76,11 +76,11 @@ def test_a_wrong_value_on_the_page_is_detected(around: Around, lie: str) -> None
     around.page.evaluate(HELD, [selector, attribute, value])
     found = lasting(around, LOOKS)
     around.page.evaluate("window.lying.disconnect()")
-    honest(around.page)
+    redraw_page(around.page)
     assert [one.partition(":")[0].startswith(name) for one in found] == [True], found
 
 
-def honest(page: Page) -> None:
+def redraw_page(page: Page) -> None:
     """Make the page redraw all values."""
     page.reload()
     expect(page.get_by_role("banner")).to_be_visible()

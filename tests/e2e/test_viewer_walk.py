@@ -86,7 +86,7 @@ class Refused:
             self.sent.append(f"{request.method} {request.url}")
 
 
-def standing(script: httpx.Client) -> dict[str, Any]:
+def changeable_state(script: httpx.Client) -> dict[str, Any]:
     """Return all that a person could change, from the service."""
     state = script.get("/api/state").raise_for_status().json()
     kept = (
@@ -143,7 +143,7 @@ def test_every_control_on_the_page_of_a_viewer_works_without_refusal(
     place, skipped = ("studies", "main") if frame else (place, AROUND)
     refused = Refused(viewer)
     with client_with(service, "token") as script:
-        before = standing(script)
+        before = changeable_state(script)
         used: set[str] = set()
         worked = 0
         open_place(viewer, service, place)
@@ -164,7 +164,7 @@ def test_every_control_on_the_page_of_a_viewer_works_without_refusal(
                 viewer.keyboard.press("Escape")
         assert bool(used) == (place not in BARE)
         assert worked >= 0.7 * len(used), "most were gone before they could be used"
-        assert differences(before, standing(script)) == []
+        assert differences(before, changeable_state(script)) == []
 
 
 def next_of(page: Page, skipped: str, used: set[str]) -> Found | None:

@@ -61,7 +61,7 @@ def words_of(tuning: Values) -> str:
     return f"{', '.join(parts)}, b {tuning['b']:g}, {models}{between}, {motion}"
 
 
-def not_kept(stage: Stage, run: int, path: str, settings: Values) -> list[str]:
+def not_stored(stage: Stage, run: int, path: str, settings: Values) -> list[str]:
     """Return what differs in the service, the database or the report of a run."""
     told_of = stage.get(f"/api/runs/{run}")
     told, kept = told_of["settings"], stage.stored(run)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests.e2e.service import running_service
-from tests.fuzz.target import Target, furnish
+from tests.fuzz.target import Target, store_runs
 
 EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "4"))
 """Generated requests for each operation and kind of token."""
@@ -20,7 +20,7 @@ def pytest_report_header() -> str:
 @pytest.fixture(scope="session")
 def target(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
     data = tmp_path_factory.mktemp("fuzz")
-    furnish(data)
+    store_runs(data)
     with running_service(data, params="ideal") as service:
         made = Target(service)
         yield made

@@ -20,7 +20,7 @@ TIMEOUT_S = 600.0
 """As long as a dry run may take: on a busy machine one of the longest experiments takes minutes."""
 
 
-def furnish(data: Path) -> None:
+def store_runs(data: Path) -> None:
     """Store a short identification and a short experiment in the data folder, by the command line."""
     for words in (
         ["identify", "actuator", "--set", "bits=6", "--set", "periods=2"],
@@ -80,7 +80,7 @@ class Target:
     def state(self) -> dict[str, Any]:
         return dict(self.ask("GET", "/api/state").raise_for_status().json())
 
-    def calm(self) -> None:
+    def reset_activity(self) -> None:
         """Undo the effects of an accepted request: a motion, a run, a queue, an injected fault, a control lease.
 
         This allows requests that start a motion, without refusals of the following requests.
@@ -100,7 +100,7 @@ class Target:
 
     def be_in_run(self) -> None:
         """Change to mode Run, in which the loop accepts references and starts experiments."""
-        self.calm()
+        self.reset_activity()
         self.ask("POST", "/api/mode", {"mode": "pretension"}).raise_for_status()
         until = time.monotonic() + TIMEOUT_S
         while not self.state()["pretension_done"]:

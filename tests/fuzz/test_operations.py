@@ -84,15 +84,15 @@ def test_requests_of_a_viewer_cause_no_server_error(case: Case, target: Target) 
 
 
 def test_repeated_requests_do_not_increase_the_memory(target: Target) -> None:
-    def ask_all() -> None:
+    def repeat_requests() -> None:
         for asked in target.harmless:
             asked.headers.update(target.authorization("viewer"))
             assert target.sessions["viewer"].send(asked, timeout=TIMEOUT_S).status_code < 500
 
-    ask_all()
+    repeat_requests()
     before = target.memory_MB()
     for _ in range(TURNS):
-        ask_all()
+        repeat_requests()
     growth = target.memory_MB() - before
     count = TURNS * len(target.harmless)
     target.summary.append(f"memory: {growth:+.1f} MB from {before:.0f} MB by {count} questions asked again")
@@ -120,7 +120,7 @@ def send(case: Case, target: Target, role: Role) -> None:
     if response.status_code < 300:
         target.accepted[name, role] += 1
         if case.method != "GET":
-            target.calm()
+            target.reset_activity()
     case.validate_response(response, checks=CHECKS)
 
 

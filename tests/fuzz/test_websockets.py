@@ -35,13 +35,13 @@ def test_random_messages_cause_no_abnormal_closure(target: Target, path: str, ro
             max_size=None,
             open_timeout=60.0,
         ) as socket:
-            hearing = asyncio.create_task(hear(socket))
+            receiving = asyncio.create_task(receive_all(socket))
             with suppress(ConnectionClosed):
                 for message in messages:
                     await socket.send(message)
                     target.answers[f"message to {path}", 0] += 1
             await socket.close()
-            await hearing
+            await receiving
             assert socket.close_code not in (1006, 1011), (socket.close_code, messages)
             target.answers[f"connection to {path}", socket.close_code or 0] += 1
 
@@ -52,7 +52,7 @@ def test_random_messages_cause_no_abnormal_closure(target: Target, path: str, ro
     asyncio.run(all_of_them())
 
 
-async def hear(socket: ClientConnection) -> None:
+async def receive_all(socket: ClientConnection) -> None:
     """Receive until the connection closes; without reading, the close would not be noticed."""
     with suppress(ConnectionClosed):
         async for _ in socket:

@@ -52,11 +52,11 @@ def main() -> int:
         name for part in given.parts or (ATTACK, *watched) for name in (attack.NAMES if part == ATTACK else [part])
     ]
     parts = {**attack.parts(chosen), **watched}
-    whole = [_kept_its_promises(name, parts[name], given, console) for name in dict.fromkeys(chosen)]
+    whole = [_has_passed(name, parts[name], given, console) for name in dict.fromkeys(chosen)]
     return 0 if all(whole) else 1
 
 
-def _kept_its_promises(name: str, part: attack.Part, given: argparse.Namespace, console: Console) -> bool:
+def _has_passed(name: str, part: attack.Part, given: argparse.Namespace, console: Console) -> bool:
     """Return whether a part passed. A part that raises has failed; the other parts run all the same."""
     try:
         return part(given, console)

@@ -110,7 +110,7 @@ class _People:
             raise TimeoutError(f"{error}; the state is {self.state()}") from None
         self.holder.command("POST", "/api/mode", {"mode": "run"})
 
-    def obey(self, kind: str) -> httpx.Response:
+    def send_command(self, kind: str) -> httpx.Response:
         """Send one command; a refusal is no failure."""
         draw, order = self.random.uniform, self.holder.command
         match kind:
@@ -163,7 +163,7 @@ def random_commands(console: Console, seed: int | None, commands: int = COMMANDS
                     people.bring_to_run()
                 before = people.state()
                 kind = str(random.choice(kinds, p=weights / weights.sum()))
-                answer = people.obey(kind)
+                answer = people.send_command(kind)
                 if answer.status_code >= 500 and answer.status_code != 503:
                     console.print(f"LOST: command {number}, {kind}: {answer.status_code} {answer.text[:200]}")
                     kept = False

@@ -62,7 +62,7 @@ class Person:
         self.around.close()
         self.page.context.close()
 
-    def untrue(self, known: Collection[str]) -> Findings:
+    def disagreements(self, known: Collection[str]) -> Findings:
         """Return the differences between page and service, and the lost drafts."""
         found = settled(self.around, known=known)
         return Findings([*found, *(one for one in self.typed.lost() if what_of(one) not in known)])
@@ -178,7 +178,7 @@ class Robot:
     def _check(self, after: str) -> None:
         """Check both pages, that of the acting person first."""
         for person in sorted(self.people, key=lambda one: one is not self._person):
-            if found := person.untrue(self._known):
+            if found := person.disagreements(self._known):
                 self._found(f"{after}, at the page of {person.name} ({person.around.place})", found)
 
     def _check_log(self, after: str) -> None:

@@ -16,7 +16,7 @@ from backend.storage import runs
 from backend.storage.database import open_database
 from backend.storage.runs import EndState, NewRun, RunKind
 from plant.parameters import load_parameters
-from tests.soak.attack.crowd import Crowd, Signals, crowds
+from tests.soak.attack.crowd import Crowd, Signals, running_clients
 from tests.soak.attack.stop_button import StopButton, stop_and_check, wind_up
 from tests.soak.attack.tally import Tally
 from tests.soak.live_service import Loop, bench_on
@@ -181,7 +181,7 @@ def under_costly_requests(presses: int, console: Console) -> bool:
                 ]
                 connections = min(CONNECTIONS, max(1, MOST // (len(tokens) * len(here))))
                 crowd: Crowd = (ask, (bench.service.url, tokens, here, connections))
-                with crowds(crowd) as (signals,):
+                with running_clients(crowd) as (signals,):
                     for turn in range(presses):
                         wind_up(bench, loop)
                         role = turn % len(ROLES)

@@ -28,7 +28,7 @@ Crowd = tuple[Callable[..., None], tuple[Any, ...]]
 
 
 @contextmanager
-def crowds(*wanted: Crowd) -> Iterator[list[Signals]]:
+def running_clients(*wanted: Crowd) -> Iterator[list[Signals]]:
     """Start client processes; the block runs once all are ready, or after BEGIN_TIMEOUT_S."""
     signals = [Signals(_CONTEXT.Event(), _CONTEXT.Event(), *(_CONTEXT.Value("q", 0) for _ in range(3))) for _ in wanted]
     processes = [

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 import httpx
 from rich.console import Console
 
-from tests.soak.attack.crowd import Crowd, Signals, crowds
+from tests.soak.attack.crowd import Crowd, Signals, running_clients
 from tests.soak.attack.stop_button import StopButton, rest, stop_and_check
 from tests.soak.attack.tally import Tally
 from tests.soak.live_service import Loop, bench_on
@@ -166,7 +166,7 @@ def under_floods(presses: int, console: Console) -> bool:
             for viewers in VIEWERS:
                 tally = Tally(f"STOP under {kind} of {viewers} viewers", console)
                 wanted: Crowd = (flood, (kind, bench.service.url, token, viewers))
-                with crowds(wanted) as (signal,):
+                with running_clients(wanted) as (signal,):
                     for press in range(presses):
                         stop_and_check(button, loop, tally, fresh=press % 2 == 1)
                     tally.note(f"{signal.ever.value} rounds of the flood")

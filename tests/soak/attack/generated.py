@@ -11,7 +11,7 @@ import httpx
 from rich.console import Console
 
 from tests.soak.attack.costly import ROLES, store_costly_run
-from tests.soak.attack.crowd import Crowd, Signals, crowds
+from tests.soak.attack.crowd import Crowd, Signals, running_clients
 from tests.soak.attack.generated_requests import generated
 from tests.soak.attack.stop_button import StopButton, rest, stop_and_check
 from tests.soak.attack.tally import Tally
@@ -84,7 +84,7 @@ def under_generated_requests(requests: int, seed: int | None, console: Console) 
             wanted: list[Crowd] = [
                 (ask, (bench.service.url, token, 1000 * seed + 100 * number)) for number, token in enumerate(tokens)
             ]
-            with crowds(*wanted) as signals:
+            with running_clients(*wanted) as signals:
                 due, begun, pressed = EACH, time.monotonic(), 0
                 while due <= requests:
                     if sum(one.ever.value for one in signals) < due:

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from tests.soak.attack.processes import kill
 from tests.soak.attack.stop_button import StopButton
-from tests.soak.attack.tally import STOP_S, TOLD_S, ZERO_S, Tally
+from tests.soak.attack.tally import REPORTED_S, STOP_S, ZERO_S, Tally
 from tests.soak.attack.work import OCCUPATIONS, Accounts, Flights, must_be_well
 from tests.soak.live_service import Bench, Loop, bench_on, wait_until
 
@@ -52,7 +52,7 @@ def _after(bench: Bench, loop: Loop, button: StopButton, tally: Tally) -> None:
     zero_s = press.latency_s + wait_until(lambda: _safe(loop), "zero volts, drives off", 10.0)
     tally.take("zero volts, drives off [s]", zero_s, ZERO_S)
     told_s = wait_until(lambda: not bench.client.get("/api/health").json()["alive"], "told")
-    tally.take("told [s]", told_s + zero_s, TOLD_S)
+    tally.take("told [s]", told_s + zero_s, REPORTED_S)
 
 
 def _safe(loop: Loop) -> bool:

@@ -29,7 +29,7 @@ LATER_S = 0.6
 DONE_S = 240.0
 """Work of a pool gives way to all else: on a machine with other work it takes minutes."""
 
-TOLD_FOR_S = MAX_RESTART_DELAY_S + STABLE_AFTER_S + 10.0
+REPORTED_FOR_S = MAX_RESTART_DELAY_S + STABLE_AFTER_S + 10.0
 """Deaths are told for so long [s] at most, and no longer."""
 
 SEED = 20
@@ -96,7 +96,7 @@ def kill_pool(times: int, console: Console) -> bool:
                 _at_work(bench, loop, button, pools, tally, what, asked[what])
             _must_be_free(bench, tally)
             accounts.look(bench, tally)
-        must_be_well(bench, tally, "all kills", TOLD_FOR_S)
+        must_be_well(bench, tally, "all kills", REPORTED_FOR_S)
         button.release()
         loop.close()
     return tally.close()

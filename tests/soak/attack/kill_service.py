@@ -36,7 +36,7 @@ def kill_service(times: int, console: Console) -> bool:
         data, killed = Path(folder), 0
         for turn in range(times):
             with bench_on(data) as bench:
-                _must_have_kept(bench, accounts, tally, killed)
+                _must_have_data(bench, accounts, tally, killed)
                 loop = Loop(bench.service.pid)
                 killed = be_moving(bench, loop, 1.0 if turn % 2 else -1.0)
                 accounts.look(bench, tally)
@@ -51,11 +51,11 @@ def kill_service(times: int, console: Console) -> bool:
             _must_be_gone(below, tally)
             loop.close()
         with bench_on(data) as bench:
-            _must_have_kept(bench, accounts, tally, killed)
+            _must_have_data(bench, accounts, tally, killed)
     return tally.close()
 
 
-def _must_have_kept(bench: Bench, accounts: Accounts, tally: Tally, killed: int) -> None:
+def _must_have_data(bench: Bench, accounts: Accounts, tally: Tally, killed: int) -> None:
     """Check that the service after a kill has all stored data, and that STOP works."""
     if not killed:
         return

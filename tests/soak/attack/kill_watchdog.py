@@ -9,7 +9,7 @@ from rich.console import Console
 from backend.realtime.heartbeat import LAST_RESORT_S, POLL_S
 from tests.soak.attack.processes import WATCHDOG, kill, named
 from tests.soak.attack.stop_button import StopButton, stop_and_check
-from tests.soak.attack.tally import TOLD_S, UNWATCHED_S, Tally
+from tests.soak.attack.tally import REPORTED_S, UNWATCHED_S, Tally
 from tests.soak.attack.work import Accounts, be_moving, be_wound_up, must_be_well
 from tests.soak.live_service import Bench, Loop, bench_on, wait_until
 
@@ -40,7 +40,7 @@ def kill_watchdog(times: int, console: Console) -> bool:
                 _must_be_safe(loop, tally, "watchdog and loop dead", BOTH_DEAD_S)
             else:
                 _must_be_safe(loop, tally, "watchdog dead", UNWATCHED_S)
-            _must_be_told(bench, tally)
+            _must_be_reported(bench, tally)
             _start_again(bench, tally)
             accounts.look(bench, tally)
             loop.close()
@@ -63,12 +63,12 @@ def _must_be_safe(loop: Loop, tally: Tally, what: str, within_s: float) -> None:
         tally.lost(True, f"{what}: {held} after {PATIENCE_S:g} s")
 
 
-def _must_be_told(bench: Bench, tally: Tally) -> None:
+def _must_be_reported(bench: Bench, tally: Tally) -> None:
     def told() -> bool:
         return not next(link["good"] for link in bench.state()["chain"] if link["name"] == "watchdog")
 
     try:
-        tally.take("told after that [s]", wait_until(told, "told", PATIENCE_S), TOLD_S)
+        tally.take("told after that [s]", wait_until(told, "told", PATIENCE_S), REPORTED_S)
     except TimeoutError:
         tally.lost(True, f"the chain calls a dead watchdog good after {PATIENCE_S:g} s")
 

@@ -9,9 +9,9 @@ import httpx
 from rich.console import Console
 
 from tests.soak.attack import junk, sockets, viewers
-from tests.soak.attack.crowd import Crowd, Signals, crowds, usual_descriptors
+from tests.soak.attack.crowd import Crowd, Signals, running_clients, usual_descriptors
 from tests.soak.attack.isolation import isolate
-from tests.soak.attack.processes import strangers
+from tests.soak.attack.processes import count_unpooled_children
 from tests.soak.attack.stop_button import StopButton, stop_and_check, wind_up
 from tests.soak.attack.tally import Tally
 from tests.soak.live_service import Bench, Loop, bench_on
@@ -39,7 +39,7 @@ def under_load(presses: int, idle: int, console: Console) -> bool:
             tally = Tally(f"STOP under {name}", console)
             service = _Service(bench)
             button = StopButton(bench)  # signed in and connected before the load starts
-            with crowds(*wanted) as signals:
+            with running_clients(*wanted) as signals:
                 _press(bench, loop, button, tally, presses)
                 tally.note(_count(signals))
             button.release()
@@ -107,7 +107,7 @@ class _Service:
         status = process.joinpath("status").read_text(encoding="ascii")
         memory = next(int(line.split()[1]) / 1e3 for line in status.splitlines() if line.startswith("VmRSS"))
         log = self._bench.service.log.read_bytes()
-        return memory, len(log), log.count(b"Traceback"), strangers(self._bench.service.pid)
+        return memory, len(log), log.count(b"Traceback"), count_unpooled_children(self._bench.service.pid)
 
 
 def _count(signals: list[Signals]) -> str:

@@ -14,7 +14,7 @@ from tests.soak.attack.tally import Tally
 from tests.soak.attack.work import be_moving
 from tests.soak.live_service import Loop, bench_on, wait_until
 
-TOLD_LOST_S = 3.0
+LOSS_REPORTED_S = 3.0
 SECOND_S = 60.0
 
 
@@ -39,7 +39,7 @@ def _lose(tally: Tally, *, replaced: bool) -> None:
             begun = time.monotonic()
             try:
                 wait_until(lambda: bool(bench.state()["problems"]), "told", 20.0)
-                tally.take("told [s]", time.monotonic() - begun, TOLD_LOST_S)
+                tally.take("told [s]", time.monotonic() - begun, LOSS_REPORTED_S)
                 tally.note(f"{what}: {bench.state()['problems'][0]}")
             except TimeoutError:
                 tally.lost(True, f"{what}: nothing is told")

@@ -42,7 +42,7 @@ def pool_workers(service: int) -> list[Busy]:
     return [Busy(pid, cpu_s) for pid in named(service, POOL) if (cpu_s := _cpu_s(pid)) is not None]
 
 
-def strangers(service: int) -> int:
+def count_unpooled_children(service: int) -> int:
     """Count the children of a service outside of the pools: its loop, and unexpected ones."""
     lines = map(_command_line, children(service))
     return sum(POOL not in line and TRACKER not in line for line in lines)

@@ -19,7 +19,7 @@ ZERO_S = documented_ms(Fault.WATCHDOG) * 1e-3
 UNWATCHED_S = documented_ms(Fault.WATCHDOG_DEAD) * 1e-3
 """From the death of the card's watchdog to zero volts and drives off, by the loop."""
 
-TOLD_S = 1.0
+REPORTED_S = 1.0
 """From the death of the loop until the service says so; docs/reference/faults.md, ``watchdog``."""
 
 
