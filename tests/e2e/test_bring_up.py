@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
+from backend.commissioning import messages
 from tests.e2e.operator import Operator
 from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service, running_service
@@ -45,9 +46,11 @@ def test_an_operator_commissions_the_rig_on_the_page(operator: Operator, browser
     assert {(step["state"], step["result"]["passed"], step["result"]["who"]) for step in steps.values()} == {
         ("current", True, "operator")
     }
-    slopes = [value for words, value in figures(steps["calibrate"]) if words.startswith("slope")]
+    slope_labels = {str(messages.slope_of_load_cell(tendon=tendon)) for tendon in "AB"}
+    slopes = [value for words, value in figures(steps["calibrate"]) if words in slope_labels]
     assert slopes == pytest.approx([10.0, 10.0], rel=2e-3)  # of the virtual card [N/V]
-    travels = [abs(value) for words, value in figures(steps["direction"]) if words.startswith("joint moved")]
+    moved = {str(messages.joint_motion_by_motor(motor=motor)) for motor in "AB"}
+    travels = [abs(value) for words, value in figures(steps["direction"]) if words in moved]
     assert len(travels) == 2
     assert max(travels) < 0.1
     viewer, refused = signed_in_as_viewer(browser, service)

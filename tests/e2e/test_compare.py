@@ -22,6 +22,7 @@ from backend.experiments.library import find_experiment
 from backend.experiments.plans import split_values
 from backend.exports import writers
 from backend.exports.base import export_run
+from backend.services import record_messages
 from backend.storage import events, recordings, runs
 from backend.storage.database import Database, open_database
 from plant.parameters import load_parameters
@@ -32,6 +33,7 @@ from tests.e2e.sharing import SharedPage, shared_page
 from tests.e2e.test_accessibility import violations
 
 RUNS = load_texts("pages/runs")
+NO_STEP = str(record_messages.too_few_steps(run=4, signal="q_ref", count=0, minimum=1))
 
 STEPS: tuple[tuple[float, float], ...] = ((1.0, 0.2), (1.6, 0.2), (1.3, 0.3))
 """Of three runs: when q_ref steps in the program [s], and to what [rad]. A fourth has no step."""
@@ -193,7 +195,7 @@ def test_runs_are_aligned_by_a_step_and_a_run_without_a_step_is_excluded(
         shift_s = (steps[1] - steps[run]) / 1e3
         expect(page.get_by_text(offset_of(run, f"{shift_s:.3f}"))).to_be_visible()
     expect(page.get_by_role("alert").filter(has_text=RUNS["notAligned"].split("{")[0].strip("; "))).to_contain_text(
-        "run 4 has no step of q_ref, not 1"
+        NO_STEP
     )
     expect(operator.legend("Joint position", "q′′")).to_be_visible()
     expect(operator.legend("Joint position", "q′′′")).to_have_count(0)
@@ -221,7 +223,7 @@ def test_deviations_beyond_the_tolerance_agree_with_the_samples(
     expect(table.get_by_role("img", name=RUNS["noTolerance"])).to_have_count(0)
     expect(page.get_by_text(RUNS["toleranceNote"].replace("{tolerance}", "1.5°"))).to_be_visible()
     shown = {row[0]: row[1:] for row in rows_of(page, RUNS["deviations"])}
-    assert shown["Run 4"] == [RUNS["notMeasured"].replace("{reason}", "run 4 has no step of q_ref, not 1")]
+    assert shown["Run 4"] == [RUNS["notMeasured"].replace("{reason}", NO_STEP)]
     for run in (2, 3):
         told = deviations_of_samples(recorded[1], recorded[run], 1.5 / DEG)
         left, outside, longest, largest, at, compared = shown[f"Run {run}"]
