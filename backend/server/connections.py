@@ -303,8 +303,12 @@ class ConnectionAcceptor:
             self._loop.call_soon(self._pass_on_some)
 
     def _pass_on_some(self) -> None:
-        for _ in range(min(HANDOVERS_PER_ROUND, len(self._waiting))):
-            self._waiting.popleft().pass_on()
+        passed = 0
+        while self._waiting and passed < HANDOVERS_PER_ROUND:
+            pending = self._waiting.popleft()
+            if not pending.is_closed:  # closed ones take no turn, or a flood would fill the queue with them
+                pending.pass_on()
+                passed += 1
         self._is_passing = bool(self._waiting)
         if self._is_passing:
             self._loop.call_soon(self._pass_on_some)
@@ -326,7 +330,7 @@ class _PendingConnection:
         self._connection = connection
         self._loop = asyncio.get_running_loop()
         self._handover: asyncio.Task[None] | None = None
-        self._is_closed = False
+        self.is_closed = False
         self._has_data = False
         connection.setblocking(False)
         # Without this option a response in two parts would wait 40 ms for an acknowledgement.
@@ -337,7 +341,7 @@ class _PendingConnection:
         self._patience = self._loop.call_later(SILENCE_S, self._end)
         # Under load its data have waited in the kernel with it, so each turn of the event loop counts.
         self._listen()
-        if not self._has_data and not self._is_closed:
+        if not self._has_data and not self.is_closed:
             self._loop.add_reader(connection, self._listen)
 
     def _listen(self) -> None:
@@ -358,9 +362,8 @@ class _PendingConnection:
         self._listener.pass_on(self, is_stop=_STOP_REQUEST.match(words) is not None)
 
     def pass_on(self) -> None:
-        """Pass the connection to a protocol, unless it was closed meanwhile."""
-        if not self._is_closed:
-            self._handover = self._loop.create_task(self._hand_over())
+        """Pass the connection to a protocol."""
+        self._handover = self._loop.create_task(self._hand_over())
 
     async def _hand_over(self) -> None:
         """Pass the connection to a protocol, which takes over ``slot.end``."""
@@ -375,12 +378,12 @@ class _PendingConnection:
             self._listener.limiter.leave(self._slot)
             self._connection.close()
             return
-        if self._is_closed:
+        if self.is_closed:
             transport.abort()
 
     def _end(self) -> None:
         self._listener.limiter.leave(self._slot)
-        self._is_closed = True
+        self.is_closed = True
         if self._handover is None:
             self._patience.cancel()
             self._loop.remove_reader(self._connection)

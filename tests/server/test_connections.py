@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import socket
 import time
 from collections.abc import Coroutine, Iterator
 from typing import Any
@@ -31,6 +32,7 @@ from backend.server.connections import (
     SOCKETS_PER_S,
     STOP_PATH,
     Budget,
+    ConnectionAcceptor,
     ConnectionBudget,
     ConnectionLimiter,
     ConnectionSlot,
@@ -591,3 +593,31 @@ def test_a_client_has_time_to_send_while_200_others_connect(address: tuple[str, 
     with connected(address) as client, many(address, 200):
         client.sendall(b"GET /thing HTTP/1.1\r\nConnection: close\r\n" + HOST + b"\r\n")
         assert everything_from(client).endswith(b'"here"')
+
+
+def test_closed_connections_take_no_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "HANDOVERS_PER_ROUND", 1)
+    passed: list[int] = []
+
+    class Pending:
+        def __init__(self, number: int, *, is_closed: bool) -> None:
+            self.number, self.is_closed = number, is_closed
+
+        def pass_on(self) -> None:
+            passed.append(self.number)
+
+    async def pass_on_all() -> list[list[int]]:
+        with socket.create_server(("127.0.0.1", 0)) as listening:
+            limiter = ConnectionLimiter(ConnectionBudget(anonymous=4, known=60))
+            acceptor = ConnectionAcceptor(listening, limiter, lambda _slot: asyncio.Protocol(), 1000)
+            for number in range(100):
+                pending: Any = Pending(number, is_closed=number < 98)
+                acceptor.pass_on(pending, is_stop=False)
+            rounds = []
+            for _ in range(3):
+                await asyncio.sleep(0)
+                rounds.append(list(passed))
+            acceptor.close()
+            return rounds
+
+    assert asyncio.run(pass_on_all()) == [[98], [98, 99], [98, 99]]
