@@ -329,7 +329,7 @@ class _Reader:
         if not low <= value <= high:
             bounds = messages.choose_number_in_range(minimum=low, maximum=high, unit=unit)
             self.add_problem(section, declared.name, messages.number_out_of_range(value=value, unit=unit), bounds)
-        if value == 0.0 and declared.name in ("gain", "slope", "direction"):
+        if value == 0.0 and declared.name in ("gain", "slope"):
             self.add_problem(section, declared.name, messages.scale_is_zero(), messages.give_measured_scale())
         if value == 0.0 and declared.name == "position":
             self.add_problem(

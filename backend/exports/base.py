@@ -121,8 +121,9 @@ def _finite(word: str) -> float:
 
 
 def _whole(word: str) -> int:
-    if len(word.lstrip("-")) > _MOST_DIGITS:
-        raise ValueError(messages.too_many_digits(number=word, digits=len(word), maximum=_MOST_DIGITS))
+    digits = len(word.lstrip("-"))
+    if digits > _MOST_DIGITS:
+        raise ValueError(messages.too_many_digits(number=word, digits=digits, maximum=_MOST_DIGITS))
     return int(word)
 
 

@@ -312,6 +312,11 @@ def forged(change: Callable[[Any], None], *, alone: bool = False) -> Callable[[d
             "member_unreadable",
             {"reason": Reason("too_many_digits", digits=401, maximum=18)},
         ),
+        (
+            lambda d: last(d)["parameters"].update(zz={"a": {"value": -(10**400)}}),
+            "member_unreadable",
+            {"reason": Reason("too_many_digits", digits=401, maximum=18)},
+        ),
         (lambda d: d["records"][-1].update(number=10**17), "invalid_records", {"maximum": 2147483647}),
         (
             lambda d: first(d, "result").update(metrics=[]),

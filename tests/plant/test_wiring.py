@@ -164,6 +164,12 @@ WRONG = {
 }
 
 
+def test_a_direction_of_zero_has_one_problem(tmp_path: Path) -> None:
+    text = replaced("direction = { value = 1,", "direction = { value = 0,")(SHIPPED_TEXT)
+    (found,) = [found for found in problems(tmp_path, text) if found.entry == "encoder_q.direction"]
+    assert found.text == messages.not_a_direction(value=0)
+
+
 @pytest.mark.parametrize("wrong", WRONG)
 def test_an_invalid_wiring_is_rejected_with_line_entry_and_remedy(tmp_path: Path, wrong: str) -> None:
     change, words, entry, problem, remedy = WRONG[wrong]
