@@ -44,10 +44,10 @@ def test_the_view_of_the_camera_stays_in_the_address() -> None:
 
 
 def test_the_dashboard_has_texts_for_all_reported_stages() -> None:
-    told = set(re.findall(r'tell\("(\w+)"\)', page()))
+    reported = set(re.findall(r'tell\("(\w+)"\)', page()))
     source = (Path(__file__).parents[2] / "frontend" / "src" / "components" / "SceneFrame.tsx").read_text()
-    (known,) = re.findall(r"const TOLD = \[(.*?)\]", source)
-    assert told == set(re.findall(r"\w+", known))
+    (known,) = re.findall(r"const STAGES = \[(.*?)\]", source)
+    assert reported == set(re.findall(r"\w+", known))
 
 
 # viser without a network: who is handed to it is served as viser serves a browser, and nothing else gets near it.
