@@ -46,7 +46,7 @@ GIVES = Prose(
 LEANING = Prose(
     PAGE,
     "margins of a joint that leans on something",
-    "M_s is {without:.1f} without it, {some:.1f} at k_ext = 0.7, {all_of_it:.1f} at 1",
+    "M_s is {without:.1f} without it, {some:.1f} at k_ext = 0.7 and {all_of_it:.1f} at k_ext = 1",
 )
 
 
