@@ -207,7 +207,11 @@ def test_runs_are_aligned_by_a_step_and_a_run_without_a_step_is_excluded(
 
     box = page.get_by_role("textbox", name=RUNS["stepNumber"])
     box.fill("2")
-    expect(page.get_by_role("alert").filter(has_text="run 2 has 1 step of q_ref, not 2")).to_be_visible()
+    expect(
+        page.get_by_role("alert").filter(
+            has_text=str(record_messages.too_few_steps(run=2, signal="q_ref", count=1, minimum=2))
+        )
+    ).to_be_visible()
     box.fill("x")
     expect(page.get_by_text("“x” is not a number")).to_be_visible()
     assert "number=2" in page.url  # invalid input changes nothing
