@@ -59,7 +59,7 @@ def scene() -> str:
 
 
 @catalogue_entry
-def view_stands_still() -> str:
+def view_is_frozen() -> str:
     return "The view does not move until it has restarted."
 
 

@@ -674,7 +674,7 @@ UP_WITHIN_S = 5.0
 """Time that a viewer waits for a scene that is starting [s]; it is disconnected then."""
 
 _POLL_S = 0.05
-SCENE_PART = Part(messages.scene(), messages.view_stands_still())
+SCENE_PART = Part(messages.scene(), messages.view_is_frozen())
 
 
 class SceneMirror:

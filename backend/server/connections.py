@@ -52,9 +52,8 @@ MOST_SLOTS = 2048
 MAX_ANONYMOUS = 512
 """Most slots of anonymous connections.
 
-The pool's size determines how long a new connection may wait for its first data while a flood replaces all others. With
-64 slots, 500 connections that are held and reopened left a client 20 ms to send its STOP request. An idle connection
-costs a descriptor and some kilobytes.
+The pool's size determines how long a new connection may wait for its first data while a flood replaces all others. An
+idle connection costs a descriptor and some kilobytes.
 """
 
 SOCKET_COSTS = 3
@@ -138,12 +137,13 @@ class ConnectionLimiter:
         largest = max(self._anonymous.values(), key=len, default=None)
         if largest is None:
             return None
-        if 2 * len(largest) <= self.budget.anonymous:
-            silent = max(
-                ([slot for slot in crowd if not slot.is_answered()] for crowd in self._anonymous.values()), key=len
-            )
-            return silent[0] if silent else next(iter(largest))
-        return next((slot for slot in largest if not slot.is_answered()), next(iter(largest)))
+        if 2 * len(largest) > self.budget.anonymous:
+            return next((slot for slot in largest if not slot.is_answered()), next(iter(largest)))
+        silent: list[ConnectionSlot] = []
+        for crowd in self._anonymous.values():
+            if len(crowd) > len(silent):  # otherwise it cannot have more idle connections
+                silent = max(silent, [slot for slot in crowd if not slot.is_answered()], key=len)
+        return silent[0] if silent else next(iter(largest))
 
     def leave(self, slot: ConnectionSlot) -> None:
         """Free a slot, whoever held it."""
@@ -224,7 +224,7 @@ FIRST_BYTES = 16 * 1024
 HANDOVERS_PER_ROUND = 8
 """Connections that are passed to a protocol in a round of the event loop; requests of STOP do not wait for a turn.
 
-A protocol and the parsing of a request cost ten times as much as the acceptance of its connection.
+A protocol and the parsing of a request cost more than ten times as much as the acceptance of its connection.
 """
 
 STOP_PATH = "/api/stop"
