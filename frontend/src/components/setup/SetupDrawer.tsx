@@ -26,7 +26,7 @@ interface StepText {
   readonly path: string;
   readonly action: string;
   /** Anchor of the section of the tutorial that explains the step. */
-  readonly told: string;
+  readonly section: string;
 }
 
 export const STEPS: Record<string, StepText> = {
@@ -34,44 +34,44 @@ export const STEPS: Record<string, StepText> = {
     title: TEXTS.pretension,
     path: "/operate",
     action: TEXTS.pretensionAction,
-    told: "pretension",
+    section: "pretension",
   },
   motor: {
     title: TEXTS.motor,
     path: "/identify",
     action: TEXTS.motorAction,
-    told: "identify-the-motors",
+    section: "identify-the-motors",
   },
   spring: {
     title: TEXTS.spring,
     path: "/identify",
     action: TEXTS.springAction,
-    told: "identify-the-springs",
+    section: "identify-the-springs",
   },
   actuator: {
     title: TEXTS.actuator,
     path: "/identify",
     action: TEXTS.actuatorAction,
-    told: "identify-the-actuator",
+    section: "identify-the-actuator",
   },
   bank: {
     title: TEXTS.bank,
     path: "/banks",
     action: TEXTS.bankAction,
-    told: "build-a-bank",
+    section: "build-a-bank",
   },
-  tuning: { title: TEXTS.tuning, path: "/operate", action: TEXTS.tuningAction, told: "tune" },
+  tuning: { title: TEXTS.tuning, path: "/operate", action: TEXTS.tuningAction, section: "tune" },
   experiment: {
     title: TEXTS.experiment,
     path: "/experiments",
     action: TEXTS.experimentAction,
-    told: "run-an-experiment",
+    section: "run-an-experiment",
   },
   report: {
     title: TEXTS.report,
     path: "/experiments",
     action: TEXTS.reportAction,
-    told: "read-the-report",
+    section: "read-the-report",
   },
 };
 
@@ -107,7 +107,7 @@ function Step({ step, onFollowed }: { step: ChecklistStep; onFollowed: () => voi
     title: step.name,
     path: "/operate",
     action: TEXTS.setupOpen,
-    told: "",
+    section: "",
   };
   return (
     <li
@@ -135,7 +135,7 @@ function Step({ step, onFollowed }: { step: ChecklistStep; onFollowed: () => voi
             </Link>
           )}
           <Link
-            href={`/docs/first-hour/${about.told}`}
+            href={`/docs/first-hour/${about.section}`}
             aria-label={fillText(TEXTS.setupHowTo, { step: about.title })}
             onClick={onFollowed}
           >

@@ -98,7 +98,7 @@ describe("documents", () => {
 describe("first hour", () => {
   it("has a part for each step of the setup", () => {
     const parts = documentNamed("first-hour")?.parts.map((part) => part.id);
-    for (const { told } of Object.values(STEPS)) expect(parts).toContain(told);
+    for (const { section } of Object.values(STEPS)) expect(parts).toContain(section);
   });
 });
 
