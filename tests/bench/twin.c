@@ -16,6 +16,8 @@ static const double INNER_TRACKING_TIME_S = 0.030;
 static const double OUTER_TRACKING_TIME_S = 0.1;
 static const double PULL_FILTER_TIME_S = 0.05;
 static const double HYSTERESIS = 0.2;
+static const double REST_FACTOR = 1.2, NEAR_FACTOR_Q = 4.0, NEAR_FACTOR_S = 20.0;
+static const double HOLD_GAIN = 1.5;
 static const double SUBNORMAL = 1e-200;
 
 typedef struct { double r_m, r_j, J_j, B_j; } Joint;
@@ -44,7 +46,16 @@ typedef struct { double integral; } OuterState;
 typedef struct { const double *entries; int64_t count, width; int64_t interpolate; } Schedule;
 typedef struct { double r_m, r_j, k_0, k_1, k_2; } Decoupler;
 typedef struct { double F_floor, F_ceiling, q_max; } Envelope;
-typedef struct { PairGains motors; Schedule schedule; Decoupler decoupler; Envelope envelope; double omega_max, u_max; } Tuning;
+typedef struct { double K_A, T_A, K_B, T_B, K_t_A, K_t_B, J_j, B_j, tau_e_A, tau_e_B; } Model; /* of a trajectory: unused */
+typedef struct { double budget; Model model; double dead_zone_q, dead_zone_S; } Tracking;
+typedef struct {
+    PairGains motors;
+    Schedule schedule;
+    Decoupler decoupler;
+    Envelope envelope;
+    double omega_max, u_max;
+    Tracking tracking;
+} Tuning;
 typedef struct { double q_ref, S_ref; } References;
 typedef struct {
     References governor;
@@ -54,7 +65,8 @@ typedef struct {
     OuterGains position_gains, stiffness_gains;
     PairGains motor_gains;
     double active, correction_q, correction_S;
-} State;
+} State; /* the fields of a trajectory follow, which this twin leaves as they are */
+typedef struct { bool resting, arrived; } Rest;
 typedef struct { double u_A, u_B, theta_A_ref, theta_B_ref, S, q_ref_gov, S_ref_gov; } Output;
 
 /* ---- plant ---- */
@@ -168,12 +180,15 @@ static double filtered(const MotorGains *gains, const MotorState *state, double 
     return *integral_f - gains->k_p * *y_f - gains->k_d / gains->t_f * (y - *y_f);
 }
 
-static double motor_step(const MotorGains *gains, MotorState *state, double r, double y, double u_max, double *excess) {
+static double motor_step(const MotorGains *gains, MotorState *state, double r, double y, double u_max, bool resting,
+                         double *excess) {
     double integral_f, y_f;
     double u = filtered(gains, state, y, &integral_f, &y_f);
     double u_limited = clamp(u, u_max);
-    double integral = state->integral + T_s * (gains->k_i * (r - y) + (u_limited - u) / INNER_TRACKING_TIME_S);
-    *state = (MotorState){integral, integral_f, y_f};
+    double e = resting ? 0.0 : r - y;
+    double hold_correction = resting ? HOLD_GAIN * gains->k_p * (y_f - state->y_f) : 0.0;
+    double integral = state->integral + T_s * (gains->k_i * e + (u_limited - u) / INNER_TRACKING_TIME_S);
+    *state = (MotorState){integral - hold_correction, integral_f - hold_correction, y_f};
     *excess = u - u_limited;
     return u_limited;
 }
@@ -186,9 +201,12 @@ static void motor_bumpless(const MotorGains *before, const MotorGains *after, Mo
     state->integral_f += offset;
 }
 
-static double outer_step(const OuterGains *gains, OuterState *state, double r, double y, double correction) {
+static double beyond(double e, double dead_zone) { return e - fmin(fmax(e, -dead_zone), dead_zone); }
+
+static double outer_step(const OuterGains *gains, OuterState *state, double r, double y, double correction,
+                         double dead_zone) {
     double u = state->integral + gains->k_r * r - gains->k_p * y;
-    state->integral += T_s * (gains->k_i * (r - y) + correction);
+    state->integral += T_s * (gains->k_i * beyond(r - y, dead_zone) + correction);
     return u;
 }
 
@@ -259,8 +277,20 @@ static double allowed_stiffness(const Tuning *tuning, State *state, double S_c, 
     return fmin(fmax(S_c, lowest), highest);
 }
 
-static Output cascade_step(const Tuning *tuning, State *state, double q_ref, double S_ref, const Measurement *m) {
+static void update_rest(const Tracking *tracking, Rest *rest, bool constant, double e_q, double e_S) {
+    rest->resting = constant && fabs(e_q) <= REST_FACTOR * tracking->dead_zone_q && fabs(e_S) <= tracking->dead_zone_S;
+    rest->arrived = rest->resting
+                    || (constant && rest->arrived && fabs(e_q) <= NEAR_FACTOR_Q * tracking->dead_zone_q
+                        && fabs(e_S) <= NEAR_FACTOR_S * tracking->dead_zone_S);
+}
+
+static double dead_zone(const Rest *rest, double width) { return rest->resting ? INFINITY : rest->arrived ? width : 0.0; }
+
+static Output cascade_step(const Tuning *tuning, State *state, Rest *rest, double q_ref, double S_ref,
+                           const Measurement *m) {
     const Decoupler *d = &tuning->decoupler;
+    const Tracking *tracking = &tuning->tracking;
+    References before = state->governor;
     double S = 2.0 * (d->r_j * d->r_j) * (d->k_1 + d->k_2 * d->r_m * (m->theta_A + m->theta_B));
     govern(tuning, &state->governor, q_ref, S_ref);
     References reference = state->governor;
@@ -276,14 +306,20 @@ static Output cascade_step(const Tuning *tuning, State *state, double q_ref, dou
     state->stiffness_gains = gains_S;
     state->motor_gains = tuning->motors;
 
-    double q_c = outer_step(&gains_q, &state->position, reference.q_ref, m->q, state->correction_q);
-    double S_c = outer_step(&gains_S, &state->stiffness, reference.S_ref, S, state->correction_S);
+    bool constant = reference.q_ref == before.q_ref && reference.S_ref == before.S_ref;
+    update_rest(tracking, rest, constant, reference.q_ref - m->q, reference.S_ref - S);
+    double q_c = outer_step(&gains_q, &state->position, reference.q_ref, m->q, state->correction_q,
+                            dead_zone(rest, tracking->dead_zone_q));
+    double S_c = outer_step(&gains_S, &state->stiffness, reference.S_ref, S, state->correction_S,
+                            dead_zone(rest, tracking->dead_zone_S));
     double theta_A_ref, theta_B_ref, excess_A, excess_B;
     double S_held = allowed_stiffness(tuning, state, S_c, m);
     double q_held = clamp(q_c, tuning->envelope.q_max);
     motor_positions(d, q_held, S_held, &theta_A_ref, &theta_B_ref);
-    double u_A = motor_step(&tuning->motors.A, &state->motors.A, theta_A_ref, m->theta_A, tuning->u_max, &excess_A);
-    double u_B = motor_step(&tuning->motors.B, &state->motors.B, theta_B_ref, m->theta_B, tuning->u_max, &excess_B);
+    double u_A = motor_step(&tuning->motors.A, &state->motors.A, theta_A_ref, m->theta_A, tuning->u_max,
+                            rest->resting, &excess_A);
+    double u_B = motor_step(&tuning->motors.B, &state->motors.B, theta_B_ref, m->theta_B, tuning->u_max,
+                            rest->resting, &excess_B);
 
     double back_A = excess_A / tuning->motors.A.k_p / OUTER_TRACKING_TIME_S;
     double back_B = excess_B / tuning->motors.B.k_p / OUTER_TRACKING_TIME_S;
@@ -300,10 +336,11 @@ static Output cascade_step(const Tuning *tuning, State *state, double q_ref, dou
 int64_t simulate(const Rig *rig, const Tuning *tuning, PlantState *x, State *controller, const Inputs *inputs,
                  double *out) {
     double line[2][DELAY_SLOTS];
+    Rest rest = {true, true}; /* a run starts at rest */
     for (int64_t slot = 0; slot < DELAY_SLOTS; slot++) sense(rig, x, line, slot, 0.0, 0.0);
     for (int64_t k = 0; k < inputs->ticks; k++) {
         Measurement m = sense(rig, x, line, k + DELAY_SLOTS, inputs->noise[2 * k], inputs->noise[2 * k + 1]);
-        Output y = cascade_step(tuning, controller, inputs->q_ref[k], inputs->S_ref[k], &m);
+        Output y = cascade_step(tuning, controller, &rest, inputs->q_ref[k], inputs->S_ref[k], &m);
         double row[COLUMNS] = {m.q,   y.S,   m.S_true,      m.theta_A,     m.theta_B,   m.F_A,       m.F_B,
                                y.u_A, y.u_B, y.theta_A_ref, y.theta_B_ref, y.q_ref_gov, y.S_ref_gov};
         for (int column = 0; column < COLUMNS; column++) out[k * COLUMNS + column] = row[column];

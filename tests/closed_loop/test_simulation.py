@@ -118,14 +118,11 @@ def test_simulated_steps_match_an_independent_integration(name: str) -> None:
 def test_the_c_twin_computes_the_same_trajectory(name: str, pushed_N: float, tmp_path: Path) -> None:
     parameters = load_parameters(name)
     tuning = make_cascade_tuning(parameters, TuningParameters())._replace(u_max=4.0)
-    # The twin implements only the paper's law, without dead zones at rest (decision 0053).
-    tuning = tuning._replace(reference_tracking=tuning.reference_tracking._replace(dead_zone_q=0.0, dead_zone_S=0.0))
-    q_ref, S_ref = np.repeat([-1.0, 1.0, 1.0], 800), np.repeat([10.0, 10.0, 14.0], 800)
+    q_ref, S_ref = np.repeat([-1.0, 1.0, 1.0], [2000, 800, 800]), np.repeat([10.0, 10.0, 14.0], [2000, 800, 800])
+    F_push = np.concatenate((np.zeros(1200), np.linspace(0.0, pushed_N, 2400)))
     rig = simulation.make_simulated_rig(parameters)
     x, controller = simulation.at_rest(rig, tuning, -1.0, 10.0)
-    inputs = simulation.make_closed_loop_inputs(
-        parameters, q_ref, S_ref, F_push=np.linspace(0.0, pushed_N, q_ref.size), seed=7
-    )
+    inputs = simulation.make_closed_loop_inputs(parameters, q_ref, S_ref, F_push=F_push, seed=7)
     line, mine = simulation.empty_arrays(q_ref.size)
     other, unlimited = np.full_like(mine, np.nan), np.full_like(mine, np.nan)
     simulation.simulate(rig, tuning, x, controller, inputs, line, mine)
@@ -135,6 +132,11 @@ def test_the_c_twin_computes_the_same_trajectory(name: str, pushed_N: float, tmp
     without = tuning._replace(envelope=Envelope(-1e3, 1e3, 1e3))
     simulation.simulate(rig, without, x, controller, inputs, line, unlimited)
     assert np.array_equal(mine, unlimited) == (pushed_N < 10.0), "only the strong push has to reach the envelope"
+    always_integrating = tuning.reference_tracking._replace(dead_zone_q=0.0, dead_zone_S=0.0)
+    simulation.simulate(
+        rig, tuning._replace(reference_tracking=always_integrating), x, controller, inputs, line, unlimited
+    )
+    assert np.array_equal(mine, unlimited) == (name == "ideal"), "the dead zones at rest have to act on lab"
     assert other == pytest.approx(mine, abs=1e-9)
 
 
