@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from plant import messages
 from plant.compilation import compiled
 from plant.interface import NO_LOAD, PlantError, ShaftLoad
+from plant.mechanisms import Mechanism, elastic_torques
 
 # Friction ------------------------------------------------------------------------------------------
 # Friction at the gearbox output, growing with the tendon load: smoothed Coulomb friction, or the LuGre model with
@@ -55,8 +56,8 @@ class Friction(NamedTuple):
 
 @compiled
 def coulomb_torque(friction: Friction, load: float) -> float:
-    """Return F_c [N·m] at load torque r_m F [N·m]."""
-    return friction.c0 + friction.c1 * load
+    """Return F_c [N·m] at load torque [N·m], r_m F of a tendon, of either sign."""
+    return friction.c0 + friction.c1 * abs(load)
 
 
 @compiled
@@ -271,6 +272,10 @@ def tendon_tension_slope(spring: Spring, x: float) -> float:
     return spring_slope(spring, x)
 
 
+NO_SPRING = Spring(k=(0.0,), pieces=None, x_slack=math.inf, x_solid=math.inf, F_solid=0.0, k_solid=0.0)
+"""Spring of an actuator without tendons: slack at any elongation."""
+
+
 def polynomial_spring(coefficients: tuple[float, ...], x_solid: float, k_solid: float) -> Spring:
     """Return the spring F(x) = k0 + k1 x + k2 x² + … (lowest power first).
 
@@ -339,12 +344,12 @@ def elongation_B(joint: Joint, theta_B: float, q: float) -> float:
 
 
 @compiled
-def joint_acceleration(joint: Joint, q_dot: float, F_A: float, F_B: float, tau_ext: float) -> float:
-    """Return q'' [rad/s²]: J_j q'' + B_j q' = r_j (F_A − F_B) + tau_ext.
+def joint_acceleration(joint: Joint, q_dot: float, tau: float, tau_ext: float) -> float:
+    """Return q'' [rad/s²]: J_j q'' + B_j q' = tau + tau_ext.
 
-    Equations 5 and 13.
+    Equations 5 and 13; the elastic torque tau [N·m] of two tendons is r_j (F_A − F_B).
     """
-    return (joint.r_j * (F_A - F_B) + tau_ext - joint.B_j * q_dot) / joint.J_j
+    return (tau + tau_ext - joint.B_j * q_dot) / joint.J_j
 
 
 @compiled
@@ -478,13 +483,18 @@ _SUBNORMAL = 1e-200
 
 
 class Dynamics(NamedTuple):
-    """Constants of the plant for the compiled functions."""
+    """Constants of the plant for the compiled functions.
+
+    Two tendons with ``spring_A`` and ``spring_B`` connect motors and joint, or else ``mechanism``. Whether it is None
+    is known at compile time.
+    """
 
     joint: Joint
     motor_A: Motor
     motor_B: Motor
     spring_A: Spring
     spring_B: Spring
+    mechanism: Mechanism | None = None
 
 
 class PlantState(NamedTuple):
@@ -517,6 +527,42 @@ AT_REST = PlantState(q=0.0, q_dot=0.0, theta_A=0.0, omega_A=0.0, tau_A=0.0, thet
 
 
 @compiled
+def compute_elastic_torques(plant: Dynamics, q: float, theta_A: float, theta_B: float) -> tuple[float, float, float]:
+    """Return the elastic joint torque and the loads of motors A and B [N·m].
+
+    Angles in rad. The load of a tendon is r_m F (equation 6).
+    """
+    return _elastic_torques(plant, plant.mechanism, q, theta_A, theta_B)
+
+
+@compiled
+def _elastic_torques(
+    plant: Dynamics, mechanism: Mechanism | None, q: float, theta_A: float, theta_B: float
+) -> tuple[float, float, float]:
+    if mechanism is None:
+        F_A = tendon_tension(plant.spring_A, elongation_A(plant.joint, theta_A, q))
+        F_B = tendon_tension(plant.spring_B, elongation_B(plant.joint, theta_B, q))
+        return plant.joint.r_j * (F_A - F_B), plant.joint.r_m * F_A, plant.joint.r_m * F_B
+    tau, load_A, load_B, _ = elastic_torques(mechanism, q, theta_A, theta_B)
+    return tau, load_A, load_B
+
+
+@compiled
+def compute_stiffness(plant: Dynamics, q: float, theta_A: float, theta_B: float) -> float:
+    """Return S = −∂τ/∂q [N·m/rad] at joint and motor angles [rad]."""
+    return _compute_stiffness(plant, plant.mechanism, q, theta_A, theta_B)
+
+
+@compiled
+def _compute_stiffness(plant: Dynamics, mechanism: Mechanism | None, q: float, theta_A: float, theta_B: float) -> float:
+    if mechanism is None:
+        x_A, x_B = elongation_A(plant.joint, theta_A, q), elongation_B(plant.joint, theta_B, q)
+        return joint_stiffness(plant.joint, plant.spring_A, plant.spring_B, x_A, x_B)
+    _, _, _, S = elastic_torques(mechanism, q, theta_A, theta_B)
+    return S
+
+
+@compiled
 def state_derivative(
     plant: Dynamics,
     x: PlantState,
@@ -530,14 +576,12 @@ def state_derivative(
 
     Inputs are motor voltages [V], external joint torque [N·m], shaft loads [N·m] and an obstacle.
     """
-    r_m = plant.joint.r_m
-    F_A = tendon_tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
-    F_B = tendon_tension(plant.spring_B, elongation_B(plant.joint, x.theta_B, x.q))
-    load_A, load_B = r_m * F_A + load.load_A, r_m * F_B + load.load_B
+    tau, load_A, load_B = compute_elastic_torques(plant, x.q, x.theta_A, x.theta_B)
+    load_A, load_B = load_A + load.load_A, load_B + load.load_B
     return PlantState(
         q=x.q_dot,
         q_dot=joint_acceleration(
-            plant.joint, x.q_dot, F_A, F_B, add_wall_torque(obstacle, plant.joint, x.q, x.q_dot, tau_ext)
+            plant.joint, x.q_dot, tau, add_wall_torque(obstacle, plant.joint, x.q, x.q_dot, tau_ext)
         ),
         theta_A=x.omega_A,
         omega_A=motor_acceleration(plant.motor_A, x.omega_A, x.tau_A, load_A, x.z_A),
@@ -569,9 +613,8 @@ def _axpy(h: float, d: PlantState, x: PlantState) -> PlantState:
 @compiled
 def _loads(plant: Dynamics, x: PlantState, load: ShaftLoad) -> tuple[float, float]:
     """Return the load torques [N·m] at both outlets."""
-    F_A = tendon_tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
-    F_B = tendon_tension(plant.spring_B, elongation_B(plant.joint, x.theta_B, x.q))
-    return plant.joint.r_m * F_A + load.load_A, plant.joint.r_m * F_B + load.load_B
+    _, load_A, load_B = compute_elastic_torques(plant, x.q, x.theta_A, x.theta_B)
+    return load_A + load.load_A, load_B + load.load_B
 
 
 @compiled

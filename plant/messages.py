@@ -105,6 +105,71 @@ def spring_table_falls(*, row: int, x: float, F: float) -> str:
 
 
 @catalogue_entry
+def several_mechanisms(*, file: str, sections: Sequence[str]) -> str:
+    return f"{file} must describe one mechanism, but has the sections {', '.join(sections)}; keep one of them"
+
+
+@catalogue_entry
+def not_one_value_per_motor(*, label: str, values: Sequence[float]) -> str:
+    return f"{label} must be a list of one number for motor A and one for motor B, but has {len(values)} numbers"
+
+
+@catalogue_entry
+def mechanism_unusable(*, label: str, reason: str) -> str:
+    return f"{label}: {reason}"
+
+
+@catalogue_entry
+def stiffness_does_not_rise(*, label: str, minimum: float, maximum: float) -> str:
+    return (
+        f"{label}: the stiffness at rest must rise from preset_min to preset_max, but does not in "
+        f"{Quantity(minimum, 'rad', maximum)}; choose a smaller range"
+    )
+
+
+@catalogue_entry
+def stiffness_range_not_reached(*, label: str, S_min: float, S_max: float, lowest: float, highest: float) -> str:
+    return (
+        f"{label}: S_min and S_max must lie in this order between the stiffnesses at preset_min and preset_max, "
+        f"{lowest:g} and {highest:g} N·m/rad, but are {S_min:g} and {S_max:g} N·m/rad"
+    )
+
+
+@catalogue_entry
+def torque_table_too_small(*, delta: tuple[int, ...], preset: tuple[int, ...]) -> str:
+    return (
+        "a torque table must have at least 3 deflections and 3 presets, each as a list of numbers, but the shapes are "
+        f"{delta} and {preset}"
+    )
+
+
+@catalogue_entry
+def torque_table_of_wrong_shape(*, torque: tuple[int, ...], stiffness: tuple[int, ...]) -> str:
+    return (
+        "torque and stiffness of a torque table must have one row per deflection and one column per preset, but their "
+        f"shapes are {torque} and {stiffness}"
+    )
+
+
+@catalogue_entry
+def torque_table_not_finite() -> str:
+    return "all numbers of a torque table must be finite"
+
+
+@catalogue_entry
+def torque_table_does_not_rise(*, axis: str, at: float) -> str:
+    return f"{axis} of a torque table must rise, but does not after {at:g}"
+
+
+@catalogue_entry
+def torque_table_without_zero(*, lowest: float, highest: float) -> str:
+    return (
+        f"the deflections of a torque table must include both signs, but have the range "
+        f"{Quantity(lowest, 'rad', highest)}; add the missing points"
+    )
+
+
+@catalogue_entry
 def spring_table_not_from_zero(*, F: float) -> str:
     return f"the spring table must begin at zero force, not {F:g} N"
 

@@ -1,7 +1,8 @@
 """Parameter sets of the plant, loaded from TOML with units and sources.
 
 ``motor`` and ``spring`` are the true plant, ``identified`` is the controller's knowledge of it. A section such as
-``motor_B`` gives entries of ``motor`` that differ on side B.
+``motor_B`` gives entries of ``motor`` that differ on side B. A file of another actuator has a section of its mechanism,
+such as ``lever``, in place of ``spring`` and the other entries of tendons.
 """
 
 import math
@@ -14,6 +15,7 @@ import numpy as np
 
 from plant import messages
 from plant.dynamics import (
+    NO_SPRING,
     SUBSTEPS,
     Dynamics,
     Friction,
@@ -27,6 +29,19 @@ from plant.dynamics import (
 )
 from plant.errors import ErrorCode, SinewError
 from plant.interface import FILE_NAME_MAX, T_s
+from plant.mechanisms import (
+    ANTAGONISTIC_AXES,
+    SERIES_AXES,
+    Bidirectional,
+    Lever,
+    Mechanism,
+    MotorAxes,
+    Pretension,
+    build_torque_table,
+    compute_rest,
+    motor_axes,
+    tendon_axes,
+)
 
 # Parameter entries ---------------------------------------------------------------------------------
 # Parsing of one section of a parameter file: each number has a unit and a source, and errors name the entry.
@@ -55,14 +70,42 @@ def optional_quantity(unit: str, minimum: float, maximum: float) -> Any:
     return field(default=0.0, metadata=metadata)
 
 
+def tendon_quantity(unit: str, minimum: float, maximum: float, absent: float = math.nan) -> Any:
+    """Return a field for a number that actuators with tendons have, else ``absent``."""
+    metadata = {"unit": unit, "minimum": minimum, "maximum": maximum, "optional": False, "width": None}
+    return field(metadata=metadata | {"tendons": True, "absent": absent})
+
+
+def mechanism_quantity(unit: str, minimum: float, maximum: float) -> Any:
+    """Return a field for a number that actuators without tendons have, inf for others."""
+    metadata = {"unit": unit, "minimum": minimum, "maximum": maximum, "optional": False, "width": None}
+    return field(metadata=metadata | {"tendons": False, "absent": math.inf})
+
+
+_ANY_WIDTH = -1
+
+
+def required_list(unit: str, minimum: float, maximum: float, *, rows: bool = False) -> Any:
+    """Return a field for a list of numbers, or of rows of numbers, with unit and bounds."""
+    width = _ANY_WIDTH if rows else None
+    return field(metadata={"unit": unit, "minimum": minimum, "maximum": maximum, "optional": False, "width": width})
+
+
 def alternative(unit: str, width: int | None = None) -> Any:
     """Return an optional field for a list of numbers, or of rows of ``width`` numbers."""
     return field(metadata={"unit": unit, "minimum": -math.inf, "maximum": math.inf, "optional": True, "width": width})
 
 
-def read_section(file: str, section: str, kind: type, table: Any) -> tuple[dict[str, Value], dict[str, str]]:
+def select_entries(kind: type, *, has_tendons: bool) -> "list[Field[Any]]":
+    """Return the entries of a section that an actuator with or without tendons has."""
+    return [entry for entry in fields(kind) if entry.metadata.get("tendons", has_tendons) == has_tendons]
+
+
+def read_section(
+    file: str, section: str, kind: type, table: Any, *, has_tendons: bool = True
+) -> tuple[dict[str, Value], dict[str, str]]:
     """Return values and sources of a section by entry. Raises ParameterError."""
-    known = {entry.name: entry for entry in fields(kind)}
+    known = {entry.name: entry for entry in select_entries(kind, has_tendons=has_tendons)}
     if not isinstance(table, dict):
         raise ParameterError(messages.section_without_entries(file=file, section=section, value=table))
     values: dict[str, Value] = {}
@@ -82,17 +125,21 @@ def read_section(file: str, section: str, kind: type, table: Any) -> tuple[dict[
     return values, sources
 
 
-def fill_defaults(file: str, section: str, kind: type, values: dict[str, Value]) -> dict[str, Value]:
+def fill_defaults(
+    file: str, section: str, kind: type, values: dict[str, Value], *, has_tendons: bool = True
+) -> dict[str, Value]:
     """Return all entries of a section with defaults, or (), for the optional ones.
 
     Raises ParameterError for a missing entry.
     """
-    for entry in fields(kind):
+    for entry in select_entries(kind, has_tendons=has_tendons):
         if entry.name not in values and not entry.metadata["optional"]:
             raise ParameterError(
                 messages.parameter_incomplete(label=f"{file}: {section}.{entry.name}", unit=entry.metadata["unit"])
             )
-    defaults: dict[str, Value] = {item.name: () if item.default is MISSING else item.default for item in fields(kind)}
+    defaults: dict[str, Value] = {
+        item.name: item.metadata.get("absent", ()) if item.default is MISSING else item.default for item in fields(kind)
+    }
     return defaults | values
 
 
@@ -106,7 +153,7 @@ def _value(label: str, value: Any, entry: "Field[Any]") -> Value:
     if width is None:
         return tuple(_number(label, item, entry) for item in value)
     for row in value:
-        if not isinstance(row, list) or len(row) != width:
+        if not isinstance(row, list) or len(row) not in (width, *([len(value[0])] if width == _ANY_WIDTH else [])):
             raise ParameterError(
                 messages.row_of_other_length(label=label, row=row, length=width, unit=entry.metadata["unit"])
             )
@@ -136,7 +183,7 @@ SIDES: tuple[Side, ...] = get_args(Side)
 class Geometry:
     """Reel and pulley radii, joint inertia and damping, joint range (±)."""
 
-    r_m: float = quantity("m", 1e-4, 1.0)
+    r_m: float = tendon_quantity("m", 1e-4, 1.0)
     r_j: float = quantity("m", 1e-3, 1.0)
     J_j: float = quantity("kg·m²", 1e-7, 10.0)
     B_j: float = quantity("N·m·s/rad", 0.0, 100.0)
@@ -157,6 +204,8 @@ class SpringParameters:
 
     def make_spring(self, factor: float = 1.0) -> Spring:
         """Return the spring with its force multiplied by ``factor``. Raises ValueError."""
+        if not self.points and not self.k:
+            return NO_SPRING
         if self.points:
             x, F = np.array(self.points).T
             return tabulated_spring(x, factor * F, self.x_solid, self.k_solid)
@@ -225,8 +274,8 @@ class Sensors:
 
     joint_counts: float = quantity("1/rev", 0.0, 1e7)
     motor_counts: float = quantity("1/rev", 0.0, 1e7)
-    force_delay: float = quantity("s", 0.0, 0.060)
-    force_noise: float = quantity("N", 0.0, 10.0)
+    force_delay: float = tendon_quantity("s", 0.0, 0.060, absent=0.0)
+    force_noise: float = tendon_quantity("N", 0.0, 10.0, absent=0.0)
     converter_bits: float = quantity("1", 0.0, 24.0)
 
     @property
@@ -242,12 +291,104 @@ class Sensors:
 
 @dataclass(frozen=True)
 class Safety:
-    """Limit of the independent safety module on tendon force.
+    """Limit of the independent safety module on tendon force, or on deflection.
 
     Its limit of the joint angle is ``Geometry.q_max``.
     """
 
-    F_max: float = quantity("N", 1.0, 1e4)
+    F_max: float = tendon_quantity("N", 1.0, 1e4)
+    deflection_max: float = mechanism_quantity("rad", 1e-3, 3.2)
+
+
+@dataclass(frozen=True)
+class OperatingRange:
+    """Range of the preset and of the stiffness references of a mechanism."""
+
+    preset_min: float = quantity("rad", -1e3, 1e3)
+    preset_max: float = quantity("rad", -1e3, 1e3)
+    S_min: float = quantity("N·m/rad", 1e-4, 1e5)
+    S_max: float = quantity("N·m/rad", 1e-4, 1e5)
+
+
+@dataclass(frozen=True)
+class BidirectionalParameters(OperatingRange):
+    """Springs with the load p e^(κ d) − n e^(−κ d), of motor A and of motor B."""
+
+    p: tuple[float, ...] = required_list("N·m", 0.0, 1e3)
+    n: tuple[float, ...] = required_list("N·m", 0.0, 1e3)
+    kappa: tuple[float, ...] = required_list("1/rad", 1e-2, 1e3)
+
+    def make_mechanism(self, factor_A: float = 1.0, factor_B: float = 1.0) -> Mechanism:
+        """Return the mechanism with its springs multiplied by the factors."""
+        p, n, kappa = self.p, self.n, self.kappa
+        return Bidirectional(
+            p_A=factor_A * p[0],
+            n_A=factor_A * n[0],
+            kappa_A=kappa[0],
+            p_B=factor_B * p[1],
+            n_B=factor_B * n[1],
+            kappa_B=kappa[1],
+        )
+
+
+@dataclass(frozen=True)
+class LeverParameters(OperatingRange):
+    """Lever whose pivot motor B moves: y = y_0 + lead θ_B."""
+
+    K_s: float = quantity("N·m/rad", 1e-3, 1e5)
+    L: float = quantity("m", 1e-3, 1.0)
+    r_t: float = quantity("m", 1e-4, 1.0)
+    y_0: float = quantity("m", 0.0, 1.0)
+    lead: float = quantity("m/rad", 1e-6, 1.0)
+
+    def make_mechanism(self, factor_A: float = 1.0, factor_B: float = 1.0) -> Mechanism:
+        """Return the mechanism with its spring multiplied by both factors."""
+        return Lever(factor_A * factor_B * self.K_s, self.L, self.r_t, self.y_0, self.lead)
+
+
+@dataclass(frozen=True)
+class PretensionParameters(OperatingRange):
+    """Spring between an arm B and a point at distance C; motor B winds it on radius r."""
+
+    B: float = quantity("m", 1e-4, 1.0)
+    C: float = quantity("m", 1e-4, 1.0)
+    r: float = quantity("m", 1e-5, 1.0)
+    kappa: float = quantity("N/m", 1.0, 1e7)
+
+    def make_mechanism(self, factor_A: float = 1.0, factor_B: float = 1.0) -> Mechanism:
+        """Return the mechanism with its spring multiplied by both factors."""
+        return Pretension(self.B, self.C, self.r, factor_A * factor_B * self.kappa)
+
+
+@dataclass(frozen=True)
+class TableParameters(OperatingRange):
+    """Measured torque and stiffness: one row per deflection, one column per preset.
+
+    ``antagonistic`` is 1 if half the difference of the motors is the preset, 0 if motor B alone is.
+    """
+
+    antagonistic: float = quantity("1", 0.0, 1.0)
+    delta: tuple[float, ...] = required_list("rad", -3.2, 3.2)
+    preset: tuple[float, ...] = required_list("rad", -1e3, 1e3)
+    torque: tuple[tuple[float, ...], ...] = required_list("N·m", -1e4, 1e4, rows=True)
+    stiffness: tuple[tuple[float, ...], ...] = required_list("N·m/rad", -1e5, 1e5, rows=True)
+
+    def make_mechanism(self, factor_A: float = 1.0, factor_B: float = 1.0) -> Mechanism:
+        """Return the mechanism with its torque multiplied by both factors.
+
+        Raises ValueError.
+        """
+        factor = factor_A * factor_B
+        return build_torque_table(
+            np.array(self.delta),
+            np.array(self.preset),
+            factor * np.array(self.torque),
+            factor * np.array(self.stiffness),
+            ANTAGONISTIC_AXES if self.antagonistic else SERIES_AXES,
+        )
+
+
+MechanismParameters = BidirectionalParameters | LeverParameters | PretensionParameters | TableParameters
 
 
 SECTIONS: dict[str, type] = {
@@ -262,6 +403,17 @@ SECTIONS: dict[str, type] = {
 SIDED: dict[str, type] = {
     f"{name}_{side}": SECTIONS[name] for name in ("spring", "motor", "identified") for side in SIDES
 }
+
+
+MECHANISMS: dict[str, type] = {
+    "bidirectional": BidirectionalParameters,
+    "lever": LeverParameters,
+    "pretension": PretensionParameters,
+    "table": TableParameters,
+}
+"""Sections of mechanisms, of which a file without tendons has one."""
+
+_WITHOUT_TENDONS = SpringParameters(k=(), points=(), x_solid=math.inf, k_solid=0.0)
 
 
 # Stiction checks -----------------------------------------------------------------------------------
@@ -306,6 +458,9 @@ def _require_resolved_stiction(label: str, motor: MotorParameters) -> None:
 
 SHIPPED = ("ideal", "lab", "lab-stick")
 
+OF_OTHER_MECHANISMS = ("qbmove", "bavs", "awas2", "maccepa")
+"""Sets of actuators without tendons."""
+
 _FOLDER = Path(__file__).parent / "parameters"
 
 
@@ -314,7 +469,7 @@ class PlantParameters:
     """One named parameter set.
 
     ``sources`` maps "section.entry" to the source of the number; ``sided`` maps a section such as "motor_B" to the
-    entries in which that side differs.
+    entries in which that side differs. ``mechanism`` is None for two tendons.
     """
 
     name: str
@@ -327,6 +482,19 @@ class PlantParameters:
     safety: Safety
     sources: dict[str, str]
     sided: dict[str, dict[str, Any]] = field(default_factory=dict)
+    mechanism: MechanismParameters | None = None
+
+    @property
+    def mechanism_name(self) -> str:
+        """Name of the mechanism's section, "tendons" for two tendons."""
+        return next((name for name, kind in MECHANISMS.items() if isinstance(self.mechanism, kind)), "tendons")
+
+    @property
+    def axes(self) -> MotorAxes:
+        """Directions of the motor angles."""
+        if self.mechanism is None:
+            return tendon_axes(self.geometry.r_m, self.geometry.r_j)
+        return motor_axes(self.mechanism.make_mechanism())
 
     def select_spring(self, side: Side) -> SpringParameters:
         """Return the spring of one side, without its asymmetry factor."""
@@ -367,12 +535,16 @@ class PlantParameters:
         The factors of asymmetry are included.
         """
         factor = self.asymmetry
+        mechanism = None
+        if self.mechanism is not None:
+            mechanism = self.mechanism.make_mechanism(factor.spring_A, factor.spring_B)
         return Dynamics(
             joint=self._make_joint(),
             motor_A=self.select_motor("A").make_motor(factor.motor_A),
             motor_B=self.select_motor("B").make_motor(factor.motor_B),
             spring_A=self.select_spring("A").make_spring(factor.spring_A),
             spring_B=self.select_spring("B").make_spring(factor.spring_B),
+            mechanism=mechanism,
         )
 
     def make_identified_dynamics(self) -> Dynamics:
@@ -384,8 +556,14 @@ class PlantParameters:
                 self.select_motor(side), K_m=known.K_m, T_m=known.T_m, c0=0.0, c1=0.0, sigma_0=0.0
             ).make_motor()
 
-        springs = self.make_identified_spring("A"), self.make_identified_spring("B")
-        return Dynamics(self._make_joint(), motor("A"), motor("B"), *springs)
+        return Dynamics(
+            joint=self._make_joint(),
+            motor_A=motor("A"),
+            motor_B=motor("B"),
+            spring_A=self.make_identified_spring("A"),
+            spring_B=self.make_identified_spring("B"),
+            mechanism=None if self.mechanism is None else self.mechanism.make_mechanism(),
+        )
 
     def _make_joint(self) -> Joint:
         g = self.geometry
@@ -393,7 +571,10 @@ class PlantParameters:
 
     def to_document(self) -> dict[str, dict[str, dict[str, Any]]]:
         """Return all numbers by section and entry as {value, unit, source}, for JSON."""
-        entries = {name: vars(getattr(self, name)) for name in SECTIONS} | self.sided
+        has_tendons = self.mechanism is None
+        entries = {name: vars(getattr(self, name)) for name in SECTIONS if has_tendons or name != "spring"} | self.sided
+        if self.mechanism is not None:
+            entries[self.mechanism_name] = vars(self.mechanism)
         return {
             section: {
                 entry.name: {
@@ -401,10 +582,10 @@ class PlantParameters:
                     "unit": entry.metadata["unit"],
                     "source": self.sources.get(f"{section}.{entry.name}", ""),
                 }
-                for entry in fields(kind)
+                for entry in select_entries(kind, has_tendons=has_tendons)
                 if self._is_given(section, entry, entries[section])
             }
-            for section, kind in (SECTIONS | SIDED).items()
+            for section, kind in (SECTIONS | SIDED | MECHANISMS).items()
             if section in entries
         }
 
@@ -419,7 +600,7 @@ def load_parameters(name_or_path: str | Path) -> PlantParameters:
 
     Raises ParameterError naming the entry, its bound and unit.
     """
-    path = _FOLDER / f"{name_or_path}.toml" if name_or_path in SHIPPED else Path(name_or_path)
+    path = _FOLDER / f"{name_or_path}.toml" if name_or_path in (*SHIPPED, *OF_OTHER_MECHANISMS) else Path(name_or_path)
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors write a BOM
     except OSError as error:
@@ -437,21 +618,33 @@ def parse_parameters(name: str, document: dict[str, Any], file: str = "") -> Pla
     Raises ParameterError naming the entry, its bound and unit, and the ``file``.
     """
     file = file or name
-    kinds = SECTIONS | SIDED
+    kinds = SECTIONS | SIDED | MECHANISMS
     for section in document:
         if section not in kinds:
             raise ParameterError(messages.unknown_section(file=file, section=section, known=list(kinds)))
+    named = [section for section in MECHANISMS if section in document]
+    has_tendons = not named
+    if len(named) > 1 or (named and any(section.startswith("spring") for section in document)):
+        springs = [section for section in document if section.startswith("spring")]
+        raise ParameterError(messages.several_mechanisms(file=file, sections=[*named, *springs]))
     sources: dict[str, str] = {}
     entries: dict[str, dict[str, Value]] = {}
     for section, kind in kinds.items():
-        if section in SECTIONS or section in document:
-            entries[section], section_sources = read_section(file, section, kind, document.get(section, {}))
+        if section in document or (section in SECTIONS and (has_tendons or section != "spring")):
+            entries[section], section_sources = read_section(
+                file, section, kind, document.get(section, {}), has_tendons=has_tendons
+            )
             sources |= {f"{section}.{name}": source for name, source in section_sources.items()}
     parts = {
-        section: kind(**fill_defaults(file, section, kind, entries[section])) for section, kind in SECTIONS.items()
+        section: kind(**fill_defaults(file, section, kind, entries[section], has_tendons=has_tendons))
+        for section, kind in (SECTIONS | MECHANISMS).items()
+        if section in entries
     }
+    mechanism = parts.pop(named[0]) if named else None
     sided = {section: _only_one_curve(entries[section]) for section in SIDED if section in entries}
-    parameters = PlantParameters(name=name, sources=sources, sided=sided, **parts)
+    parameters = PlantParameters(
+        name=name, sources=sources, sided=sided, mechanism=mechanism, **{"spring": _WITHOUT_TENDONS, **parts}
+    )
     _check(file, parameters)
     return parameters
 
@@ -467,6 +660,8 @@ def _only_one_curve(entries: dict[str, Value]) -> dict[str, Value]:
 
 
 def _check(file: str, parameters: PlantParameters) -> None:
+    if parameters.mechanism is not None:
+        _check_mechanism(file, parameters.mechanism_name, parameters.mechanism)
     F_max = parameters.safety.F_max
     for side in SIDES:
         if "u_max" in parameters.sided.get(f"motor_{side}", {}):
@@ -474,6 +669,8 @@ def _check(file: str, parameters: PlantParameters) -> None:
         section_name = f"motor_{side}" if f"motor_{side}" in parameters.sided else "motor"
         is_given = any(f"{section}.sigma_0" in parameters.sources for section in ("motor", section_name))
         require_stiction(f"{file}: {section_name}", parameters.select_motor(side), is_given=is_given)
+        if parameters.mechanism is not None:
+            continue
         for section in ("spring", "identified"):
             label = f"{file}: {section}_{side}" if f"{section}_{side}" in parameters.sided else f"{file}: {section}"
             known = parameters.select_spring(side) if section == "spring" else parameters.select_identified(side)
@@ -495,6 +692,36 @@ def _check(file: str, parameters: PlantParameters) -> None:
                         label=label, x_solid=spring.x_solid, F_solid=spring.F_solid, F_max=F_max
                     )
                 )
+
+
+def _check_mechanism(file: str, section: str, mechanism: MechanismParameters) -> None:
+    """Raise ParameterError for a mechanism that does not reach its range of stiffness."""
+    if isinstance(mechanism, BidirectionalParameters):
+        for name, values in (("p", mechanism.p), ("n", mechanism.n), ("kappa", mechanism.kappa)):
+            if len(values) != len(SIDES):
+                raise ParameterError(messages.not_one_value_per_motor(label=f"{file}: {section}.{name}", values=values))
+    try:
+        elastic = mechanism.make_mechanism()
+    except ValueError as error:
+        raise ParameterError(messages.mechanism_unusable(label=f"{file}: {section}", reason=str(error))) from error
+    presets = np.linspace(mechanism.preset_min, mechanism.preset_max, 201)
+    S = np.array([compute_rest(elastic, preset)[1] for preset in presets])
+    if not (mechanism.preset_min < mechanism.preset_max and np.all(np.diff(S) > 0.0)):
+        raise ParameterError(
+            messages.stiffness_does_not_rise(
+                label=f"{file}: {section}", minimum=mechanism.preset_min, maximum=mechanism.preset_max
+            )
+        )
+    if not S[0] <= mechanism.S_min < mechanism.S_max <= S[-1]:
+        raise ParameterError(
+            messages.stiffness_range_not_reached(
+                label=f"{file}: {section}",
+                S_min=mechanism.S_min,
+                S_max=mechanism.S_max,
+                lowest=float(S[0]),
+                highest=float(S[-1]),
+            )
+        )
 
 
 def _convert_to_lists(value: Any) -> Any:

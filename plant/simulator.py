@@ -17,10 +17,10 @@ from plant.dynamics import (
     Obstacle,
     PlantState,
     advance_state,
+    compute_stiffness,
     contact_force,
     elongation_A,
     elongation_B,
-    joint_stiffness,
     require_free,
     require_possible_wall,
     tendon_tension,
@@ -42,6 +42,7 @@ from plant.interface import (
     T_s,
     require_numbers,
 )
+from plant.mechanisms import Mechanism, elastic_deflection
 from plant.parameters import PlantParameters, Sensors
 from plant.safety_card import Card
 
@@ -132,21 +133,41 @@ class FaultInjector:
 
 
 class SafetyBounds(NamedTuple):
-    """Limits: ``F_max`` [N] on each tendon, ``q_max`` [rad] to either side."""
+    """Limits: ``F_max`` [N] on each tendon, ``q_max`` [rad] to either side.
+
+    An actuator without tendons has ``deflection_max`` [rad], to either side, in place of ``F_max``.
+    """
 
     F_max: float
     q_max: float
+    deflection_max: float = math.inf
 
 
 @compiled
 def is_limit_exceeded(plant: Dynamics, bounds: SafetyBounds, x: PlantState) -> bool:
-    """Return whether tendon force or joint position exceeds its limit.
+    """Return whether tendon force, deflection or joint position exceeds its limit.
 
     The module has its own, exact sensors.
     """
+    return abs(x.q) > bounds.q_max or _is_spring_overloaded(plant, plant.mechanism, bounds, x)
+
+
+@compiled
+def _is_spring_overloaded(plant: Dynamics, mechanism: Mechanism | None, bounds: SafetyBounds, x: PlantState) -> bool:
+    if mechanism is None:
+        F_A, F_B = _tendon_tensions(plant, mechanism, x)
+        return bounds.F_max < F_A or bounds.F_max < F_B
+    return abs(elastic_deflection(mechanism, x.q, x.theta_A, x.theta_B)) > bounds.deflection_max
+
+
+@compiled
+def _tendon_tensions(plant: Dynamics, mechanism: Mechanism | None, x: PlantState) -> tuple[float, float]:
+    """Return the tensions [N], NaN for an actuator without tendons."""
+    if mechanism is not None:
+        return math.nan, math.nan
     F_A = tendon_tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
     F_B = tendon_tension(plant.spring_B, elongation_B(plant.joint, x.theta_B, x.q))
-    return bounds.F_max < F_A or bounds.F_max < F_B or abs(x.q) > bounds.q_max
+    return F_A, F_B
 
 
 # Sensors -------------------------------------------------------------------------------------------
@@ -209,20 +230,18 @@ def sense_state(
 ) -> Measurement:
     """Return the measurement of the true state x.
 
-    ``noise_A``, ``noise_B`` [N] are this tick's load cell errors.
+    ``noise_A``, ``noise_B`` [N] are this tick's load cell errors. An actuator without tendons has no load cells: F_A
+    and F_B are NaN.
     """
-    x_A = elongation_A(plant.joint, x.theta_A, x.q)
-    x_B = elongation_B(plant.joint, x.theta_B, x.q)
-    F_A, F_B = delay_forces(
-        line, tick, sensors.delay_ticks, tendon_tension(plant.spring_A, x_A), tendon_tension(plant.spring_B, x_B)
-    )
+    F_A, F_B = _tendon_tensions(plant, plant.mechanism, x)
+    F_A, F_B = delay_forces(line, tick, sensors.delay_ticks, F_A, F_B)
     return Measurement(
         q=quantize(x.q, sensors.joint_step),
         theta_A=quantize(x.theta_A, sensors.motor_step),
         theta_B=quantize(x.theta_B, sensors.motor_step),
         F_A=quantize(F_A + noise_A, sensors.force_step),
         F_B=quantize(F_B + noise_B, sensors.force_step),
-        S_true=joint_stiffness(plant.joint, plant.spring_A, plant.spring_B, x_A, x_B),
+        S_true=compute_stiffness(plant, x.q, x.theta_A, x.theta_B),
         F_push=F_push,
         safety_trip=safety_trip,
         F_wall=contact_force(obstacle, plant.joint, x.q, x.q_dot),
@@ -384,7 +403,7 @@ class Simulator:
             Simulated(
                 plant=parameters.make_dynamics(),
                 sensors=make_sensor_model(parameters.sensors, F_max, u_max),
-                bounds=SafetyBounds(F_max, parameters.geometry.q_max),
+                bounds=SafetyBounds(F_max, parameters.geometry.q_max, parameters.safety.deflection_max),
                 u_max=u_max,
                 line=np.zeros((2, DELAY_SLOTS)),
                 noise=np.zeros((_NOISE_BLOCK, 2)),

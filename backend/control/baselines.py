@@ -155,11 +155,11 @@ def _chain(model: Dynamics, d: Decoupler, x: PlantState) -> _Chain:
     F_A, F_B = tendon_tension(model.spring_A, x_A), tendon_tension(model.spring_B, x_B)
     slope_A, slope_B = spring_slope(model.spring_A, x_A), spring_slope(model.spring_B, x_B)
     bend_A, bend_B = spring_curvature(model.spring_A, x_A), spring_curvature(model.spring_B, x_B)
-    q_2 = joint_acceleration(joint, x.q_dot, F_A, F_B, 0.0)
-    q_3 = joint_acceleration(joint, q_2, slope_A * rate_A, slope_B * rate_B, 0.0)
+    q_2 = joint_acceleration(joint, x.q_dot, joint.r_j * (F_A - F_B), 0.0)
+    q_3 = joint_acceleration(joint, q_2, joint.r_j * (slope_A * rate_A - slope_B * rate_B), 0.0)
     F_A_2 = bend_A * rate_A**2 - slope_A * joint.r_j * q_2
     F_B_2 = bend_B * rate_B**2 + slope_B * joint.r_j * q_2
-    drift = joint_acceleration(joint, q_3, F_A_2, F_B_2, 0.0)
+    drift = joint_acceleration(joint, q_3, joint.r_j * (F_A_2 - F_B_2), 0.0)
     _, S_1 = decoupler.rates(d, x.theta_A, x.theta_B, x.omega_A, x.omega_B)
     return _Chain(q_2=q_2, q_3=q_3, S_1=S_1, drift=drift, slope_A=slope_A, slope_B=slope_B, F_A=F_A, F_B=F_B)
 

@@ -290,6 +290,7 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 _SECTIONS = (
     ("Signals", TermKind.SIGNAL),
     ("Parameters of the plant", TermKind.PARAMETER),
+    ("Parameters of other mechanisms", TermKind.PARAMETER),
     ("Control", TermKind.QUANTITY),
     ("Identification", TermKind.QUANTITY),
 )

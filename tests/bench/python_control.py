@@ -35,7 +35,7 @@ def response(system: control.InterconnectedSystem, t: Array, references: Array, 
 
 
 def _plant(rig: SimulatedRig) -> control.NonlinearIOSystem:
-    joint, motor_A, motor_B, spring_A, spring_B = rig.plant
+    joint, motor_A, motor_B, spring_A, spring_B, _ = rig.plant
 
     def tension(spring: Spring, elongation: float) -> float:
         if elongation <= spring.x_slack:

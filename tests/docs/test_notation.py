@@ -4,10 +4,12 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
+import pytest
+
 from backend.realtime.modes import MODES
 from backend.sample import FIELDS
 from plant.interface import T_s
-from plant.parameters import SECTIONS
+from plant.parameters import MECHANISMS, SECTIONS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "notation.md").read_text(encoding="utf-8")
 
@@ -31,12 +33,13 @@ def test_meanings_of_signals_contain_no_code_names() -> None:
     assert meaning.endswith(", ".join(f"{code} {mode}" for code, mode in enumerate(MODES)))
 
 
-def test_documented_parameters_equal_those_of_the_plant() -> None:
-    written = [(code.strip("`"), unit) for _, code, unit, _, _ in rows("Parameters of the plant")]
+@pytest.mark.parametrize(
+    ("heading", "kinds"), [("Parameters of the plant", SECTIONS), ("Parameters of other mechanisms", MECHANISMS)]
+)
+def test_documented_parameters_equal_those_of_the_plant(heading: str, kinds: dict[str, type]) -> None:
+    written = [(code.strip("`"), unit) for _, code, unit, _, _ in rows(heading)]
     assert written == [
-        (f"{section}.{entry.name}", entry.metadata["unit"])
-        for section, kind in SECTIONS.items()
-        for entry in fields(kind)
+        (f"{section}.{entry.name}", entry.metadata["unit"]) for section, kind in kinds.items() for entry in fields(kind)
     ]
 
 

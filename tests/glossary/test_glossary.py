@@ -46,7 +46,7 @@ from backend.schemas.run import ChecklistState
 from backend.schemas.state import ChainLinkView
 from backend.services.jobs import describe_identification_kinds
 from backend.storage.runs import EndState
-from plant.parameters import SECTIONS
+from plant.parameters import MECHANISMS, SECTIONS
 from tests.refusals import refused
 
 # Every displayed term of signals, results, faults and states has a meaning and one source.
@@ -116,7 +116,8 @@ def test_every_equation_belongs_to_a_metric() -> None:
 
 
 def test_parameter_entries_match_the_parameters_of_the_plant() -> None:
-    names = {f"{section}.{name}" for section, kind in SECTIONS.items() for name in vars(kind)["__dataclass_fields__"]}
+    kinds = SECTIONS | MECHANISMS
+    names = {f"{section}.{name}" for section, kind in kinds.items() for name in vars(kind)["__dataclass_fields__"]}
     assert set(entries_of(TermKind.PARAMETER)) == names
 
 

@@ -179,9 +179,11 @@ def test_the_joint_is_in_equilibrium_at_equation_15(common: float, difference: f
     F_A = tendon_tension(plant.spring_A, elongation_A(plant.joint, theta_A, q_e))
     F_B = tendon_tension(plant.spring_B, elongation_B(plant.joint, theta_B, q_e))
     assert F_A > 0.0
-    assert joint_acceleration(plant.joint, 0.0, F_A, F_B, 0.0) == pytest.approx(0.0, abs=1e-8)
+    assert joint_acceleration(plant.joint, 0.0, plant.joint.r_j * (F_A - F_B), 0.0) == pytest.approx(0.0, abs=1e-8)
     # A push towards +q is balanced by the other tendon: F_A − F_B = −F_push at rest.
-    assert joint_acceleration(plant.joint, 0.0, F_A, F_A + 3.0, 3.0 * plant.joint.r_j) == pytest.approx(0.0, abs=1e-8)
+    assert joint_acceleration(plant.joint, 0.0, -3.0 * plant.joint.r_j, 3.0 * plant.joint.r_j) == pytest.approx(
+        0.0, abs=1e-8
+    )
 
 
 @given(st.floats(4.5, 5.5), st.floats(4.5, 5.5), st.floats(-0.1, 0.1))

@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import pytest
 import plant.parameters
 from plant.dynamics import Spring, polynomial_spring, require_stiffening, tabulated_spring
 from plant.parameters import (
+    MECHANISMS,
     SECTIONS,
     SHIPPED,
     SIDED,
@@ -23,6 +25,7 @@ from plant.parameters import (
     load_parameters,
     parse_parameters,
 )
+from tests.reasons import assert_reason
 from tests.refusals import refused
 
 # Parameter files: accepted and rejected entries, and the remedies in the messages.
@@ -137,7 +140,7 @@ MOTOR_ENTRIES = [entry.name for entry in fields(MotorParameters)]
             r"\[sensors\]",
             "[sensor]",
             "unknown_section",
-            {"file": "bench.toml", "section": "sensor", "known": [*SECTIONS, *SIDED]},
+            {"file": "bench.toml", "section": "sensor", "known": [*SECTIONS, *SIDED, *MECHANISMS]},
         ),
         (
             r"\[safety\]",
@@ -385,3 +388,50 @@ def test_friction_that_is_neither_static_nor_smoothed_is_rejected(
 ) -> None:
     with refused(ParameterError, code, **values):
         load_stiction(tmp_path, text)
+
+
+# Other mechanisms ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "mechanism"),
+    [("qbmove", "bidirectional"), ("bavs", "bidirectional"), ("awas2", "lever"), ("maccepa", "pretension")],
+)
+def test_a_set_of_another_mechanism_is_read_and_written(name: str, mechanism: str) -> None:
+    parameters = load_parameters(name)
+    assert parameters.mechanism_name == mechanism
+    document = parameters.to_document()
+    assert set(document) == {*SECTIONS, mechanism} - {"spring"}
+    assert "F_max" not in document["safety"]
+    assert all(entry["source"] for entries in document.values() for entry in entries.values())
+    assert parse_parameters(name, document).to_document() == document
+
+
+def test_tendons_are_the_mechanism_of_a_set_with_springs() -> None:
+    assert load_parameters("lab").mechanism_name == "tendons"
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        ({"lever": load_parameters("awas2").to_document()["lever"]}, "several_mechanisms"),
+        ({"spring": load_parameters("lab").to_document()["spring"]}, "several_mechanisms"),
+        ({"safety": load_parameters("lab").to_document()["safety"]}, "unknown_parameter"),
+        ({"safety": {}}, "parameter_incomplete"),
+        ({"bidirectional": {"kappa": [9.0]}}, "not_one_value_per_motor"),
+        ({"bidirectional": {"preset_min": -0.3}}, "stiffness_does_not_rise"),
+        ({"bidirectional": {"S_max": 4.0}}, "stiffness_range_not_reached"),
+        ({"bidirectional": {"S_min": math.nan}}, "parameter_not_finite"),
+    ],
+)
+def test_an_inconsistent_mechanism_is_rejected(change: dict[str, dict[str, Any]], code: str) -> None:
+    document = load_parameters("qbmove").to_document()
+    for section, entries in change.items():
+        if section == "bidirectional":
+            for name, value in entries.items():
+                document[section][name]["value"] = value
+        else:
+            document[section] = entries
+    with pytest.raises(ParameterError) as rejected:
+        parse_parameters("changed", document)
+    assert_reason(rejected.value.args[0], code)

@@ -1947,6 +1947,290 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "equation": "F_A, F_B ≤ F_max",
     "source": "docs/reference/notation.md"
   },
+  "parameter:safety.deflection_max": {
+    "kind": "parameter",
+    "name": "safety.deflection_max",
+    "term": "δ_max",
+    "meaning": "deflection at which the safety module cuts the motors of an actuator without tendons",
+    "unit": "rad",
+    "equation": "abs(δ) ≤ δ_max",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:bidirectional.preset_min": {
+    "kind": "parameter",
+    "name": "bidirectional.preset_min",
+    "term": "p_min",
+    "meaning": "least preset",
+    "unit": "rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:bidirectional.preset_max": {
+    "kind": "parameter",
+    "name": "bidirectional.preset_max",
+    "term": "p_max",
+    "meaning": "largest preset",
+    "unit": "rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:bidirectional.S_min": {
+    "kind": "parameter",
+    "name": "bidirectional.S_min",
+    "term": "S_min",
+    "meaning": "least stiffness reference",
+    "unit": "N·m/rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:bidirectional.S_max": {
+    "kind": "parameter",
+    "name": "bidirectional.S_max",
+    "term": "S_max",
+    "meaning": "largest stiffness reference",
+    "unit": "N·m/rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:bidirectional.p": {
+    "kind": "parameter",
+    "name": "bidirectional.p",
+    "term": "p_A, p_B",
+    "meaning": "factor of the rising exponential of each motor's spring",
+    "unit": "N·m",
+    "equation": "load_i = p_i e^(κ_i d_i) − n_i e^(−κ_i d_i), d_i = θ_i − q",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:bidirectional.n": {
+    "kind": "parameter",
+    "name": "bidirectional.n",
+    "term": "n_A, n_B",
+    "meaning": "factor of the falling exponential of each motor's spring",
+    "unit": "N·m",
+    "equation": "load_i = p_i e^(κ_i d_i) − n_i e^(−κ_i d_i), d_i = θ_i − q",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:bidirectional.kappa": {
+    "kind": "parameter",
+    "name": "bidirectional.kappa",
+    "term": "κ_A, κ_B",
+    "meaning": "exponent of each motor's spring",
+    "unit": "1/rad",
+    "equation": "load_i = p_i e^(κ_i d_i) − n_i e^(−κ_i d_i), d_i = θ_i − q",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:lever.preset_min": {
+    "kind": "parameter",
+    "name": "lever.preset_min",
+    "term": "p_min",
+    "meaning": "least preset",
+    "unit": "rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:lever.preset_max": {
+    "kind": "parameter",
+    "name": "lever.preset_max",
+    "term": "p_max",
+    "meaning": "largest preset",
+    "unit": "rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:lever.S_min": {
+    "kind": "parameter",
+    "name": "lever.S_min",
+    "term": "S_min",
+    "meaning": "least stiffness reference",
+    "unit": "N·m/rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:lever.S_max": {
+    "kind": "parameter",
+    "name": "lever.S_max",
+    "term": "S_max",
+    "meaning": "largest stiffness reference",
+    "unit": "N·m/rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:lever.K_s": {
+    "kind": "parameter",
+    "name": "lever.K_s",
+    "term": "K_s",
+    "meaning": "stiffness of the spring",
+    "unit": "N·m/rad",
+    "equation": "E = K_s α² sin²(q − θ_A)",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:lever.L": {
+    "kind": "parameter",
+    "name": "lever.L",
+    "term": "L",
+    "meaning": "length of the lever",
+    "unit": "m",
+    "equation": "α = (L/r_t) y/(L − y)",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:lever.r_t": {
+    "kind": "parameter",
+    "name": "lever.r_t",
+    "term": "r_t",
+    "meaning": "radius of the spring's attachment",
+    "unit": "m",
+    "equation": "α = (L/r_t) y/(L − y)",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:lever.y_0": {
+    "kind": "parameter",
+    "name": "lever.y_0",
+    "term": "y_0",
+    "meaning": "position of the pivot at θ_B = 0",
+    "unit": "m",
+    "equation": "y = y_0 + p θ_B",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:lever.lead": {
+    "kind": "parameter",
+    "name": "lever.lead",
+    "term": "p",
+    "meaning": "travel of the pivot per angle of motor B",
+    "unit": "m/rad",
+    "equation": "y = y_0 + p θ_B",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:pretension.preset_min": {
+    "kind": "parameter",
+    "name": "pretension.preset_min",
+    "term": "p_min",
+    "meaning": "least preset",
+    "unit": "rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:pretension.preset_max": {
+    "kind": "parameter",
+    "name": "pretension.preset_max",
+    "term": "p_max",
+    "meaning": "largest preset",
+    "unit": "rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:pretension.S_min": {
+    "kind": "parameter",
+    "name": "pretension.S_min",
+    "term": "S_min",
+    "meaning": "least stiffness reference",
+    "unit": "N·m/rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:pretension.S_max": {
+    "kind": "parameter",
+    "name": "pretension.S_max",
+    "term": "S_max",
+    "meaning": "largest stiffness reference",
+    "unit": "N·m/rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:pretension.B": {
+    "kind": "parameter",
+    "name": "pretension.B",
+    "term": "B",
+    "meaning": "length of the lever arm",
+    "unit": "m",
+    "equation": "ℓ² = B² + C² − 2 B C cos(θ_A − q)",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:pretension.C": {
+    "kind": "parameter",
+    "name": "pretension.C",
+    "term": "C",
+    "meaning": "distance from the axis to the guide of the spring",
+    "unit": "m",
+    "equation": "ℓ² = B² + C² − 2 B C cos(θ_A − q)",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:pretension.r": {
+    "kind": "parameter",
+    "name": "pretension.r",
+    "term": "r",
+    "meaning": "radius of the reel that winds the spring",
+    "unit": "m",
+    "equation": "E = κ (ℓ + r θ_B − C + B)²/2",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:pretension.kappa": {
+    "kind": "parameter",
+    "name": "pretension.kappa",
+    "term": "κ",
+    "meaning": "stiffness of the spring",
+    "unit": "N/m",
+    "equation": "E = κ (ℓ + r θ_B − C + B)²/2",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:table.preset_min": {
+    "kind": "parameter",
+    "name": "table.preset_min",
+    "term": "p_min",
+    "meaning": "least preset",
+    "unit": "rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:table.preset_max": {
+    "kind": "parameter",
+    "name": "table.preset_max",
+    "term": "p_max",
+    "meaning": "largest preset",
+    "unit": "rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:table.S_min": {
+    "kind": "parameter",
+    "name": "table.S_min",
+    "term": "S_min",
+    "meaning": "least stiffness reference",
+    "unit": "N·m/rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:table.S_max": {
+    "kind": "parameter",
+    "name": "table.S_max",
+    "term": "S_max",
+    "meaning": "largest stiffness reference",
+    "unit": "N·m/rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:table.antagonistic": {
+    "kind": "parameter",
+    "name": "table.antagonistic",
+    "term": "table.antagonistic",
+    "meaning": "1: the preset is half of θ_A − θ_B, and the deflection q less half of θ_A + θ_B; 0: the preset is θ_B, and the deflection q − θ_A",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:table.delta": {
+    "kind": "parameter",
+    "name": "table.delta",
+    "term": "δ",
+    "meaning": "deflections of the measured points",
+    "unit": "rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:table.preset": {
+    "kind": "parameter",
+    "name": "table.preset",
+    "term": "p",
+    "meaning": "presets of the measured points",
+    "unit": "rad",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:table.torque": {
+    "kind": "parameter",
+    "name": "table.torque",
+    "term": "τ",
+    "meaning": "measured joint torque: one row per deflection, one column per preset",
+    "unit": "N·m",
+    "source": "docs/reference/notation.md"
+  },
+  "parameter:table.stiffness": {
+    "kind": "parameter",
+    "name": "table.stiffness",
+    "term": "S",
+    "meaning": "measured stiffness, with the shape of the torque",
+    "unit": "N·m/rad",
+    "source": "docs/reference/notation.md"
+  },
   "quantity:T_s": {
     "kind": "quantity",
     "name": "T_s",
