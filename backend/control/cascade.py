@@ -307,7 +307,7 @@ def step(
     ``tau_ext`` [N·m]: external torque for the disturbance rejection, NaN if it is unknown.
     """
     d = tuning.decoupler
-    S = decoupler.stiffness(d, m.theta_A, m.theta_B)
+    S = decoupler.measured_stiffness(d, m.q, m.theta_A, m.theta_B)
     # A trajectory first brings its motion to rest: the loops alone let S overshoot by up to 0.5 N·m/rad.
     follows_trajectory = tuning.reference_tracking.budget > 0.0 or (
         state.follows_trajectory and not trajectory.is_at_rest(tuning.reference_tracking.model, state.trajectory_state)
@@ -595,7 +595,7 @@ def initialize_bumpless(
     at rest stay where they are.
     """
     d = tuning.decoupler
-    S = decoupler.stiffness(d, m.theta_A, m.theta_B)
+    S = decoupler.measured_stiffness(d, m.q, m.theta_A, m.theta_B)
     speed_A, speed_B = (
         _compute_motor_speed(motor_gains.A, inner.A, m.theta_A),
         _compute_motor_speed(motor_gains.B, inner.B, m.theta_B),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from backend.control.fault_detection import Tendons, build_tendons
 from backend.control.pid import apply_dead_zone
-from plant import Measurement, PlantParameters, T_s, compiled, tendon_tension
+from plant import Measurement, Mechanism, PlantParameters, T_s, compiled, elastic_torques, tendon_tension
 
 # Push rejection ------------------------------------------------------------------------------------
 # Feed-forward of the external force: the equilibrium moves against a push by the deflection of the springs.
@@ -225,8 +225,17 @@ def interpolate_bias(bias: NDArray[np.float64], S: float) -> float:
 def _compute_tendon_torque(tendons: Tendons, m: Measurement) -> float:
     """Return the torque of both tendons [N·m] at the elongations from the encoders.
 
-    A solid spring counts with the force at which it became solid: beyond it, one encoder count is 12 N.
+    A solid spring counts with the force at which it became solid: beyond it, one encoder count is 12 N. For another
+    mechanism the result is its torque at the deflection.
     """
+    return _tendon_torque(tendons, tendons.mechanism, m)
+
+
+@compiled
+def _tendon_torque(tendons: Tendons, mechanism: Mechanism | None, m: Measurement) -> float:
+    if mechanism is not None:
+        tau, _, _, _ = elastic_torques(mechanism, m.q, m.theta_A, m.theta_B)
+        return tau
     x_A = tendons.r_m * m.theta_A - tendons.r_j * m.q
     x_B = tendons.r_m * m.theta_B + tendons.r_j * m.q
     F_A = min(tendon_tension(tendons.spring_A, x_A), tendons.spring_A.F_solid)

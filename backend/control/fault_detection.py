@@ -10,12 +10,15 @@ from backend.control.decoupler import compute_bounds
 from plant import (
     SIDES,
     Measurement,
+    Mechanism,
     MotorCommand,
     PlantParameters,
     Side,
     Spring,
     T_s,
     compiled,
+    elastic_deflection,
+    elastic_torques,
     tendon_tension,
     tendon_tension_slope,
 )
@@ -66,17 +69,25 @@ _PAST, _UNCHANGED_S, _UNMOVED_S, _TURNED_FROM, _CONTRADICTED_S, _SIGN, _TICKS, _
 
 
 class Tendons(NamedTuple):
-    """Radii [m] and identified springs."""
+    """Radii [m] and identified springs, or the identified ``mechanism`` without tendons."""
 
     r_m: float
     r_j: float
     spring_A: Spring
     spring_B: Spring
+    mechanism: Mechanism | None = None
 
 
 @compiled
 def has_slack(tendons: Tendons, m: Measurement) -> bool:
     """Return whether a tendon's elongation (equation 1) is at or below zero force."""
+    return _has_slack(tendons, tendons.mechanism, m)
+
+
+@compiled
+def _has_slack(tendons: Tendons, mechanism: Mechanism | None, m: Measurement) -> bool:
+    if mechanism is not None:
+        return False
     x_A = tendons.r_m * m.theta_A - tendons.r_j * m.q
     x_B = tendons.r_m * m.theta_B + tendons.r_j * m.q
     return x_A <= tendons.spring_A.x_slack or x_B <= tendons.spring_B.x_slack
@@ -111,8 +122,15 @@ def compute_force_differences(tendons: Tendons, m: Measurement) -> tuple[float, 
     """Return load cell minus spring force [N] of tendons A and B.
 
     The spring force is that at the elongation from the encoders. A solid spring counts with the force at which it
-    became solid: beyond it, one encoder count is 12 N.
+    became solid: beyond it, one encoder count is 12 N. Without load cells the differences are 0.
     """
+    return _compute_force_differences(tendons, tendons.mechanism, m)
+
+
+@compiled
+def _compute_force_differences(tendons: Tendons, mechanism: Mechanism | None, m: Measurement) -> tuple[float, float]:
+    if mechanism is not None:
+        return 0.0, 0.0
     x_A = tendons.r_m * m.theta_A - tendons.r_j * m.q
     x_B = tendons.r_m * m.theta_B + tendons.r_j * m.q
     F_A = min(tendon_tension(tendons.spring_A, x_A), tendons.spring_A.F_solid)
@@ -149,7 +167,8 @@ def check_plausibility(
     """Check the readings of a tick; return the fields of the first ``SensorVerdict``.
 
     ``periods`` have passed since the last readings. ``raw`` is as read; in ``m`` the motor encoders count from their
-    zeros if ``zeroed``; ``command`` was written in the previous tick. All readings are finite.
+    zeros if ``zeroed``; ``command`` was written in the previous tick. All readings are finite, apart from those of
+    load cells that the actuator does not have: their checks never fail.
     """
     readings = raw.q, raw.theta_A, raw.theta_B, raw.F_A, raw.F_B
     jump_index = _find_jump(limits, memory, readings, periods)
@@ -245,11 +264,9 @@ def _find_unchanged(memory: NDArray[np.float64], side: int) -> int:
 
 
 def build_tendons(parameters: PlantParameters) -> Tendons:
-    """Return the tendons of a parameter set with their identified springs."""
-    geometry = parameters.geometry
-    return Tendons(
-        geometry.r_m, geometry.r_j, parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
-    )
+    """Return the tendons of a parameter set, or its mechanism, as identified."""
+    geometry, identified = parameters.geometry, parameters.make_identified_dynamics()
+    return Tendons(geometry.r_m, geometry.r_j, identified.spring_A, identified.spring_B, identified.mechanism)
 
 
 def build_sensor_limits(parameters: PlantParameters) -> SensorLimits:
@@ -267,8 +284,10 @@ def _compute_reach_per_tick(parameters: PlantParameters) -> tuple[float, float, 
     no-load speed; for a load cell, at that speed of the joint on the steepest part of its spring.
     """
     geometry, u_max = parameters.geometry, parameters.motor.u_max
-    q_dot = geometry.r_j * parameters.safety.F_max / max(geometry.B_j, 1e-6)
+    q_dot = _compute_largest_torques(parameters)[0] / max(geometry.B_j, 1e-6)
     A, B = (_MOTOR_MARGIN * parameters.select_identified(side).K_m * u_max * T_s for side in SIDES)
+    if parameters.mechanism is not None:
+        return 1.2 * q_dot * T_s, A, B, math.inf, math.inf
     springs = (parameters.make_identified_spring(side) for side in SIDES)
     F_A, F_B = (
         tendon_tension_slope(spring, spring.x_solid) * geometry.r_j * q_dot * T_s + _MARGIN_N for spring in springs
@@ -276,10 +295,29 @@ def _compute_reach_per_tick(parameters: PlantParameters) -> tuple[float, float, 
     return 1.2 * q_dot * T_s, A, B, F_A, F_B
 
 
+def _compute_largest_torques(parameters: PlantParameters) -> tuple[float, float]:
+    """Return the largest torques [N·m] of the springs on the joint and on a motor.
+
+    They are those at the limit of the safety module.
+    """
+    F_max, geometry, mechanism = parameters.safety.F_max, parameters.geometry, parameters.mechanism
+    if mechanism is None:
+        return geometry.r_j * F_max, geometry.r_m * F_max
+    elastic, axes, limit = mechanism.make_mechanism(), parameters.axes, parameters.safety.deflection_max
+    corners = [
+        elastic_torques(elastic, q, axes.n_A * preset, axes.n_B * preset)
+        for preset in (mechanism.preset_min, mechanism.preset_max)
+        for q in np.linspace(-limit, limit, 101)
+        if abs(elastic_deflection(elastic, q, axes.n_A * preset, axes.n_B * preset)) <= limit
+    ]
+    tau, load_A, load_B, _ = np.max(np.abs(corners), axis=0)
+    return float(tau), float(max(load_A, load_B))
+
+
 def _compute_driving_voltage(parameters: PlantParameters, side: Side) -> float:
     """Return a voltage [V] that certainly turns a motor under any tension."""
     motor = parameters.select_motor(side)
-    torque = parameters.geometry.r_m * parameters.safety.F_max
+    _, torque = _compute_largest_torques(parameters)
     return (torque * (1.0 + motor.stiction * motor.c1) + motor.stiction * motor.c0) / motor.K_t + VOLTAGE_MARGIN
 
 
@@ -298,6 +336,7 @@ class FaultDetectionLimits(NamedTuple):
     """Limits of the checks.
 
     ``F_slack``, ``F_max`` [N], ``q_trip`` [rad]; ``missed_max``: number of missed deadlines in a row that is a fault.
+    ``deflection_max`` [rad] replaces the forces for an actuator without tendons.
     """
 
     limits: SensorLimits
@@ -306,6 +345,7 @@ class FaultDetectionLimits(NamedTuple):
     F_max: float
     q_trip: float
     missed_max: int
+    deflection_max: float = math.inf
 
 
 class FaultDetectionState(NamedTuple):
@@ -335,6 +375,32 @@ CLEAR = DetectedFault(NO_FAULT, PLAUSIBLE, 0, -1, 0.0)
 
 
 @compiled
+def has_finite_readings(tendons: Tendons, m: Measurement) -> bool:
+    """Return whether the readings of all sensors that the actuator has are finite."""
+    return _has_finite_readings(tendons.mechanism, m)
+
+
+@compiled
+def _has_finite_readings(mechanism: Mechanism | None, m: Measurement) -> bool:
+    if mechanism is not None:
+        return math.isfinite(m.q + m.theta_A + m.theta_B)
+    return math.isfinite(m.q + m.theta_A + m.theta_B + m.F_A + m.F_B)
+
+
+@compiled
+def is_spring_overloaded(tendons: Tendons, F_max: float, deflection_max: float, m: Measurement) -> bool:
+    """Return whether a tension [N], or the deflection [rad], exceeds its limit."""
+    return _is_spring_overloaded(tendons.mechanism, F_max, deflection_max, m)
+
+
+@compiled
+def _is_spring_overloaded(mechanism: Mechanism | None, F_max: float, deflection_max: float, m: Measurement) -> bool:
+    if mechanism is not None:
+        return abs(elastic_deflection(mechanism, m.q, m.theta_A, m.theta_B)) > deflection_max
+    return max(m.F_A, m.F_B) > F_max
+
+
+@compiled
 def detect_fault(
     fault_limits: FaultDetectionLimits,
     state: FaultDetectionState,
@@ -350,7 +416,7 @@ def detect_fault(
     ``raw`` is as read; in ``m`` the motor encoders count from their zeros if ``zeroed``. ``command`` was written last.
     ``tension_required``: the mode keeps the tendons under tension; ``missed``: deadlines missed since the last tick.
     """
-    if not math.isfinite(m.q + m.theta_A + m.theta_B + m.F_A + m.F_B):
+    if not has_finite_readings(fault_limits.tendons, m):
         return DetectedFault(NOT_FINITE, 0, 0, -1, 0.0), state
     if m.safety_trip != 0.0:
         return DetectedFault(TRIPPED, 0, 0, -1, 0.0), state
@@ -371,7 +437,8 @@ def detect_fault(
     slack = tension_required and min(m.F_A, m.F_B) < fault_limits.F_slack
     slack_s = state.slack_s + T_s if slack else 0.0
     after = FaultDetectionState(slack_s, True, state.newest, raw, state.memory)
-    out_of_bounds = max(m.F_A, m.F_B) > fault_limits.F_max or abs(m.q) > fault_limits.q_trip
+    overloaded = is_spring_overloaded(fault_limits.tendons, fault_limits.F_max, fault_limits.deflection_max, m)
+    out_of_bounds = overloaded or abs(m.q) > fault_limits.q_trip
     kind = NO_FAULT
     if out_of_bounds and verdict != JUMPED:
         kind = OUT_OF_BOUNDS
@@ -395,4 +462,5 @@ def build_fault_limits(parameters: PlantParameters, missed_max: int) -> FaultDet
         F_max=bounds.F_max,
         q_trip=bounds.q_trip,
         missed_max=missed_max,
+        deflection_max=parameters.safety.deflection_max,
     )

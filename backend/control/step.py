@@ -250,7 +250,7 @@ def _estimate_external_force(control: StateBlock[ControlState], m: Measurement, 
         if zeroed
         else disturbance_observer.UNKNOWN
     )
-    S = decoupler.stiffness(control.tuning.decoupler.value, m.theta_A, m.theta_B)
+    S = decoupler.measured_stiffness(control.tuning.decoupler.value, m.q, m.theta_A, m.theta_B)
     F_ext_hat = disturbance_observer.estimate_force(observer, state, bias, S)
     store_compiled(control.observer_state, state)
     store_compiled(control.F_ext_hat, F_ext_hat)
@@ -323,7 +323,7 @@ def write_row(
     )
     row[_S] = math.nan
     if inputs.zeroed and not fault_detection.has_slack(control.observer.tendons.value, m):
-        row[_S] = decoupler.stiffness(control.tuning.decoupler.value, m.theta_A, m.theta_B)
+        row[_S] = decoupler.measured_stiffness(control.tuning.decoupler.value, m.q, m.theta_A, m.theta_B)
     row[_S_REF], row[_S_REF_GOV], row[_S_TRUE] = y.setpoint.S_ref, y.S_ref_gov, m.S_true
     row[_THETA_A], row[_THETA_A_REF], row[_THETA_B], row[_THETA_B_REF] = (
         m.theta_A,

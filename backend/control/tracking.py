@@ -98,7 +98,7 @@ def find_resting_setpoint(
     """
     d = tuning.decoupler
     q = m.q if position_loop else decoupler.equilibrium(d, m.theta_A, m.theta_B)
-    S = decoupler.stiffness(d, m.theta_A, m.theta_B)
+    S = decoupler.measured_stiffness(d, m.q, m.theta_A, m.theta_B)
     return Setpoint(min(max(q, bounds.q_min), bounds.q_max), min(max(S, bounds.S_min), bounds.S_max), 0.0)
 
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from backend.control import decoupler
 from backend.control.decoupler import Decoupler
-from plant import T_s, compiled
+from plant import Mechanism, MotorAxes, T_s, compiled, elastic_torques
 
 # Axis ----------------------------------------------------------------------------------------------
 # One axis of a trajectory: a motor T θ'' + θ' = K u within a voltage limit, moving to a target in the least time.
@@ -388,12 +388,12 @@ def begin_trajectory(
     Its motors move at ``omega_A``, ``omega_B`` [rad/s] and hold its joint, moving or at rest. The loops keep the offset
     of the actuator's motors, which a push or springs other than the identified ones cause, so nothing has to move.
     """
-    q_dot = d.r_m / d.r_j * 0.5 * (omega_A - omega_B)
+    q_dot = _joint_speed(d, d.axes, omega_A, omega_B)
     q_e = q + model.B_j * q_dot / S
     theta_A, theta_B = decoupler.motor_positions(d, q_e, S)
     difference = AxisMotion(0.5 * (theta_A - theta_B), 0.5 * (omega_A - omega_B))
     common = AxisMotion(0.5 * (theta_A + theta_B), 0.5 * (omega_A + omega_B))
-    F_A, F_B = _compute_tensions(d, q_e, S, q)
+    F_A, F_B = _compute_tensions(d, d.mechanism, q_e, S, q)
     K = min(model.K_A, model.K_B)
     return TrajectoryState(
         target_d=AxisTarget(difference.theta, 0.0, math.nan, 0.0),
@@ -537,10 +537,7 @@ def compute_voltages(
     turning_c = (K * state.smooth_c.u - state.smooth_c.omega) / T
     jerk_d = (K * (_mean(state.window_d) - state.smooth_d.u) / tau_e - turning_d) / T
     jerk_c = (K * (_mean(state.window_c) - state.smooth_c.u) / tau_e - turning_c) / T
-    F_A, F_B = _compute_tensions(d, at.q_e, at.S, at.q)
-    tendon = 0.5 * at.S / (d.r_j * d.r_j)
-    F_A += model.tau_e_A * tendon * (d.r_m * at.omega_A - d.r_j * state.q_dot)
-    F_B += model.tau_e_B * tendon * (d.r_m * at.omega_B + d.r_j * state.q_dot)
+    F_A, F_B = _predict_tensions(d, d.mechanism, model, at, state.q_dot)
     A, B = model.T_A * model.tau_e_A, model.T_B * model.tau_e_B
     u_A = at.omega_A + (model.T_A + model.tau_e_A) * (turning_c + turning_d) + A * (jerk_c + jerk_d)
     u_B = at.omega_B + (model.T_B + model.tau_e_B) * (turning_c - turning_d) + B * (jerk_c - jerk_d)
@@ -631,13 +628,47 @@ def _advance_joint(
 
 
 @compiled
-def _compute_tensions(d: Decoupler, q_e: float, S: float, q: float) -> tuple[float, float]:
+def _joint_speed(d: Decoupler, axes: MotorAxes | None, omega_A: float, omega_B: float) -> float:
+    """Return the joint speed [rad/s] at which the motors' speeds leave S unchanged."""
+    if axes is None:
+        return d.r_m / d.r_j * 0.5 * (omega_A - omega_B)
+    return axes.v_A * omega_A + axes.v_B * omega_B
+
+
+@compiled
+def _compute_tensions(d: Decoupler, mechanism: Mechanism | None, q_e: float, S: float, q: float) -> tuple[float, float]:
     """Return the tensions [N] with the joint q_e − q [rad] off its equilibrium.
 
-    Half of S (q_e − q)/r_j is added to one and subtracted from the other.
+    Half of S (q_e − q)/r_j is added to one and subtracted from the other. For another mechanism the results are the
+    loads of the motors [N·m].
     """
+    if mechanism is not None:
+        theta_A, theta_B = decoupler.motor_positions(d, q_e, S)
+        _, load_A, load_B, _ = elastic_torques(mechanism, q, theta_A, theta_B)
+        return load_A, load_B
     F, pull = decoupler.tension_under(d, S), 0.5 * S * (q_e - q) / d.r_j
     return F + pull, F - pull
+
+
+@compiled
+def _predict_tensions(
+    d: Decoupler, mechanism: Mechanism | None, model: TrajectoryModel, at: AxisState, q_dot: float
+) -> tuple[float, float]:
+    """Return the tensions [N], or loads [N·m], ahead by each motor's lag τ_e."""
+    if mechanism is not None:
+        lag_A, lag_B = model.tau_e_A, model.tau_e_B
+        _, load_A, _, _ = elastic_torques(
+            mechanism, at.q + lag_A * q_dot, at.theta_A + lag_A * at.omega_A, at.theta_B + lag_A * at.omega_B
+        )
+        _, _, load_B, _ = elastic_torques(
+            mechanism, at.q + lag_B * q_dot, at.theta_A + lag_B * at.omega_A, at.theta_B + lag_B * at.omega_B
+        )
+        return load_A, load_B
+    F_A, F_B = _compute_tensions(d, mechanism, at.q_e, at.S, at.q)
+    tendon = 0.5 * at.S / (d.r_j * d.r_j)
+    F_A += model.tau_e_A * tendon * (d.r_m * at.omega_A - d.r_j * q_dot)
+    F_B += model.tau_e_B * tendon * (d.r_m * at.omega_B + d.r_j * q_dot)
+    return F_A, F_B
 
 
 @compiled

@@ -259,7 +259,7 @@ def make_yielding_motion(
     """
     F_push, (load_A, load_B), number, obstacle, detection = active
     q = min(max(m.q, bounds.q_min), bounds.q_max)
-    S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
+    S = decoupler.measured_stiffness(tuning.decoupler, m.q, m.theta_A, m.theta_B)
     S_now = min(max(S, bounds.S_min), bounds.S_max)
     segments = tuple(
         Segment(

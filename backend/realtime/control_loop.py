@@ -83,6 +83,7 @@ from plant import (
     T_s,
     WatchdogDeadError,
     WatchdogExpiredError,
+    elastic_deflection,
 )
 
 # Commissioning -------------------------------------------------------------------------------------
@@ -321,6 +322,8 @@ class FaultDescriber:
 
     def __init__(self, parameters: PlantParameters) -> None:
         self._bounds = compute_bounds(parameters)
+        self._mechanism = None if parameters.mechanism is None else parameters.mechanism.make_mechanism()
+        self._deflection_max = parameters.safety.deflection_max
 
     def describe(
         self,
@@ -353,14 +356,19 @@ class FaultDescriber:
 
     def find_static_fault(self, m: Measurement, card_reading: RawReading = NO_RAW) -> tuple[Fault, str]:
         """Return the fault that one measurement shows without its history."""
-        bounds = self._bounds
-        if not math.isfinite(m.q + m.theta_A + m.theta_B + m.F_A + m.F_B):
-            invalid = [name for name, value in zip(m._fields[:5], m[:5], strict=True) if not math.isfinite(value)]
+        bounds, sensors = self._bounds, m._fields[: 5 if self._mechanism is None else 3]
+        invalid = [name for name in sensors if not math.isfinite(getattr(m, name))]
+        if invalid:
             volts = {"F_A": card_reading.V_A, "F_B": card_reading.V_B}  # finite volts without a valid tension
             saturated = {name: volts[name] for name in invalid if math.isfinite(volts.get(name, math.nan))}
             if len(saturated) == len(invalid):
                 return Fault.SENSOR_SATURATED, messages.load_cells_saturated(voltages=saturated)
             return Fault.SENSOR_INVALID, messages.sensors_without_reading(sensors=tuple(invalid))
+        if self._mechanism is not None:
+            deflection = elastic_deflection(self._mechanism, m.q, m.theta_A, m.theta_B)
+            if abs(deflection) > self._deflection_max:
+                detail = messages.deflection_too_large(deflection=deflection, maximum=self._deflection_max)
+                return Fault.FORCE_LIMIT, detail
         if max(m.F_A, m.F_B) > bounds.F_max:
             return Fault.FORCE_LIMIT, messages.tension_too_high(F_A=m.F_A, F_B=m.F_B, maximum_N=bounds.F_max)
         if abs(m.q) > bounds.q_trip:

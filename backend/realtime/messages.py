@@ -47,6 +47,24 @@ def mode_requires_program(*, mode: str) -> str:
 
 
 @catalogue_entry
+def law_requires_tendons(*, law: str) -> str:
+    return f"a {law} program requires tendons with load cells, which this actuator does not have"
+
+
+@catalogue_entry
+def trial_requires_load_cells() -> str:
+    return "the test of the safety module requires load cells, which this actuator does not have"
+
+
+@catalogue_entry
+def deflection_too_large(*, deflection: float, maximum: float) -> str:
+    return (
+        f"the deflection of the springs is {Quantity(deflection, 'rad'):g}; the largest permitted one is "
+        f"{Quantity(maximum, 'rad'):g}"
+    )
+
+
+@catalogue_entry
 def law_requires_pretension(*, law: str) -> str:
     return f"a {law} program starts only from mode pretension, where the joint is moved to 0 first"
 

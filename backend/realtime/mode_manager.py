@@ -24,6 +24,7 @@ from backend.realtime.contact import NO_ACTIVE_INPUTS, TAIL_TICKS, Contact, Prog
 from backend.realtime.gains import ActiveGains
 from backend.realtime.modes import DRIVES_OFF, LEGAL, Cause, CommandRejectedError, Mode, ModeCause
 from backend.realtime.motions import (
+    BASELINES,
     Baseline,
     Braking,
     CommissioningMotion,
@@ -73,12 +74,12 @@ class StopRequest:
 class EncoderOffsets:
     """Offsets that the loop has determined for one plant.
 
-    ``is_motor_zero_known``: the zeros of the motor encoders are known. ``joint_centre`` [rad]: reading at the joint's
-    centre.
+    ``is_motor_zero_known``: the zeros of the motor encoders are known, always if they are absolute. ``joint_centre``
+    [rad]: reading at the joint's centre.
     """
 
-    def __init__(self) -> None:
-        self.is_motor_zero_known = False
+    def __init__(self, *, has_absolute_motors: bool = False) -> None:
+        self.has_absolute_motors = self.is_motor_zero_known = has_absolute_motors
         self.joint_centre = 0.0
         self.offset_A = self.offset_B = 0.0
 
@@ -96,8 +97,8 @@ class EncoderOffsets:
         self.is_motor_zero_known = True
 
     def invalidate_motors(self) -> None:
-        """Mark the motors' zeros as unknown."""
-        self.is_motor_zero_known = False
+        """Mark the motors' zeros as unknown, unless their encoders are absolute."""
+        self.is_motor_zero_known = self.has_absolute_motors
 
     def set_joint_centre(self, q: float) -> None:
         """Set the reading q [rad] at which the joint is centred."""
@@ -106,7 +107,7 @@ class EncoderOffsets:
     def reset(self) -> None:
         """Reset all offsets, as the encoders themselves have new zeros."""
         self.offset_A = self.offset_B = self.joint_centre = 0.0
-        self.is_motor_zero_known = False
+        self.is_motor_zero_known = self.has_absolute_motors
 
 
 # Mode transitions ----------------------------------------------------------------------------------
@@ -140,7 +141,8 @@ class ModeManager:
         self.tunings = ActiveGains(step, events, tuning, lambdas)
         self._plant_model = collect_plant_knowledge(parameters)
         self.bounds = self._plant_model.bounds
-        self.zeros, self.drives_off = EncoderOffsets(), False
+        self.has_tendons = parameters.mechanism is None
+        self.zeros, self.drives_off = EncoderOffsets(has_absolute_motors=not self.has_tendons), False
         self._pending_stop: StopRequest | None = None
         self._programs = ProgramMotions(plant, parameters)
         self.turns_per_joint = self._plant_model.decoupler.r_j / self._plant_model.decoupler.r_m
@@ -226,6 +228,8 @@ class ModeManager:
         program, mode = command.program, program_mode(command.program.law)
         self._require_legal(mode)
         self._require_taut(mode)
+        if not self.has_tendons and program.law in (*IDENTIFYING, *BASELINES):
+            raise CommandRejectedError(messages.law_requires_tendons(law=program.law), LEGAL[self.mode])
         if not may_start_from(program.law, self.mode):
             raise CommandRejectedError(messages.law_requires_pretension(law=program.law), LEGAL[self.mode])
         tunings, program_gains = self.tunings, self.tunings.build_for_program(program, self._plant_model)
@@ -246,6 +250,8 @@ class ModeManager:
 
     def start_module_trial(self, context: TickContext) -> None:
         """Provoke the safety module's trip at pretension. Raises CommandRejectedError."""
+        if not self.has_tendons:
+            raise CommandRejectedError(messages.trial_requires_load_cells(), LEGAL[self.mode])
         if not self.is_pretension_done or self.motion is None:
             raise CommandRejectedError(messages.safety_module_requires_pretension())
         self.motion = ModuleTrial(self.motion.get_motor_loops(), NO_REFERENCE, context.m)
@@ -412,7 +418,7 @@ class ModeManager:
         motor_loops, is_zero_known, angles = (
             self._get_motor_loops(context.m),
             self.zeros.is_motor_zero_known,
-            self._programs.compute_motor_angles(PRETENSION_N),
+            self._programs.compute_pretension_angles(),
         )
         motion: Motion = PointToPointMotion(motor_loops, *angles) if is_zero_known else PretensionMotion(motor_loops)
         self._enter(context, Mode.PRETENSION, motion, cause, completed=completed)
@@ -428,7 +434,7 @@ class ModeManager:
         shifted = MotorLoopState(
             state, motor_loops.gains, motor_loops.theta_A_ref + move_A, motor_loops.theta_B_ref + move_B
         )
-        self.motion = PointToPointMotion(shifted, *self._programs.compute_motor_angles(PRETENSION_N))
+        self.motion = PointToPointMotion(shifted, *self._programs.compute_pretension_angles())
         return m._replace(theta_A=m.theta_A + move_A, theta_B=m.theta_B + move_B)
 
     def _brake(self, context: TickContext, cause: ModeCause) -> None:

@@ -21,6 +21,7 @@ from backend.control import (
     cascade,
     compute_bounds,
     motion_primitives,
+    motor_positions,
     pid,
     setpoint_player,
     track_motors,
@@ -399,6 +400,15 @@ class ProgramMotions:
         """Return theta_A, theta_B [rad] that hold F [N] in both tendons at q = 0."""
         r_m = self._geometry.r_m
         return spring_elongation(self._spring_A, F) / r_m, spring_elongation(self._spring_B, F) / r_m
+
+    def compute_pretension_angles(self) -> tuple[float, float]:
+        """Return theta_A, theta_B [rad] of mode pretension, with the joint at q = 0.
+
+        Tendons have PRETENSION_N, another mechanism its least stiffness for references.
+        """
+        if self._geometry.mechanism is not None:
+            return motor_positions(self._geometry, 0.0, self._bounds.S_min)
+        return self.compute_motor_angles(PRETENSION_N)
 
     def require_references(self, q_ref: float, S_ref: float) -> None:
         """Raise OutOfRangeError unless q_ref [rad] and S_ref [N·m/rad] are in range."""

@@ -193,7 +193,7 @@ class StepContext:
         The statistics cover the last 0.3 s, without subtraction of the bias.
         """
         observer_state, m, tuning = self._observer_state.get(), self.m, self._tuning.get()
-        S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
+        S = decoupler.measured_stiffness(tuning.decoupler, m.q, m.theta_A, m.theta_B)
         return S, observer_state.mean / tuning.decoupler.r_j, math.sqrt(observer_state.variance) / tuning.decoupler.r_j
 
     def set_bias(self, bias: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -136,6 +136,7 @@ S_NOMINAL_20_N = 10.55
 class PointModel:
     """Models with one motor excited: theta_A_ref to q and to S, as K/(T s + 1).
 
+    For an actuator without tendons they are those from q_c to q, and from the preset of the motors to S.
     At one operating point: ``S_nominal`` [N·m/rad], ``K_q`` [1], ``T_q`` [s], ``K_S`` [N·m/rad per rad], ``T_S`` [s].
     """
 
@@ -174,9 +175,19 @@ class TuningParameters:
 def designed_point(parameters: PlantParameters, lam_motor: float = LAM_MOTOR) -> PointModel:
     """Return the model at 20 N from geometry alone, before any identification.
 
-    It has the gains of section 4 and four lags of λ_motor.
+    It has the gains of section 4 and four lags of λ_motor. For another mechanism the point is in the middle of its
+    range of stiffness.
     """
     g = parameters.geometry
+    if parameters.mechanism is not None:
+        S = 0.5 * (parameters.mechanism.S_min + parameters.mechanism.S_max)
+        return PointModel(
+            S_nominal=S,
+            K_q=1.0,
+            T_q=4.0 * lam_motor,
+            K_S=stiffness_slope(build_decoupler(parameters), S),
+            T_S=4.0 * lam_motor,
+        )
     return PointModel(
         S_nominal=S_NOMINAL_20_N,
         K_q=g.r_m / (2.0 * g.r_j),
@@ -270,6 +281,9 @@ then within a count."""
 UNSEEN_S = 0.01
 """Dead zone of the stiffness integrator [N·m/rad]: a thousandth of the stiffness, some counts of the motors."""
 
+UNSEEN_SHARE = 1e-3
+"""The same for another mechanism, as a fraction of its largest stiffness reference."""
+
 UNSEEN_F, MOST_F = 0.3, 10.0
 """External force [N] that the disturbance rejection leaves to the position loop, and the largest that it compensates:
 the estimate's error in fast moves is at most 0.3 N, and the compensation increases the force on a rigid obstacle."""
@@ -279,12 +293,18 @@ DEVIATIONS = 6.0
 
 
 class PlantModel(NamedTuple):
-    """Properties of a plant that the cascade uses besides its gains."""
+    """Properties of a plant that the cascade uses besides its gains.
+
+    ``q_count`` [rad] is one count of the joint encoder, ``r_j`` [m] the lever arm of external forces, and ``S_unseen``
+    [N·m/rad] the dead zone of the stiffness integrator.
+    """
 
     decoupler: Decoupler
     bounds: Bounds
     model: trajectory.TrajectoryModel
     q_count: float
+    r_j: float
+    S_unseen: float
 
 
 def collect_plant_knowledge(parameters: PlantParameters) -> PlantModel:
@@ -304,7 +324,15 @@ def collect_plant_knowledge(parameters: PlantParameters) -> PlantModel:
         tau_e_A=motor_A.tau_e,
         tau_e_B=motor_B.tau_e,
     )
-    return PlantModel(build_decoupler(parameters), compute_bounds(parameters), model, parameters.sensors.joint_step)
+    bounds = compute_bounds(parameters)
+    return PlantModel(
+        decoupler=build_decoupler(parameters),
+        bounds=bounds,
+        model=model,
+        q_count=parameters.sensors.joint_step,
+        r_j=joint.r_j,
+        S_unseen=UNSEEN_S if parameters.mechanism is None else UNSEEN_SHARE * bounds.S_max,
+    )
 
 
 def build_reference_tracking(plant_model: PlantModel, u_plan: float) -> ReferenceTracking:
@@ -312,7 +340,7 @@ def build_reference_tracking(plant_model: PlantModel, u_plan: float) -> Referenc
 
     0 V selects the paper's law, which is fully linear, without dead zones, if the joint encoder has no counts.
     """
-    unseen_S = UNSEEN_S if u_plan > 0.0 or plant_model.q_count > 0.0 else 0.0
+    unseen_S = plant_model.S_unseen if u_plan > 0.0 or plant_model.q_count > 0.0 else 0.0
     return ReferenceTracking(u_plan, plant_model.model, UNSEEN_COUNTS * plant_model.q_count, unseen_S)
 
 
@@ -322,7 +350,7 @@ def rejection(plant_model: PlantModel, inner: pid.MotorPairGains, k_ext: float) 
     It follows the lags of the motor loops ``inner``.
     """
     lags = [motor_lag(gains, T) for gains, T in ((inner.A, plant_model.model.T_A), (inner.B, plant_model.model.T_B))]
-    r_j = plant_model.decoupler.r_j
+    r_j = plant_model.r_j
     return Rejection(k_ext, UNSEEN_F * r_j, MOST_F * r_j, math.exp(-T_s / (0.5 * sum(lags))))
 
 
@@ -358,6 +386,8 @@ def stiffness_gains(parameters: PlantParameters, point: PointModel, lambdas: Tun
 
 def position_process(parameters: PlantParameters, point: PointModel) -> tuple[float, float]:
     """Return K [1] and T [s] from q_c to q through the decoupler."""
+    if parameters.mechanism is not None:
+        return point.K_q, point.T_q
     g = parameters.geometry
     return position_loop_gain(point.K_q, g.r_m, g.r_j), point.T_q
 

@@ -37,6 +37,8 @@ from plant import (
     PlantParameters,
     PlantState,
     T_s,
+    compute_elastic_torques,
+    motor_axes,
     state_derivative,
     tendon_tension,
 )
@@ -53,6 +55,9 @@ if TYPE_CHECKING:
 
 
 _STEP = 1e-6
+_REST_RANGE_RAD = 1.0
+"""Range on either side in which the motors of another mechanism are turned to rest [rad]."""
+
 _STATES = 8
 """States of a plant without friction: the bristles, the last of ``PlantState``, are excluded."""
 
@@ -119,11 +124,10 @@ def linear_plant(
     theta_A, theta_B = decoupler.motor_positions(d, 0.0, S)
     if true_plant:
         plant = _without_friction(parameters.make_dynamics())
-        theta_A, theta_B = _at_rest(plant, theta_A + theta_B)
+        theta_A, theta_B = _at_rest(plant, theta_A, theta_B)
     else:
         plant = parameters.make_identified_dynamics()
-    load_A = d.r_m * tendon_tension(plant.spring_A, d.r_m * theta_A)
-    load_B = d.r_m * tendon_tension(plant.spring_B, d.r_m * theta_B)
+    _, load_A, load_B = compute_elastic_torques(plant, 0.0, theta_A, theta_B)
     at = np.array(
         PlantState(
             q=0.0, q_dot=0.0, theta_A=theta_A, omega_A=0.0, tau_A=load_A, theta_B=theta_B, omega_B=0.0, tau_B=load_B
@@ -159,14 +163,23 @@ def _without_friction(plant: Dynamics) -> Dynamics:
     return plant._replace(motor_A=free(plant.motor_A), motor_B=free(plant.motor_B))
 
 
-def _at_rest(plant: Dynamics, turned: float) -> tuple[float, float]:
-    """Return θ_A, θ_B [rad] with the sum ``turned`` and equal tensions at q = 0.
+def _at_rest(plant: Dynamics, theta_A: float, theta_B: float) -> tuple[float, float]:
+    """Return θ_A, θ_B [rad] with the preset of the given ones and no torque at q = 0.
 
-    The stiffness loop determines the sum, the position loop the difference.
+    The stiffness loop determines the preset, the position loop the rest. With tendons the preset is the sum, and the
+    tensions are equal.
     """
     from scipy.optimize import brentq
 
-    r_m, half = plant.joint.r_m, 0.5 * turned
+    if plant.mechanism is not None:
+        axes = motor_axes(plant.mechanism)
+
+        def torque(turn: float) -> float:
+            return compute_elastic_torques(plant, 0.0, theta_A + axes.g_A * turn, theta_B + axes.g_B * turn)[0]
+
+        turn = float(brentq(torque, -_REST_RANGE_RAD, _REST_RANGE_RAD, xtol=1e-12))
+        return theta_A + axes.g_A * turn, theta_B + axes.g_B * turn
+    r_m, half = plant.joint.r_m, 0.5 * (theta_A + theta_B)
 
     def excess(offset: float) -> float:
         tension_A = tendon_tension(plant.spring_A, r_m * (half + offset))
@@ -206,6 +219,19 @@ def decoupling_matrix(d: Decoupler, S: float) -> NDArray[np.float64]:
     )
 
 
+def stiffness_gradient(d: Decoupler, S: float) -> tuple[float, float, float]:
+    """Return dS/dq, dS/dθ_A, dS/dθ_B [N·m/rad per rad] at rest at q = 0 and S."""
+    if d.mechanism is None:
+        slope = decoupler.stiffness_slope(d, S)
+        return 0.0, slope, slope
+    at = np.array((0.0, *decoupler.motor_positions(d, 0.0, S)))
+    slopes = [
+        (decoupler.measured_stiffness(d, *(at + step)) - decoupler.measured_stiffness(d, *(at - step))) / (2.0 * _STEP)
+        for step in _STEP * np.eye(3)
+    ]
+    return slopes[0], slopes[1], slopes[2]
+
+
 def _decoupler(d: Decoupler, S: float) -> "control.StateSpace":
     import control
 
@@ -216,8 +242,7 @@ def _decoupler(d: Decoupler, S: float) -> "control.StateSpace":
 def _outputs(d: Decoupler, S: float) -> "control.StateSpace":
     import control
 
-    S_gain = decoupler.stiffness_slope(d, S)
-    D = np.array([[1.0, 0.0, 0.0], [0.0, S_gain, S_gain]])
+    D = np.array([[1.0, 0.0, 0.0], stiffness_gradient(d, S)])
     return control.ss([], [], [], D, inputs=["q", "theta_A", "theta_B"], outputs=["q_out", "S_out"], name="outputs")
 
 

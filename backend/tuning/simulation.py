@@ -39,12 +39,11 @@ from plant import (
     actuate_plant,
     compiled,
     compiled_run,
-    elongation_A,
-    elongation_B,
+    compute_elastic_torques,
     is_limit_exceeded,
     make_sensor_model,
+    motor_axes,
     sense_state,
-    tendon_tension,
 )
 
 # Closed loop ---------------------------------------------------------------------------------------
@@ -239,7 +238,7 @@ def make_simulated_rig(parameters: PlantParameters) -> SimulatedRig:
     return SimulatedRig(
         parameters.make_dynamics(),
         make_sensor_model(parameters.sensors, parameters.safety.F_max, parameters.motor.u_max),
-        SafetyBounds(parameters.safety.F_max, parameters.geometry.q_max),
+        SafetyBounds(parameters.safety.F_max, parameters.geometry.q_max, parameters.safety.deflection_max),
         parameters.motor.u_max,
     )
 
@@ -247,20 +246,15 @@ def make_simulated_rig(parameters: PlantParameters) -> SimulatedRig:
 def rest_state(rig: SimulatedRig, theta_A: float, theta_B: float) -> tuple[PlantState, float, float]:
     """Return the plant at rest at motor angles [rad], and the holding voltages [V]."""
     plant = rig.plant
-    r_m = plant.joint.r_m
-
-    def forces(q: float) -> tuple[float, float]:
-        return (
-            tendon_tension(plant.spring_A, elongation_A(plant.joint, theta_A, q)),
-            tendon_tension(plant.spring_B, elongation_B(plant.joint, theta_B, q)),
-        )
-
     low, high = -rig.bounds.q_max, rig.bounds.q_max
+    if plant.mechanism is not None:
+        axes = motor_axes(plant.mechanism)
+        centre = axes.v_A * theta_A + axes.v_B * theta_B
+        low, high = centre - rig.bounds.deflection_max, centre + rig.bounds.deflection_max
     while low < (q := 0.5 * (low + high)) < high:
-        F_A, F_B = forces(q)
-        low, high = (q, high) if F_A > F_B else (low, q)
-    F_A, F_B = forces(q)
-    load_A, load_B = r_m * F_A, r_m * F_B
+        tau, _, _ = compute_elastic_torques(plant, q, theta_A, theta_B)
+        low, high = (q, high) if tau > 0.0 else (low, q)
+    _, load_A, load_B = compute_elastic_torques(plant, q, theta_A, theta_B)
     x = PlantState(
         q=q,
         q_dot=0.0,

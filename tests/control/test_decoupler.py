@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from backend.control import decoupler
 from backend.control.decoupler import (
     OFFSET,
-    SUM,
+    PRESET,
     Decoupler,
     Envelope,
     EnvelopeState,
@@ -161,7 +161,7 @@ def test_the_table_rises_monotonically() -> None:
         assert d.table is not None
         steps = np.diff(d.table, axis=0)
         assert np.all(steps[:, :2] > 0.0)
-        assert steps[:, SUM] == pytest.approx(steps[0, SUM])
+        assert steps[:, PRESET] == pytest.approx(steps[0, PRESET])
 
 
 # The envelope of the inputs: the stiffness of each tension limit, and the effect of a push.
