@@ -52,7 +52,7 @@ def bench(console: Console) -> bool:
         operator = Operator(page, service)
         operator.sign_in()
         operator.be_in_run()
-        page.get_by_role("combobox", name="Window", exact=True).select_option(str(WINDOW_S))
+        page.get_by_role("combobox", name="Time window", exact=True).select_option(str(WINDOW_S))
         operator.enter("q_ref value [°]", 25.0)
         page.wait_for_timeout(FILLED_MS)
         frames, total = measured(page)
