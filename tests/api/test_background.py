@@ -30,7 +30,8 @@ TASKS = {
     "The monitor of the control loop",
     "The liveness signal to the control loop",
 }
-THREADS = {"The recorder", "A 3D view", "The heartbeat to the control loop", "The renewal of the database claim"}
+HEARTBEAT = "The heartbeat to the control loop"
+THREADS = {"The recorder", "A 3D view", HEARTBEAT, "The renewal of the database claim"}
 FOREIGN_THREADS = ("MainThread", "the service", "asyncio", "ThreadPoolExecutor", "QueueFeederThread", "Thread-")
 """Tasks and threads of this test, of awaited calls and of libraries."""
 
@@ -181,9 +182,9 @@ def test_the_loop_stops_if_the_heartbeat_task_keeps_dying(moving: Running) -> No
     until(stop_beating)
     state = moving.client.get("/api/state").json()
     assert state["fault"]["code"] == "service_lost"
-    assert "ended without a request" in moving.read_problem("The heartbeat to the control loop")
+    assert "ended without a request" in moving.read_problem(HEARTBEAT)
     # otherwise the restarted loop stops too
-    until(lambda: "was restarted" in moving.read_problem("The heartbeat to the control loop"))
+    until(lambda: "was restarted" in moving.read_problem(HEARTBEAT))
     until(lambda: moving.client.post("/api/reset").is_success)
     assert wait_for(moving.client, "mode", "off")
 

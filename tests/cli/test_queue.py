@@ -93,4 +93,4 @@ def test_a_refusal_of_the_service_is_printed_with_its_message(
 def test_a_missing_service_is_reported(tmp_path: Path) -> None:
     refused: subprocess.CompletedProcess[str] = sinew("queue", "show", folder=tmp_path)
     assert refused.returncode == 1
-    assert f"no service uses the folder {tmp_path}" in refused.stderr
+    assert str(tmp_path) in refused.stderr

@@ -14,6 +14,7 @@ from backend.recording import reader
 from backend.recording.reader import UnknownSignalError, find_jump, jumps
 from backend.schemas.comparison import AlignBy, ComparisonRequest, DifferencesRequest, StepSignal
 from backend.schemas.state import MarkKind
+from backend.services import record_messages
 from backend.services.comparison import Curve, compare_runs, compute_differences, stream_curves_file, stream_table_file
 from backend.storage import events, runs
 from backend.storage.database import Database, open_database
@@ -110,8 +111,9 @@ def test_missing_signals_are_reported_and_the_others_are_compared(database: Data
     assert told.runs[1].aligned_at_s is told.runs[1].offset_s is None
     assert [told.runs[n].aligned_at_s for n in (0, 2)] == pytest.approx([0.1, 0.3])
     assert [told.runs[n].offset_s for n in (0, 2)] == pytest.approx([0.0, -0.2])
-    why = f"run {without} has no step of q_ref; alignment requires at least 1"
-    assert [run.not_aligned for run in told.runs] == ["", why, ""]
+    assert [bool(run.not_aligned) for run in told.runs] == [False, True, False]
+    why = told.runs[1].not_aligned
+    assert why == record_messages.too_few_steps(run=without, signal="q_ref", count=0, minimum=1)
     found = compute_differences(database, asked)
     assert [(one.run, one.reason) for one in found.runs] == [(without, why), (with_step, "")]
     assert (found.runs[0].largest, found.runs[0].compared_s) == (None, 0.0)
@@ -123,10 +125,8 @@ def test_missing_signals_are_reported_and_the_others_are_compared(database: Data
     assert told.runs[0].not_aligned == f"the reference cannot be aligned: {why}"
     second = asked.model_copy(update={"number": 2})
     with database.reading() as session:
-        assert (
-            compare_runs(session, second).runs[0].not_aligned
-            == f"run {plain} has 1 step of q_ref; alignment requires at least 2"
-        )
+        not_aligned = compare_runs(session, second).runs[0].not_aligned
+        assert not_aligned == record_messages.too_few_steps(run=plain, signal="q_ref", count=1, minimum=2)
     with pytest.raises(UnknownSignalError):
         compute_differences(database, asked.model_copy(update={"signal": "nonsense"}))
     with pytest.raises(RequestRejectedError, match="is not among the compared runs"):
@@ -147,7 +147,8 @@ def test_runs_are_aligned_by_an_event_of_each(database: Database) -> None:
         third = compare_runs(session, asked.model_copy(update={"number": 3})).runs
     assert [run.aligned_at_s for run in told] == pytest.approx([0.3, 0.8])
     assert [run.offset_s for run in told] == pytest.approx([0.0, -0.5])
-    assert third[0].not_aligned == f"run {found[0]} has 2 events of the kind tuning; alignment requires at least 3"
+    expected = record_messages.too_few_events(run=found[0], kind="tuning", count=2, minimum=3)
+    assert third[0].not_aligned == expected
 
 
 def test_an_exported_difference_contains_every_sample_and_its_description(database: Database) -> None:
