@@ -99,7 +99,7 @@ def test_e1_printed_gain_rings_and_the_corrected_one_does_not() -> None:
     lam = 0.2
     _, (K, T), _, _ = TABLE_1[40]
     printed = first_order_loop(K, T, 2 / (K * lam), T / (K * lam**2))
-    assert f"a damping of {printed.damp()[1].min():.2f} and" in text
+    assert f"a damping ratio of {printed.damp()[1].min():.2f} and" in text
     assert f"overshoots by {control.step_info(printed)['Overshoot']:.1f} %" in text
     _, (K, T), _, _ = TABLE_1[10]
     printed = first_order_loop(K, T, 2 / (K * lam), T / (K * lam**2))
@@ -114,7 +114,7 @@ def test_e2_one_tenth_of_the_printed_coefficients_agrees_with_the_text() -> None
     S, factors = (np.array([row[column] for row in TABLE_1.values()]) for column in (0, 3))
     a2, a1 = factors.T
     damping = a1 / (2 * np.sqrt(a2))
-    assert "a damping of {:.2f}, {:.2f} and {:.2f}:".format(*damping[:3]) in text
+    assert "damping ratios of {:.2f}, {:.2f} and {:.2f}:".format(*damping[:3]) in text
     assert "gives {:.2f}, {:.2f} and {:.2f}.".format(*damping[:3] / 10) in text
     assert "B_j = {:.3f}, {:.3f} and {:.3f} N".format(*(S * a1 / 10)[:3]) in text
     J_j = [f"{value:.1e}".replace("e-0", "e-") for value in S * a2]
