@@ -112,7 +112,7 @@ def test_motions_are_in_the_files_that_the_architecture_names() -> None:
     assert sentence is not None
     assert set(re.findall(r"`(\w+)\.py`", sentence[1])) == {name.rpartition(".")[2] for name in compiled}
     interpreted = {found.__module__ for found in _interpreted(PythonMotion)} - {PythonMotion.__module__}
-    sentence = re.search(r"The interpreter steps the motions of the commissioning \((.*?)\)", ARCHITECTURE)
+    sentence = re.search(r"The interpreter executes the motions of commissioning \((.*?)\)", ARCHITECTURE)
     assert sentence is not None
     assert set(re.findall(r"`(\w+)\.py`", sentence[1])) == {name.rpartition(".")[2] for name in interpreted}
 
