@@ -1,4 +1,4 @@
-"""The tutorial docs/tutorial/first-hour.md, from slack tendons to a tuned bank and a report, by keyboard.
+"""The tutorial docs/tutorial/first-hour.md, from slack tendons to a tuned controller and a report, by keyboard.
 
 The steps follow the tutorial on the simulator, with the shortest runs that suffice. The service is queried for the
 result of each step.
