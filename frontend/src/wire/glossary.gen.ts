@@ -1555,7 +1555,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "F_wall",
     "meaning": "force of a simulated obstacle on the joint at r_j, NaN on the rig",
     "unit": "N",
-    "equation": "positive towards +q; k_wall δ (1 + c_wall δ') while the wall is δ = ±r_j (q − q_wall) deep, never pulling",
+    "equation": "positive towards +q; k_wall δ (1 + c_wall δ') at the penetration depth δ = ±r_j (q − q_wall), never pulling",
     "source": "docs/reference/notation.md"
   },
   "signal:V_A": {
