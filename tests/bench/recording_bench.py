@@ -47,7 +47,7 @@ _FIRST_CURVE = """() => {
 }"""
 """Whether the curve of q stands on its canvas: a few hundred points of its blue."""
 
-_RAW = """() => document.querySelector('[aria-label="Resolution"]')?.textContent.includes("every sample") === true"""
+_RAW = """() => document.querySelector('[aria-label="Resolution"]')?.textContent.includes("all samples") === true"""
 
 
 def bench(console: Console) -> bool:
