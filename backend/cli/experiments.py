@@ -357,12 +357,13 @@ def find_definition(name: str, settings: Settings) -> "ExperimentDefinition":
     """
     from backend.experiments import library, parser
     from backend.services import OwnExperiments
+    from plant import load_parameters
 
     if Path(name).suffix in (".yaml", ".yml", ".json"):
         return library.build_experiment_definition(*parser.parse_experiment(read_text_file(Path(name))))
     if name in library.experiments_by_name():
         warn_if_deprecated(name)
-        return library.find_experiment(name)
+        return library.build_fitted_definition(name, load_parameters(settings.params))
     with open_configured_database(settings, read_only=True) as database:
         return OwnExperiments(database).find_definition(name)
 

@@ -134,7 +134,8 @@ PART_MAX_S = 600.0
 Q_REF_MAX = 1.4
 """Largest joint reference of an experiment [rad]; the bound of the plant is checked before a start."""
 
-S_REF_MIN, S_REF_MAX = 8.0, 15.0
+S_REF_MIN, S_REF_MAX = 1e-4, 1e5
+"""Stiffness references that an experiment may have for any actuator [N·m/rad]; ``require_reach`` checks the plant's."""
 
 
 class NumberReader:

@@ -1,7 +1,7 @@
 """The library of experiments: those shipped with Sinew, recorded ones, and the plans of stored runs."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache, cached_property
 from importlib.resources import files
 from typing import Any, NamedTuple
@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.control import STIFFNESS_RANGE, compute_bounds
 from backend.errors import InvalidValueError, OutOfRangeError
 from backend.experiments import messages, parser
 from backend.experiments.compiler import PART_MAX_S
@@ -35,7 +36,7 @@ from backend.models import (
     upgrades,
 )
 from backend.realtime import MAX_SEGMENTS
-from plant import T_s
+from plant import PlantParameters, T_s
 
 # Ready-made experiments ----------------------------------------------------------------------------
 # The experiments shipped with Sinew: YAML files in the format that users write.
@@ -417,6 +418,55 @@ def build_experiment_definition(
     )
     _ = definition.default_plan
     return definition
+
+
+_STIFFNESS_UNIT = "N·m/rad"
+_STIFFNESS_METRICS = ("deviation_S",)
+_TENSION_METRICS = ("min_tension_N", "max_tension_N")
+
+
+def fit_to_plant(experiment: Experiment, parameters: PlantParameters) -> Experiment:
+    """Return a ready-made experiment with the stiffnesses of another mechanism.
+
+    The ready-made experiments are written for the range of two tendons, which maps linearly to that of the mechanism:
+    settings in N·m/rad with default and bounds, and bounds of criteria on stiffness. Criteria on tension are omitted.
+    """
+    if parameters.mechanism is None:
+        return experiment
+    bounds, (least, most) = compute_bounds(parameters), STIFFNESS_RANGE
+    ratio = (bounds.S_max - bounds.S_min) / (most - least)
+
+    def fit(value: Any) -> Any:
+        if value is None:
+            return None
+        return round(bounds.S_min + ratio * (parser.evaluate_number(value, {}) - least), _DECIMALS)
+
+    def scale(bound: float | str | None) -> str | None:
+        return None if bound is None else f"{ratio:.6g} * ({bound})"
+
+    settings = tuple(
+        replace(item, default=fit(item.default), minimum=fit(item.minimum), maximum=fit(item.maximum))
+        if item.unit == _STIFFNESS_UNIT
+        else item
+        for item in experiment.settings
+    )
+    criteria = tuple(
+        replace(item, below=scale(item.below), above=scale(item.above)) if item.figure in _STIFFNESS_METRICS else item
+        for item in experiment.criteria
+        if item.figure not in _TENSION_METRICS
+    )
+    return replace(experiment, settings=settings, criteria=criteria)
+
+
+def build_fitted_definition(name: str, parameters: PlantParameters) -> ExperimentDefinition:
+    """Return the definition of a ready-made experiment, fitted to the plant.
+
+    Raises KeyError.
+    """
+    if parameters.mechanism is None or name == upgrades.SEQUENCE:
+        return experiments_by_name()[name]
+    experiment = fit_to_plant(load_ready_experiment(name)[0], parameters)
+    return build_experiment_definition(experiment, run_kind=name if name in PAPER_EXPERIMENTS else KIND)
 
 
 @cache

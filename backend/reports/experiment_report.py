@@ -86,11 +86,18 @@ def compliance_report(source: RunData) -> Report:
     return experiment_report(source, "Compliance experiment", "compliance experiment", results, _COMPLIANCE_NOTES)
 
 
+def tension_figures(source: RunData) -> tuple[Figure, ...]:
+    """Return the figure of both tensions, none for an actuator without load cells."""
+    if "F_max" not in source.run.parameters.get("safety", {}):
+        return ()
+    F_max = source.run.number("safety", "F_max")
+    return (Figure("tension", tension_panel(source.columns, F_max, "tension"), messages.tension_figure()),)
+
+
 def _compliance_figures(source: RunData, metrics: Metrics) -> ReportSection:
     pushed_s = next(phase.start_s for phase in metrics.phases if phase.name == "pushes")
     delay_s = metrics.find_value("delay_s") or 0.0
     r_j = source.run.number("geometry", "r_j")
-    F_max = source.run.number("safety", "F_max")
     panels = force_panels(
         columns=source.columns, r_j=r_j, pushed_s=pushed_s, delay_s=delay_s, name="forces", angles=source.angles
     )
@@ -102,11 +109,7 @@ def _compliance_figures(source: RunData, metrics: Metrics) -> ReportSection:
                 panels,
                 messages.compliance_figure(),
             ),
-            Figure(
-                "tension",
-                tension_panel(source.columns, F_max, "tension"),
-                messages.tension_figure(),
-            ),
+            *tension_figures(source),
         ),
     )
 
@@ -271,7 +274,7 @@ def _make_settings_tables(source: RunData) -> tuple[Table, ...]:
 
 def _recording_figures(source: RunData) -> ReportSection:
     columns, run = source.columns, source.run
-    u_max, F_max = run.number("motor", "u_max"), run.number("safety", "F_max")
+    u_max = run.number("motor", "u_max")
     panels = tracking_panels(
         columns=columns,
         start_s=0.0,
@@ -285,7 +288,7 @@ def _recording_figures(source: RunData) -> ReportSection:
         "Figures",
         (
             Figure("panels", panels, messages.session_figure()),
-            Figure("tension", tension_panel(columns, F_max, "tension"), messages.tension_figure()),
+            *tension_figures(source),
         ),
     )
 
@@ -308,7 +311,6 @@ def robustness_report(source: RunData) -> Report:
 
 
 def _robustness_figures(source: RunData) -> ReportSection:
-    F_max = source.run.number("safety", "F_max")
     return ReportSection(
         "Figures",
         (
@@ -317,11 +319,7 @@ def _robustness_figures(source: RunData) -> ReportSection:
                 error_panels(source.columns, "errors", source.angles),
                 messages.robustness_figure(),
             ),
-            Figure(
-                "tension",
-                tension_panel(source.columns, F_max, "tension"),
-                messages.tension_figure(),
-            ),
+            *tension_figures(source),
         ),
     )
 
@@ -402,7 +400,7 @@ def _tracking_figures(
     columns = source.columns
     played_s = float(columns["t"][-1])
     run = source.run
-    u_max, F_max = run.number("motor", "u_max"), run.number("safety", "F_max")
+    u_max = run.number("motor", "u_max")
     both = next((phase for phase in (metrics.phases if metrics else ()) if phase.name == "both"), None)
     split_s = min(both.start_s, played_s) if both else played_s
     theirs = law.columns if law and law.columns else None
@@ -440,7 +438,7 @@ def _tracking_figures(
                 messages.simultaneous_steps_figure(is_simulated=theirs is not None, is_planned=is_planned),
             )
         )
-    blocks.append(Figure("tension", tension_panel(columns, F_max, "tension"), messages.tension_figure()))
+    blocks.extend(tension_figures(source))
     if steps:
         lam = {name: _constant(columns[f"lam_{name}"]) for name in ("q", "S")}
         blocks.append(
@@ -569,7 +567,7 @@ def program_report(source: RunData) -> Report:
 
 def _make_signal_sections(source: RunData, plan: ExperimentPlan) -> Iterator[ReportSection]:
     columns, run = source.columns, source.run
-    u_max, F_max = run.number("motor", "u_max"), run.number("safety", "F_max")
+    u_max = run.number("motor", "u_max")
     drawn = [
         Figure(
             "whole",
@@ -595,7 +593,7 @@ def _make_signal_sections(source: RunData, plan: ExperimentPlan) -> Iterator[Rep
             )
         )
     drawn += _of_measures(source, plan)
-    drawn.append(Figure("tension", tension_panel(columns, F_max, "tension"), messages.tension_figure()))
+    drawn.extend(tension_figures(source))
     yield ReportSection("Figures", tuple(drawn))
     yield from _sections(source, plan)
     if Measure.IMPACT in plan.experiment.measures and (hits := find_hits(columns, plan.program())):

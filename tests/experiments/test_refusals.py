@@ -70,9 +70,9 @@ def test_the_base_experiment_of_the_rejection_tests_is_valid(own: OwnExperiments
             {"quantity": "q_amplitude", "value": 1.45, "unit": "rad"},
         ),
         (
-            "{do: sine, S_amplitude: 3, period_s: 1, duration_s: 1}",
+            "{do: sine, S_amplitude: 11, period_s: 1, duration_s: 1}",
             "out_of_range",
-            {"quantity": "S_amplitude", "value": 3.0, "minimum": -2.0, "maximum": 2.0, "unit": "N·m/rad"},
+            {"quantity": "S_amplitude", "value": 11.0, "minimum": -9.9999, "maximum": 9.9999, "unit": "N·m/rad"},
         ),
         ("{do: sine, q_amplitude: 0.1, q_ref: 0.1, period_s: 1, duration_s: 1}", "crest_defined_twice", {}),
         (

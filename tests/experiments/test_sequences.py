@@ -118,10 +118,10 @@ def test_an_invalid_list_of_segments_is_rejected() -> None:
     assert refused.value.label == messages.label_in_segment(segment=7, label=messages.duration_up_to_part())
     assert (refused.value.value, refused.value.maximum, refused.value.unit) == (4200.0, 3600.0, "s")
     with pytest.raises(OutOfRangeError) as refused:
-        plan_of(GOOD, {**GOOD, "S_ref": 20})
+        plan_of(GOOD, {**GOOD, "S_ref": -1})
     assert refused.value.label == messages.label_in_segment(segment=2, label="stiffness reference")
     assert (refused.value.quantity, refused.value.path) == ("S_ref", ("segments", 1, "S_ref"))
-    assert (refused.value.value, refused.value.maximum, refused.value.unit) == (20.0, 15.0, "N·m/rad")
+    assert (refused.value.value, refused.value.minimum, refused.value.unit) == (-1.0, 1e-4, "N·m/rad")
 
 
 @pytest.mark.parametrize(
