@@ -530,7 +530,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "saturation",
     "term": "saturation",
-    "meaning": "State in which a motor voltage is at its limit.",
+    "meaning": "State in which a motor voltage or a sensor signal is at its limit.",
     "source": "docs/glossary.md"
   },
   "concept:windup": {
@@ -558,7 +558,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "soft stop",
     "term": "soft stop",
-    "meaning": "Command that brings the joint to rest under tension and then sets zero volts.",
+    "meaning": "Stop that brings the joint to rest under tension and then sets zero volts.",
     "source": "docs/glossary.md"
   },
   "concept:soft abort": {
@@ -671,12 +671,12 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "control lease",
     "term": "control lease",
-    "meaning": "Right of one page or script to send commands.",
+    "meaning": "Right of one page or script to send commands. Label on the page: Control.",
     "source": "docs/glossary.md",
     "more": [
       [
         "Not used",
-        "having control, hands"
+        "hands"
       ]
     ]
   },
@@ -798,7 +798,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "round-trip time",
     "term": "round-trip time",
-    "meaning": "Time that a message takes from the page to the service and back. Label on the page: Link.",
+    "meaning": "Time that a message takes from the page to the service and back. Label in the header: Link.",
     "source": "docs/glossary.md",
     "more": [
       [
@@ -1098,7 +1098,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "setting",
     "term": "setting",
-    "meaning": "Value of an experiment that an operator may change.",
+    "meaning": "Value of an experiment or an identification that an operator may change.",
     "source": "docs/glossary.md"
   },
   "concept:program": {
@@ -1171,7 +1171,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "concept",
     "name": "manual session",
     "term": "manual session",
-    "meaning": "Run that records mode Run, without a program or criteria. Kind of run: session.",
+    "meaning": "Run that records mode Run or Compliance, without a program or criteria. Kind of run: session.",
     "source": "docs/glossary.md"
   },
   "concept:queue": {
@@ -1942,7 +1942,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "safety.F_max",
     "term": "F_max",
-    "meaning": "tendon force at which the safety module cuts the motors",
+    "meaning": "tendon force at which the safety module disables the motors",
     "unit": "N",
     "equation": "F_A, F_B ≤ F_max",
     "source": "docs/reference/notation.md"
@@ -4208,7 +4208,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "The module cuts the motors and stays tripped; the control loop follows with a hard stop."
+        "The module disables the motors and stays tripped; the control loop follows with a hard stop."
       ],
       [
         "Within",
@@ -4233,7 +4233,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "Hard stop; if writing fails too, the watchdog of the card cuts the drives. Outputs that cannot be written keep their values: the chart and the recording continue to show the last voltages written. While the failure lasts, the list of problems in the state contains it, regardless of the latched fault. The event log records the start of the failure, and its end once the failure has been over for 1 s. A reset opens a failed card again, with a new control loop; the earlier connection cannot be restored."
+        "Hard stop; if writing fails too, the watchdog of the card disables the drives. Outputs that cannot be written keep their values: the chart and the recording continue to show the last voltages written. While the failure lasts, the list of problems in the state contains it, regardless of the latched fault. The event log records the start of the failure, and its end once the failure has been over for 1 s. A reset opens a failed card again, with a new control loop; the earlier connection cannot be restored."
       ],
       [
         "Within",
@@ -4312,7 +4312,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Within",
-        "2 ms of its arrival in the control loop."
+        "2 ms of the arrival of the stop command in the control loop."
       ],
       [
         "Remedy",
@@ -4379,7 +4379,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "An invariant of the control step was violated (a voltage that is NaN or beyond the limit of the motors, a mode without its motion or its latched fault), another process changed the sample counter, or the step or a command raised an exception. The rig cannot cause this fault; it is an error of the program."
+        "An invariant of the control step was violated (a voltage that is NaN or beyond the limit of the motors, a mode without its motion or its latched fault), another process changed the sample counter, or the step or a command raised an exception. The rig cannot cause this fault; it is an error in the program."
       ],
       [
         "Reaction",
