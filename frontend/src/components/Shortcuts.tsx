@@ -19,7 +19,7 @@ const KEYS: Keys = [
   [["Space"], TEXTS.keyHold],
   [["M"], TEXTS.keyCursors],
   [["Ctrl", "Wheel"], TEXTS.keyWheel],
-  [["←", "→"], TEXTS.keyArrows],
+  [["← →"], TEXTS.keyArrows],
   [["Enter"], TEXTS.keyEnter],
   [["G"], TEXTS.keyGlossary],
   [["D"], TEXTS.keyDocs],

@@ -177,9 +177,9 @@ export const TEXTS = {
   keyStop: "STOP: zero volts immediately, on every page and in text fields",
   keyPage: "Go to {page}",
   keySetup: "Setup: completed, missing and outdated steps",
-  keyLive: "Operate: follow the newest sample (Live)",
-  keyHold: "Operate: pause or resume the charts",
-  keyCursors: "Operate: measuring cursors",
+  keyLive: "Live charts: follow the newest sample (Live)",
+  keyHold: "Live charts: pause or resume",
+  keyCursors: "Charts: measuring cursors",
   keyWheel: "Charts: zoom in time; hold V for the value axis, B for both",
   keyArrows: "Focused chart: pan; ↑ ↓ zoom, Home resets",
   keyEnter: "Focused chart: show it alone; Esc shows all",
@@ -271,7 +271,7 @@ export const TEXTS = {
   tourMode:
     "Start with Pretension: it tensions both tendons to 10 N. Run then closes the loops and starts recording.",
   tourCharts:
-    "Ctrl+scroll (or click the chart first, then scroll) to zoom in time; hold V to zoom values; drag to pan; double-click to reset; Live returns to the newest sample. The arrows next to a title show that panel alone; Esc shows all.",
+    "Ctrl+scroll to zoom in time; hold V to zoom values; drag to pan; double-click to reset; Live returns to the newest sample. The arrows next to a title show that panel alone; Esc shows all.",
   tourMap:
     "Click the map to set a target for position and stiffness; Send target commands both. The service refuses targets that the joint cannot reach and states the reason.",
   tourTuning:
