@@ -213,7 +213,7 @@ def apply_and_undo(operator: Operator, run: int) -> None:
     button = section.get_by_role("button", name=TEXTS["applyParameters"], exact=True)
     expect(button).to_have_attribute("aria-disabled", "true")
     refusal = section.get_by_role("status", name="Refusal")
-    expect(refusal).to_contain_text(TEXTS["changeOff"].format(mode="pretension"))
+    expect(refusal).to_contain_text(TEXTS["changeOff"].format(mode="Pretension"))
 
     operator.go("Operate")
     operator.press("Off")

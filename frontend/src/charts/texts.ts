@@ -36,7 +36,7 @@ export const TEXTS = {
   editLayout: "Edit layout",
   editLayoutHint: "Edit panels and signals of the layout",
   timeOfDay: "Time of day",
-  clockImpossible: "Several recordings have no common time of day",
+  clockImpossible: "The time of day of these curves is not available",
   clockShown: "Time of day. Press for the time since the start.",
   clockHidden: "Time since the start. Press for the time of day.",
   editor: "Layout editor",

@@ -210,9 +210,9 @@ export const TEXTS = {
   describeSine: "Sine on {oscillations}, period {period}, {time}{cycles}{speed}{push}",
   describeSweep: "Sweep on {oscillations}, {from} to {to} in {time}",
   describePrbs: "PRBS on {oscillations}, {bits}-bit register, chip {chip}",
-  describeMultisine: "Multisine on {oscillations}, {lines} lines, period {period}",
+  describeMultisine: "Multisine on {oscillations}, lines: {lines}, period {period}",
   describePush: "Push with {force} for {time} (simulated plants only)",
-  describeManualPush: "Manual push: {pushes} pushes up to {force} (simulated plants only)",
+  describeManualPush: "Manual push: {pushes}× up to {force} (simulated plants only)",
   describeShaftLoad: "Load the motor shafts for {time} (simulated plants only)",
   describeWallAbove: "Wall at {angle}, blocks motion above (simulated plants only)",
   describeWallBelow: "Wall at {angle}, blocks motion below (simulated plants only)",
@@ -262,7 +262,7 @@ export const TEXTS = {
   criterionCount: "criterion",
   criteriaCount: "criteria",
   peaksUnknown: "Peaks unknown: {reason}.",
-  dryRunIncomplete: "a dry run did not complete",
+  dryRunIncomplete: "the dry run did not complete",
   peaks: "Simulated peak {voltage} V, tensions {low} to {high} N.",
 
   // versions

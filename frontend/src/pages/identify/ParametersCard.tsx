@@ -6,7 +6,7 @@ import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
 import { SignalName, ValueOrReason } from "../../components/values";
 import { useLive } from "../../live/react";
-import { dateTime, fixed, significant } from "../../samples/format";
+import { dateTime, fixed, heading, significant } from "../../samples/format";
 import { fillText } from "../../samples/texts";
 import { parametersQuery, useApplyParameters, useUndoParameters } from "../../service/api/identifications";
 import { useMayCommand, useWhyNoControl } from "../../service/control/control";
@@ -33,7 +33,8 @@ function ChangeButton({ children, error, pending, about, onPress }: ChangeButton
   const reason =
     may === false
       ? TEXTS.changeOperators
-      : (noControl ?? (mode === "off" || mode === undefined ? null : fillText(TEXTS.changeOff, { mode })));
+      : (noControl ??
+        (mode === "off" || mode === undefined ? null : fillText(TEXTS.changeOff, { mode: heading(mode) })));
   return (
     <>
       <Button

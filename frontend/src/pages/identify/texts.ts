@@ -73,7 +73,7 @@ export const TEXTS = {
   noModel: "no model",
   notForKind: "not part of a {kind} identification",
   sessionReport: "Report of the day",
-  sessionRuns: "Report on the {count} identifications of this day:",
+  sessionRuns: "Report on {count} identifications of the latest day:",
 
   bankFromRuns: "Bank from runs",
   bankName: "Bank name",
@@ -118,7 +118,7 @@ export const TEXTS = {
   firstOrderCurve: "First order",
   coherence: "Coherence",
   coherenceSummary: "Share of the output that the input explains, by frequency.",
-  stepOf: "Response to a {step} step of θ_A",
+  stepOf: "Response to a {step} step of θ_A,ref",
   stepSummary: "Step response of the model and of its first-order reduction.",
   autocorrelation: "Residual autocorrelation",
   white: "Whiteness test passed",
@@ -253,7 +253,7 @@ export const TEXTS = {
   applyEffectOnCard:
     "The restart clears the encoder zeros: repeat the bring-up step Zero or Homing afterwards.",
   changeOperators: "Only operators can change the parameters.",
-  changeOff: "Parameters can only be changed in mode off. The mode is {mode}: change to mode off first.",
+  changeOff: "Parameters can only be changed in mode Off. The mode is {mode}: change to mode Off first.",
   parameter: "Parameter",
   before: "Before",
   after: "After",

@@ -219,7 +219,9 @@ export function AlignmentBar({ asked, onChange }: AlignmentBarProps) {
           before={TEXTS.numberShort}
           value={number}
           fits={(found) =>
-            Number.isInteger(found) && found >= 1 && found <= MOST_NUMBER ? "" : TEXTS.wholeNumber
+            Number.isInteger(found) && found >= 1 && found <= MOST_NUMBER
+              ? ""
+              : fillText(TEXTS.wholeNumber, { most: MOST_NUMBER })
           }
           onChange={(found) => onChange({ number: found ?? 1 })}
         />

@@ -20,7 +20,7 @@ export const TEXTS = {
   searchRuns: "Search runs",
   metricsOverTime: "Metrics over time",
   missingUnknown: "Missing samples unknown",
-  samplesMissing: "{samples} samples missing",
+  samplesMissing: "Samples missing: {samples}",
   plantUnknown: "plant unknown",
 
   // search
@@ -69,9 +69,9 @@ export const TEXTS = {
   // list without runs
   noRuns: "No runs yet. Mode Run starts a recording.",
   recordedKinds: "Kinds of recordings",
-  session: "A session",
+  session: "A manual session",
   sessionRecords:
-    "starts and ends with mode Run and records all samples at 1 kHz and the time of each command.",
+    "starts and ends with mode Run or Compliance and records all samples at 1 kHz and the time of each command.",
   identification: "An identification",
   identificationRecords: "records excitation, samples and models. Banks built from it link to them.",
   experiment: "An experiment",
@@ -148,7 +148,7 @@ export const TEXTS = {
   stepNumber: "Step number",
   eventNumber: "Event number",
   numberShort: "No.",
-  wholeNumber: "Must be a whole number ≥ 1",
+  wholeNumber: "Must be a whole number from 1 to {most}",
   aligning: "Aligning…",
   timeBase: "Time base: run {run}",
   offset: "; run {run} offset {offset} s",
