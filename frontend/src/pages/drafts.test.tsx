@@ -81,7 +81,7 @@ const box = (label: string) => screen.findByRole<HTMLInputElement>("textbox", { 
 
 const BOXES: [string, ReactNode, string][] = [
   ["Note", <NoteCard key="note" run={RUN} />, "typed"],
-  ["Note of the event", <RemarkForm key="remark" entry={ENTRY} onDone={onDone} />, "typed"],
+  ["Note on the event", <RemarkForm key="remark" entry={ENTRY} onDone={onDone} />, "typed"],
   ["Tags of the event", <RemarkForm key="tags" entry={ENTRY} onDone={onDone} />, "typed words"],
   [OPERATE.threshold, <ContactCard key="touch" />, "3.5"],
   [OPERATE.trialDuration, <TuningChanges key="trial" tuning={tuning} staged={STAGING} locked={null} />, "7"],
@@ -111,10 +111,10 @@ it("marks an unsaved note, and discards it on request", async () => {
 
 it("discards a note of an event on Cancel", async () => {
   open(<RemarkForm entry={ENTRY} onDone={onDone} />);
-  fireEvent.change(await box("Note of the event"), { target: { value: "typed" } });
+  fireEvent.change(await box("Note on the event"), { target: { value: "typed" } });
   fireEvent.click(screen.getByRole("button", { name: LOG.cancel }));
   await waitFor(() => expect(onDone).toHaveBeenCalled());
   cleanup();
   open(<RemarkForm entry={ENTRY} onDone={onDone} />);
-  expect((await box("Note of the event")).value).toBe("");
+  expect((await box("Note on the event")).value).toBe("");
 });

@@ -143,7 +143,7 @@ def _note(scene: Scene) -> None:
     words = f"seen {scene.chance.randrange(1000)}"
     scene.say(f"note {words!r}")
     pencils.nth(scene.chance.randrange(min(5, pencils.count()))).click()
-    scene.page.get_by_role("textbox", name="Note of the event").fill(words)
+    scene.page.get_by_role("textbox", name="Note on the event").fill(words)
     scene.page.get_by_role("textbox", name="Tags of the event").press("Enter")
 
 

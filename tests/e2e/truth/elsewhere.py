@@ -272,7 +272,7 @@ def system(moment: Moment) -> Findings:
         if link["silent_s"] is None:
             found.same(f"{link['name']} in the safety chain", said, link["says"])
         else:
-            found.sentence(f"{link['name']} in the safety chain", said, f"{link['says']}, {{n}} s ago", (0.0, 2.5))
+            found.sentence(f"{link['name']} in the safety chain", said, f"{link['says']} {{n}} s ago", (0.0, 2.5))
     found.same(
         "process of the loop",
         facts.get(_SYSTEM["process"]),

@@ -31,7 +31,7 @@ export const TEXTS = {
   chartsOfTrip: "Charts of the trip",
   flightRecord: "Flight record",
   note: "Note",
-  noteOfEvent: "Note of the event",
+  noteOfEvent: "Note on the event",
   tagsOfEvent: "Tags of the event",
   tagsHint: "Tags, separated by spaces",
   save: "Save",

@@ -34,7 +34,7 @@ export const TEXTS = {
   developerPage: "Developer page",
   // safety chain
   chain: "Safety chain",
-  silentFor: "{state}, {time} s ago",
+  silentFor: "{state} {time} s ago",
   // disk and database
   database: "Disk and database",
   databaseEntry: "Database",
@@ -53,7 +53,7 @@ export const TEXTS = {
   storageUsed: "Storage used",
   usedOfLimit: "{used} of {limit}",
   inUse: "In use",
-  inUseKept: "{size} kept: models, results or reports depend on them",
+  inUseKept: "{size} of samples kept: models, results or reports depend on them",
   deletable: "Deletable",
   deletableNone: "None",
   deletableSummary: "Samples of {runs} older than {age}, {size}",
