@@ -277,7 +277,7 @@ def no_line_below_predicted_bandwidth(*, lowest_Hz: float) -> str:
 
 @catalogue_entry
 def fewer_than_three_periods() -> str:
-    return "the excitation requires three periods: the first one contains the initial transient"
+    return "the excitation requires at least three periods: the first one contains the initial transient"
 
 
 @catalogue_entry
@@ -287,7 +287,7 @@ def sweep_without_lines() -> str:
 
 @catalogue_entry
 def line_not_periodic(*, variation_percent: float) -> str:
-    return f"the line differs by {variation_percent:.0f} % from one period to the next"
+    return f"the response varies by {variation_percent:.0f} % between periods or within its band"
 
 
 LIMITS = {
@@ -494,7 +494,7 @@ def sample_without_value() -> str:
 
 @catalogue_entry
 def not_settled() -> str:
-    return "the signal was not within ±2 % of its reference at the end of the step's duration"
+    return "the signal was not within ±2 % of the step size around its reference at the end of the step's duration"
 
 
 @catalogue_entry
@@ -516,7 +516,7 @@ def began_away_from_start(*, share: float) -> str:
 @catalogue_entry
 def moved_at_start(*, share: float) -> str:
     percent = f"{100.0 * share:.0f} %".replace("-", "−")
-    return f"the signal moved at the start of the step, from {percent} of the step: the previous motion had not ended"
+    return f"just before the step the signal was at {percent} of the step: the previous motion had not ended"
 
 
 @catalogue_entry
