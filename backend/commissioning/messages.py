@@ -12,7 +12,7 @@ from plant import Angle, catalogue_entry
 @catalogue_entry
 def instruction_wiring_test() -> str:
     return (
-        "Drives off, tendons slack. Turn the joint, then each motor, and pull at each tendon, as "
+        "Drives off, tendons slack. Turn the joint, then each motor, and pull on each tendon, as "
         "prompted: each time, the expected sensor must change in the expected direction."
     )
 
@@ -44,7 +44,7 @@ def instruction_zero() -> str:
 @catalogue_entry
 def instruction_direction() -> str:
     return (
-        "Keep clear of the rig. Each motor turns a little, with 1 V at most, and back: its encoder count "
+        "Keep clear of the rig. Each motor turns slightly and back, with at most 1 V: its encoder count "
         "and its tension must increase, and the joint must move to its side."
     )
 
@@ -53,9 +53,8 @@ def instruction_direction() -> str:
 def instruction_home() -> str:
     return (
         "Keep clear of the rig. Both motors hold the tendons at 4 N and drive the joint to its end "
-        "switch, slowly and with 1.5 V "
-        "at most, and back to its middle: the encoders count from there. Any unexpected reading stops "
-        "the homing at zero volts."
+        "switch, slowly and with at most 1.5 V, and back to its middle. The switch sets the zero of the joint. "
+        "Any unexpected reading stops the homing at zero volts."
     )
 
 
@@ -71,7 +70,7 @@ def instruction_pretension() -> str:
 def instruction_safety_module() -> str:
     return (
         "With pretension applied, lower the limit at the safety module until it trips. The control loop drives "
-        "both motors for another 0.3 s, with 1 V at most: they must turn back, because the module has "
+        "both motors for another 0.3 s, with at most 1 V: they must turn back, because the module has "
         "disabled the drives."
     )
 
@@ -237,10 +236,9 @@ HOMING_REMEDIES = {
 @catalogue_entry
 def turn_joint_to_middle(*, voltage: float, position: float, travel: float) -> str:
     return (
-        "Turn the joint by hand near to its middle, slacken the tendons, keep clear of the rig, and "
-        f"confirm: the drives will be enabled, and with {voltage:g} V at most the motors drive the "
-        "joint to its end switch at "
-        f"{Angle(position):.4g}, by {Angle(travel):.4g} at most"
+        "Turn the joint by hand close to its middle, slacken the tendons, keep clear of the rig, and "
+        f"confirm: the drives will be enabled, and the motors will drive the joint with at most {voltage:g} V to its "
+        f"end switch at {Angle(position):.4g}, by at most {Angle(travel):.4g}"
     )
 
 
@@ -310,7 +308,7 @@ def wrong_sign_of_load_cell(*, tendon: str, slope: float, wiring_slope: float) -
 @catalogue_entry
 def load_cell_not_linear(*, tendon: str, deviation_N: float, maximum_N: float) -> str:
     return (
-        f"load cell {tendon} deviates from its line by {deviation_N:.2f} N, but at most {maximum_N:g} N is "
+        f"load cell {tendon} deviates from the fitted line by {deviation_N:.2f} N, but at most {maximum_N:g} N is "
         "permitted: check the weights, or calibrate it by a table in the wiring file"
     )
 
@@ -381,7 +379,7 @@ def offset_of_load_cell(*, tendon: str) -> str:
 
 @catalogue_entry
 def deviation_of_load_cell(*, tendon: str) -> str:
-    return f"load cell {tendon}: largest deviation from its line"
+    return f"load cell {tendon}: largest deviation from the fitted line"
 
 
 @catalogue_entry
@@ -626,7 +624,7 @@ def wind_tendon(*, motor: str, angle: float) -> str:
 
 @catalogue_entry
 def pull_at_load_cell(*, tendon: str, F: float) -> str:
-    return f"Pull at load cell {tendon} with about {F:g} N, and confirm"
+    return f"Pull on load cell {tendon} with about {F:g} N, and confirm"
 
 
 @catalogue_entry
@@ -720,12 +718,12 @@ def load_cell_not_calibrated(*, tendon: str) -> str:
 
 @catalogue_entry
 def validity_elapsed(*, days: float) -> str:
-    return f"the result is valid for {format_count(days, 'day')}"
+    return f"the result is older than {format_count(days, 'day')}"
 
 
 @catalogue_entry
 def valid_after_execution(*, days: float) -> str:
-    return f"the result is valid for {format_count(days, 'day')} after its execution"
+    return f"the result is valid for {format_count(days, 'day')} after the execution of the step"
 
 
 @catalogue_entry
@@ -788,7 +786,7 @@ def other_steps_first(*, steps: str) -> str:
 
 @catalogue_entry
 def unknown_inputs(*, step: str, unknown: str, known: str) -> str:
-    return f"{step} has no input {unknown}; its inputs are {known or 'nothing'}"
+    return f"{step} has no input {unknown}; its inputs: {known or 'none'}"
 
 
 @catalogue_entry
