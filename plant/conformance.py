@@ -424,7 +424,7 @@ def _keeps_the_time(subject: Subject) -> str:
     return messages.duration_of_cycle(cycle_s=usual_s)
 
 
-@requirement("Its memory use does not grow over 10 000 ticks at zero volts.")
+@requirement("Its memory use does not grow over 10 000 cycles at zero volts.")
 def _keeps_nothing_of_a_tick(subject: Subject) -> str:
     whole = subject.ticks(WARM_UP_TICKS + LONG_TICKS)
     warm_up = min(WARM_UP_TICKS, whole // 4)

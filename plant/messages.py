@@ -896,7 +896,7 @@ def created_object_is_not_a_plant(*, plant: str, package: str, maker: str, kind:
 @catalogue_entry
 def card_package_not_installed() -> str:
     return (
-        "a card requires NI's Python package, which is not installed: install Sinew with its extra rig, "
+        "a card requires NI's Python package, which is not installed: install Sinew with the package extra 'rig', "
         "`make run EXTRAS=rig` or pip install 'sinew[rig]'"
     )
 
@@ -1042,7 +1042,7 @@ def attribute_contradicted(*, attribute: str, value: bool, operation: str) -> st
 
 @catalogue_entry
 def plant_tripped() -> str:
-    return "its safety module has tripped: acknowledge it first"
+    return "its safety module has tripped: acknowledge the trip first"
 
 
 @catalogue_entry
@@ -1057,7 +1057,7 @@ def cycle_longer_than_period(*, cycle_s: float) -> str:
 
 @catalogue_entry
 def memory_grows(*, blocks: int, ticks: int) -> str:
-    return f"{blocks} more memory blocks after {ticks} ticks"
+    return f"{blocks} more memory blocks after {ticks} cycles"
 
 
 @catalogue_entry
@@ -1120,7 +1120,7 @@ def operations_supported() -> str:
 
 @catalogue_entry
 def duration_of_ticks(*, ticks: int, duration_s: float) -> str:
-    return f"{ticks} ticks took {duration_s:.3f} s"
+    return f"{ticks} cycles took {duration_s:.3f} s"
 
 
 @catalogue_entry
@@ -1130,4 +1130,4 @@ def duration_of_cycle(*, cycle_s: float) -> str:
 
 @catalogue_entry
 def ticks_without_growth(*, ticks: int) -> str:
-    return f"{ticks} ticks"
+    return f"{ticks} cycles"
