@@ -188,7 +188,7 @@ def motion_of_references(*, motion: str) -> str:
 
 @catalogue_entry
 def source_of_gains(*, bank: int) -> str:
-    return "gains from geometry" if bank == 0 else f"bank {bank}"
+    return "geometric gains" if bank == 0 else f"bank {bank}"
 
 
 @catalogue_entry

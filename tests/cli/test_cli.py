@@ -89,7 +89,7 @@ def test_an_experiment_starts_with_the_active_tuning_and_prints_it(command: Comm
         ("λ_S 0.42 s", "active"),
         ("λ_motor 0.0854 s", "active"),
         ("b 1", "set"),
-        ("gains from geometry", "set"),
+        ("geometric gains", "set"),
         ("switching between entries", "active"),
         ("lambda motion", "active"),
     ]
