@@ -30,7 +30,7 @@ def too_many_messages(*, maximum_per_s: float) -> str:
 
 @catalogue_entry
 def too_many_viewers(*, maximum: int) -> str:
-    return f"{maximum} viewers already have the scene open"
+    return f"{maximum} browsers already have the 3D view open"
 
 
 @catalogue_entry
@@ -65,7 +65,7 @@ def view_is_frozen() -> str:
 
 @catalogue_entry
 def viewer_opens_port(*, version: str) -> str:
-    return f"viser {version} opens its own port: install the version of pyproject.toml"
+    return f"viser {version} opens its own port: install the version that pyproject.toml states"
 
 
 @catalogue_entry
