@@ -140,17 +140,17 @@ def stopped_by_fault(*, fault: str, detail: str) -> str:
 
 @catalogue_entry
 def samples_omitted(*, count: int) -> str:
-    return f"{count} samples are omitted"
+    return f"{format_count(count, 'sample')} omitted"
 
 
 @catalogue_entry
 def first_samples_lost(*, count: int) -> str:
-    return f"up to {count} samples before the first recorded sample were lost"
+    return f"up to {format_count(count, 'sample')} lost before the first recorded sample"
 
 
 @catalogue_entry
 def samples_overwritten(*, count: int, tick: int) -> str:
-    return f"{count} samples from tick {tick} on were overwritten before they could be stored"
+    return f"{format_count(count, 'sample')} from tick {tick} on overwritten before storage"
 
 
 @catalogue_entry
@@ -198,7 +198,7 @@ def tripped_by_loop_death(*, reason: str) -> str:
 
 @catalogue_entry
 def following_trip(*, fault: str, delay_s: float) -> str:
-    return f"{fault} after {delay_s:.2f} s"
+    return f"{fault.replace('_', ' ')} after {delay_s:.2f} s"
 
 
 @catalogue_entry
@@ -210,7 +210,7 @@ def following_trips(*, trips: Sequence[str], others: int) -> str:
 @catalogue_entry
 def oldest_records_deleted(*, deleted: int, captures: bool, kept: int, size_bytes: int) -> str:
     kind = "trigger captures" if captures else "flight records"
-    return f"the {deleted} oldest {kind} were deleted: at most {kept} and {size_bytes / 1e6:.0f} MB are kept"
+    return f"the oldest {kind} were deleted ({deleted}): at most {kept} and {size_bytes / 1e6:.0f} MB are kept"
 
 
 @catalogue_entry
@@ -261,7 +261,7 @@ def capture_ended_early(*, recorded_s: float, wanted_s: float, reason: str) -> s
 
 @catalogue_entry
 def samples_missing(*, count: int) -> str:
-    return f"{count} samples are missing (NaN): the service read too late"
+    return f"{format_count(count, 'sample')} missing (NaN): the service read too late"
 
 
 @catalogue_entry
@@ -320,8 +320,8 @@ def _format_size(size_bytes: int) -> str:
 @catalogue_entry
 def chunks_without_digest(*, run_id: int, chunks: int) -> str:
     return (
-        f"run {run_id}: {chunks} chunks of samples are from before digests were stored; only "
-        "their minima and maxima were compared"
+        f"run {run_id}: only minima and maxima were compared for chunks of samples from before digests were "
+        f"stored ({chunks})"
     )
 
 
