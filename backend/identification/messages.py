@@ -276,7 +276,7 @@ def too_few_tensions(*, tensions_N: Sequence[float], minimum_distance_N: float) 
     present = f"the only tensions are {found}" if len(tensions_N) > 1 else f"the only tension is {found}"
     return (
         f"usable runs are required at two tensions at least {minimum_distance_N:g} N apart, but "
-        f"{present if tensions_N else 'there is none'}; identify at more tensions"
+        f"{present if tensions_N else 'there are none'}; identify at more tensions"
     )
 
 
@@ -901,7 +901,7 @@ def heading_repeated(*, name: str, cell: str, line: int) -> str:
 
 @catalogue_entry
 def table_of_text() -> str:
-    return "table of text"
+    return "text table"
 
 
 @catalogue_entry
@@ -921,22 +921,22 @@ def thousands_separated(*, name: str, separator: str) -> str:
 
 @catalogue_entry
 def empty_lines(*, count: int) -> str:
-    return f"{count} lines between rows are empty"
+    return f"empty lines between rows: {count}"
 
 
 @catalogue_entry
 def comment_lines_with_numbers(*, count: int) -> str:
-    return f"{count} comment lines between rows contain numbers like a row and are not read"
+    return f"comment lines between rows that contain numbers like a row and are not read: {count}"
 
 
 @catalogue_entry
 def rows_without_value(*, count: int) -> str:
-    return f"{count} rows without a value at the end of the file are not read"
+    return f"rows without a value at the end of the file, not read: {count}"
 
 
 @catalogue_entry
 def lines_below_heading(*, count: int) -> str:
-    return f"{count} lines below the heading, above the first row of numbers, are not read"
+    return f"lines between the heading and the first row of numbers, not read: {count}"
 
 
 # Time of a file ------------------------------------------------------------------------------------
@@ -1073,7 +1073,7 @@ def not_utf_8(*, file: str) -> str:
 
 @catalogue_entry
 def control_character(*, file: str, line: int, character: str) -> str:
-    return f"{file} is not a table of text: line {line} contains the control character U+{ord(character):04X}"
+    return f"{file} is not a text table: line {line} contains the control character U+{ord(character):04X}"
 
 
 @catalogue_entry
