@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from backend.realtime import Mode
-from backend.units import format_number
+from backend.units import format_count, format_number
 from plant import Angle, Obstacle, Quantity, catalogue_entry
 
 # Actuator ------------------------------------------------------------------------------------------
@@ -156,9 +156,9 @@ def heartbeat_suspended() -> str:
 @catalogue_entry
 def obstacle(*, wall: Obstacle | None) -> str:
     if wall is None:
-        return "no wall"
+        return "no obstacle"
     side = "above" if wall.side > 0.0 else "below"
-    return f"wall {side} {Angle(wall.q_wall):.4g}, {wall.k_wall:.4g} N/m, {wall.c_wall:.4g} s/m"
+    return f"obstacle {side} {Angle(wall.q_wall):.4g}, {wall.k_wall:.4g} N/m, {wall.c_wall:.4g} s/m"
 
 
 @catalogue_entry
@@ -479,13 +479,13 @@ def zero_disables_contact_reaction() -> str:
 
 @catalogue_entry
 def events_not_stored(*, reason: str, waiting: int, lost: int) -> str:
-    and_lost = f", {lost} more were lost" if lost else ""
-    return f"events cannot be stored: {reason}; {waiting} wait in memory{and_lost}"
+    and_lost = f", lost: {lost}" if lost else ""
+    return f"events cannot be stored: {reason}; waiting in memory: {waiting}{and_lost}"
 
 
 @catalogue_entry
 def later_events_lost(*, count: int) -> str:
-    return f"{count} later events could not be stored"
+    return f"{format_count(count, 'later event')} could not be stored"
 
 
 @catalogue_entry

@@ -530,7 +530,7 @@ def recorded_references(
 
 @catalogue_entry
 def samples_missing(*, count: int) -> str:
-    return f"{count} samples are missing: the experiment omits their time"
+    return f"missing samples ({count}): the experiment omits their time"
 
 
 @catalogue_entry

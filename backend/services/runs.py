@@ -244,8 +244,15 @@ def _read_first_references(session: Session, run_id: int, one: str, other: str) 
 _COLUMNS = ("q_ref", "S_ref", "F_push", "lam_q", "lam_S")
 _LAM = ("lam_q", "lam_S")
 _DECIMALS = 6
-_EVENTS_OF_PARTS = ("push", "wall ", "no wall", "by the program: wall", "by the program: no wall")
-"""First words of events that samples or the stored obstacles reproduce as parts."""
+_EVENTS_OF_PARTS = (
+    "push",
+    *(
+        f"{cause}{event}"
+        for cause in ("", "by the program: ")
+        for event in ("obstacle above ", "obstacle below ", "no obstacle", "wall ", "no wall")
+    ),
+)
+"""First words of events that samples or the stored obstacles reproduce as parts; earlier versions wrote "wall"."""
 
 
 def build_recorded_experiment(database: Database, run_id: int) -> RecordedExperiment:

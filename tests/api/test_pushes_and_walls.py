@@ -181,8 +181,8 @@ def test_an_obstacle_is_set_shown_logged_and_removed_during_operation(database_w
     stepped(database_wall, load_parameters("ideal"), session)
     with database_wall.reading() as session_of_database:
         texts = [event.text for event in events.find(session_of_database)]
-    assert f"wall above {Angle(0.05)}, 2e+04 N/m, 1 s/m" in texts
-    assert "no wall" in texts
+    assert f"obstacle above {Angle(0.05)}, 2e+04 N/m, 1 s/m" in texts
+    assert "no obstacle" in texts
 
 
 def test_the_obstacle_of_a_program_replaces_that_of_the_operator_temporarily(database_wall: Database) -> None:

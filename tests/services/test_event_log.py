@@ -59,7 +59,7 @@ def test_events_wait_in_order_while_the_database_fails(
         for tick in range(2, 30):
             event_log.add_mark(MarkKind.NOTE, f"{tick} " * 400, tick)
         await until(lambda: words in event_log.problem)
-        assert "wait in memory" in event_log.problem
+        assert "waiting in memory" in event_log.problem
         last = datetime.now(UTC)
         repair(database)
         await until(lambda: len(texts(database)) == 29 and event_log.problem == "")

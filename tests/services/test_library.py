@@ -122,7 +122,7 @@ def test_pushes_obstacles_and_tuning_are_taken_from_the_events_of_the_run(databa
     ]
     assert np.allclose([at_s for at_s, _ in changes], noted, atol=LATE_S)
 
-    stood = [mark.t for mark in marks if "wall" in mark.text]
+    stood = [mark.t for mark in marks if "obstacle" in mark.text]
     walls = [(at_s, part) for at_s, part in parts if part["do"] in ("wall", "no_wall")]
     assert [part for _, part in walls] == [
         {"do": "wall", "q_wall": 0.4, "side": "above", "k_wall": 5000.0, "c_wall": 0.5},
@@ -181,6 +181,6 @@ def test_events_that_cannot_be_repeated_are_reported(database: Database) -> None
     assert begins == pytest.approx(moved, abs=LATE_S)
     assert ends - begins == pytest.approx(PART_MIN_TICKS * T_s)
     notes = (mark.text for mark in marks if mark.kind == "note")
-    (forgotten,) = (text for text in notes if "push" not in text and "wall" not in text)
+    (forgotten,) = (text for text in notes if "push" not in text and "obstacle" not in text)
     assert any(text.endswith(forgotten) for text in experiment.left_out)
     assert len(experiment.left_out) == 2

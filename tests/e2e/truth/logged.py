@@ -48,7 +48,7 @@ def unlogged(earlier: Account, now: Account) -> Findings:
         _mode(found, earlier, now, new)
         _tuning(found, earlier, now, new)
     _told_if_changed(found, "holder of control", _holder, earlier, now, new, ("control ",))
-    _told_if_changed(found, "wall", lambda state: state["wall"], earlier, now, new, ("wall ", "by the program: "))
+    _told_if_changed(found, "wall", lambda state: state["wall"], earlier, now, new, ("obstacle ", "by the program: "))
     _told_if_changed(
         found, "fault", lambda state: state["fault"] and state["fault"]["message"], earlier, now, new, None
     )
@@ -131,7 +131,7 @@ def _is_of_faults(line: Line) -> bool:
 
 def begins_with(line: Line, begins: tuple[str, ...]) -> bool:
     text: str = line["text"]
-    return text.startswith((*begins, "no wall"))
+    return text.startswith((*begins, "no obstacle"))
 
 
 def _holder(state: State) -> object:
