@@ -212,7 +212,7 @@ def database_outdated(*, schema: str | None, version: str, newest: str, folder: 
 
 @catalogue_entry
 def schema_outdated(*, schema: str | None, newest: str) -> str:
-    return f"the schema is {schema or 'empty'}, this version requires {newest}: run `sinew db upgrade`"
+    return f"the schema is {schema or 'empty'}, but this version requires {newest}: run `sinew db upgrade`"
 
 
 @catalogue_entry
@@ -327,7 +327,7 @@ def database_damaged(*, file: Path, damage: str, remedy: str) -> str:
 def restore_a_backup(*, folder: Path, backups: Path, newest: Sequence[str]) -> str:
     return (
         f"restore a backup with `sinew db restore FILE --data {folder}`; "
-        f"in {backups}, newest first: {', '.join(newest)}"
+        f"backups in {backups}, newest first: {', '.join(newest)}"
     )
 
 
