@@ -75,7 +75,7 @@ def not_a_study() -> str:
 
 @catalogue_entry
 def no_experiment_document(*, name: str) -> str:
-    return f"{name} is not an experiment document: write it as one"
+    return f"there is no experiment document of {name}: choose another experiment"
 
 
 @catalogue_entry
