@@ -648,7 +648,7 @@ def motors_will_turn(*, speed: float, travel_rad: float) -> str:
 
 @catalogue_entry
 def tensions_will_sweep(*, F_low: float, F_high: float, cycles: int) -> str:
-    return f"both tendons will go from {F_low:g} to {F_high:g} N and back, {cycles} times"
+    return f"both tendons will go from {F_low:g} to {F_high:g} N and back, {format_count(cycles, 'time')}"
 
 
 # Labels of predicted values ------------------------------------------------------------------------
