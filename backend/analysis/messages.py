@@ -206,7 +206,7 @@ def no_samples_of_program() -> str:
 
 @catalogue_entry
 def incomplete_run_without_model(*, end_state: str) -> str:
-    return f"no model was estimated: the run ended early ({end_state})"
+    return f"no model was estimated: the run ended early ({end_state.replace('_', ' ')})"
 
 
 @catalogue_entry
@@ -350,7 +350,7 @@ def run_without_excitation() -> str:
 
 @catalogue_entry
 def run_not_completed(*, end_state: str) -> str:
-    return f"the run was not completed ({end_state})"
+    return f"the run was not completed ({end_state.replace('_', ' ')})"
 
 
 @catalogue_entry

@@ -206,8 +206,8 @@ def directions_as_wired() -> str:
 @catalogue_entry
 def loop_stopped_in_homing(*, cause: str) -> str:
     return (
-        f"the control loop stopped during the motion ({cause}): see the status line; reset the control loop, and try "
-        "again"
+        f"the control loop stopped during the motion ({cause.replace('_', ' ')}): see the status line; reset the "
+        "control loop, and try again"
     )
 
 
