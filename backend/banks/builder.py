@@ -262,18 +262,18 @@ class OuterLoopFigures:
 
 @dataclass(frozen=True)
 class BankEntryFigures:
-    """Both outer loops of one entry, at its stiffness [N·m/rad] and tension [N]."""
+    """Both outer loops of one operating point, at its stiffness [N·m/rad] and tension [N]."""
 
     S_nominal: float = field(metadata=describe_field("stiffness at the operating point", "N·m/rad"))
     tension_N: float | None = field(metadata=describe_field("tendon tension at the operating point", "N"))
-    estimate: int | None = field(metadata=describe_field("number of the stored estimate; null for an imported entry"))
+    estimate: int | None = field(metadata=describe_field("number of the stored estimate; null for an imported one"))
     position: OuterLoopFigures
     stiffness: OuterLoopFigures
 
 
 @dataclass(frozen=True)
 class BankEntryChange:
-    """An entry before and after; None if it is new or removed."""
+    """An operating point before and after; None if it is new or removed."""
 
     before: BankEntryFigures | None
     after: BankEntryFigures | None

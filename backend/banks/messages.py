@@ -193,7 +193,7 @@ def source_of_gains(*, bank: int) -> str:
 
 @catalogue_entry
 def gains_between_entries(*, interpolate: bool) -> str:
-    return f"{'interpolating' if interpolate else 'switching'} between entries"
+    return f"{'interpolating' if interpolate else 'switching'} between operating points"
 
 
 @catalogue_entry

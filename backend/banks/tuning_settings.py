@@ -148,7 +148,7 @@ class TuningSettings:
         return {name: value for name, value in asdict(self).items() if name in TUNING_NAMES}
 
     def format(self) -> str:
-        """Return all settings except the bank as text: "λ_q 0.5 s, … b 0, switching between entries"."""
+        """Return all settings except the bank as text: "λ_q 0.5 s, … b 0, switching between operating points"."""
         return ", ".join(text for name, text in self.format_parts().items() if name != "bank")
 
     def format_parts(self) -> dict[str, str]:

@@ -51,7 +51,7 @@ def list_banks(data: DataFolder = None, station: StationName = None, as_json: As
         print_json([asdict(bank) for bank in found])
         return
     rows = [(b.id, b.name, b.version, len(b.entries), b.who, f"{b.created_at:%Y-%m-%d %H:%M}") for b in found]
-    print_table(("bank", "name", "version", "entries", "by", "created (UTC)"), rows)
+    print_table(("bank", "name", "version", "points", "by", "created (UTC)"), rows)
 
 
 @app.command()
@@ -61,7 +61,7 @@ def show(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show the entries of a bank and their identifications."""
+    """Show the operating points of a bank and their identifications."""
     from backend.storage import banks, identifications, load_bank_fits
 
     with (
@@ -189,7 +189,7 @@ def _find_parameters_name(database: "Database", run_ids: list[int]) -> str:
 def _print_changes(changes: "Sequence[BankEntryChange]") -> None:
     from backend.storage import entry_name
 
-    columns = ("entry", "loop", "K", "T [s]", "k_p", "k_i", "M_s")
+    columns = ("operating point", "loop", "K", "T [s]", "k_p", "k_i", "M_s")
     rows = []
     for change in changes:
         entry = change.after or change.before
@@ -227,7 +227,7 @@ def _print_bank(bank: "Bank", runs: "Mapping[int, int | None]", fits: "Fits", *,
             entry["fits"] = {name: asdict(fit) for name, fit in fits.get(entry["estimate"] or 0, {}).items()}
         print_json(document)
         return
-    columns = ("entry", "S [N·m/rad]", "K_q", "T_q [s]", "K_S [N·m/rad²]", "T_S [s]", "identification")
+    columns = ("operating point", "S [N·m/rad]", "K_q", "T_q [s]", "K_S [N·m/rad²]", "T_S [s]", "identification")
     rows = [
         (
             stored_entry_name(entry),

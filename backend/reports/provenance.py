@@ -175,7 +175,7 @@ def lineage(source: RunData) -> tuple[Paragraph | Table, ...]:
         for entry in source.bank.entries
     )
     columns = (
-        Column("Entry", number=False),
+        Column("Operating point", number=False),
         Column("S_nominal", "N·m/rad"),
         Column("K_q"),
         Column("T_q", "s"),

@@ -59,9 +59,9 @@ class LineageBank(Schema):
 
 
 class LineageEntry(Schema):
-    """Origin of an entry of the bank of a run."""
+    """Origin of an operating point of the bank of a run."""
 
-    name: str = Field(description="name of the entry, from its tension")
+    name: str = Field(description="name of the operating point, from its tension")
     S_nominal: float = quantity("N·m/rad", "stiffness of the operating point")
     run: int | None = Field(description="identification run; null for imported data and geometric gains")
 
@@ -106,7 +106,7 @@ class Lineage(Schema):
     parameters_as_now: bool = Field(description="whether the active plant parameters equal those of this run")
     bank: LineageBank | None = Field(description="bank of the run; null for geometric gains")
     entries: list[LineageEntry]
-    banks_built: list[LineageBank] = Field(description="banks with an entry that was identified from this run")
+    banks_built: list[LineageBank] = Field(description="banks with an operating point identified from this run")
     runs_with_them: list[int] = Field(description="newest runs that used these banks")
     nodes: list[LineageNode] = Field(description="nodes of the lineage, each with a digest of its content")
 

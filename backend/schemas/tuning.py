@@ -25,9 +25,9 @@ class BankRequest(Schema):
 
 
 class BankEntryView(Schema):
-    """One entry of a bank and its identification."""
+    """One operating point of a bank and its identification."""
 
-    identification: int | None = Field(description="run of its identification; null for an imported entry")
+    identification: int | None = Field(description="run of its identification; null for an imported one")
     tension_N: float | None = quantity("N", "tendon tension of the point")
     S_nominal: float = quantity("N·m/rad", "stiffness of the point")
     q_nominal: float | None = quantity("rad", "joint position of the identification; null if unknown")
@@ -57,7 +57,7 @@ class BankList(Schema):
 
 
 class EntryLineage(Schema):
-    """Origin and quality of the models of an entry."""
+    """Origin and quality of the models of an operating point."""
 
     identification: int | None = Field(description="identification run; null for imported data")
     estimate: int = Field(description="number of the stored estimate; a run may have several")
@@ -73,14 +73,14 @@ class EntryLineage(Schema):
 
 
 class BankEntryDetail(Schema):
-    """An entry with its gains, margins and lineage."""
+    """An operating point with its gains, margins and lineage."""
 
     figures: BankEntryFigures
-    lineage: EntryLineage | None = Field(description="null for an imported entry")
+    lineage: EntryLineage | None = Field(description="null for an imported operating point")
 
 
 class BankDetail(Schema):
-    """All entries of a bank, with gains for the active λ."""
+    """All operating points of a bank, with gains for the active λ."""
 
     lam_q: float = quantity("s", "λ_q for which the gains are computed")
     lam_S: float = quantity("s", "λ_S for which the gains are computed")
@@ -88,7 +88,7 @@ class BankDetail(Schema):
 
 
 class BankDifference(Schema):
-    """Changes of gains and margins between two sets of entries, for the active λ."""
+    """Changes of gains and margins between two sets of operating points, for the active λ."""
 
     lam_q: float = quantity("s", "λ_q for which the gains are computed")
     lam_S: float = quantity("s", "λ_S for which the gains are computed")
@@ -96,7 +96,7 @@ class BankDifference(Schema):
 
 
 class BankFileEntry(Schema):
-    """One entry in the file of a bank."""
+    """One operating point in the file of a bank."""
 
     S_nominal: Finite = quantity("N·m/rad", "stiffness of the point")
     K_q: Finite = Field(description="K of G_q")
@@ -236,7 +236,7 @@ class TuningView(ChosenTuning):
         "V", "largest voltage limit accepted: the remaining voltage is reserved for load, friction and feedback"
     )
     entry: float = Field(description="index of the active operating point in the bank, fractional during interpolation")
-    entry_name: str = Field(description="name of that entry, from its tension; empty without a bank")
+    entry_name: str = Field(description="name of that operating point, from its tension; empty without a bank")
 
 
 class TuningRequest(Schema):
@@ -292,7 +292,7 @@ class PrintedFormula(Schema):
 
 
 class LoopPreview(Schema):
-    """Robustness of one outer loop for a λ, at stiffness and entry of the preview."""
+    """Robustness of one outer loop for a λ, at the stiffness and operating point of the preview."""
 
     lam: float = quantity("s", "λ of the preview")
     lam_min: float = quantity("s", "smallest λ accepted")
@@ -310,7 +310,7 @@ class LoopPreview(Schema):
 
 
 class StepPreview(Schema):
-    """Simulated step of one reference, with a constant other one.
+    """Simulated step of one reference, with the other one constant.
 
     The plant is the identified one, with friction and sensors.
     """
@@ -349,8 +349,8 @@ class RobustLambda(Schema):
 
     lam: float | None = quantity(
         "s",
-        "smallest accepted λ for which M_s does not exceed the requested value at any entry of the "
-        "bank; null if there is none",
+        "smallest accepted λ for which M_s does not exceed the requested value at any operating point "
+        "of the bank; null if there is none",
     )
     reason: str = Field(description="why there is none; else empty")
 
@@ -367,7 +367,7 @@ class RobustTuning(Schema):
 class PushPreview(Schema):
     """Response of the joint at constant references to a constant push.
 
-    The models are those of the active bank entry.
+    The models are those of the active operating point.
     """
 
     give: float = quantity("rad", "largest deviation under the push")

@@ -90,7 +90,7 @@ def test_an_experiment_starts_with_the_active_tuning_and_prints_it(command: Comm
         ("λ_motor 0.0854 s", "active"),
         ("b 1", "set"),
         ("geometric gains", "set"),
-        ("switching between entries", "active"),
+        ("switching between operating points", "active"),
         ("lambda motion", "active"),
     ]
     assert ended.stdout.splitlines()[0] == messages.tuning_of_run(parts=parts)

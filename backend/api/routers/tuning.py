@@ -72,13 +72,13 @@ async def compare_with_bank_in_use(
 
 @banks_router.get("/{id}")
 def get_bank(id: RowId, service: CurrentService, _person: SignedInUser) -> BankView:
-    """Return one version of a bank with its entries."""
+    """Return one version of a bank with its operating points."""
     return service.banks.load_bank(id)
 
 
 @banks_router.get("/{id}/detail")
 async def get_bank_detail(id: RowId, service: CurrentService, _person: SignedInUser) -> BankDetail:
-    """Return gains, M_s and identification of every entry, at the active λ."""
+    """Return gains, M_s and identification of every operating point, at the active λ."""
     return await service.banks.compute_detail(id)
 
 
