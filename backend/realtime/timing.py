@@ -39,10 +39,10 @@ class RealTimeStatus:
     """Real-time privileges of the control loop.
 
     ``refusals`` lists privileges that were not granted, with remedies. ``priority`` is that of SCHED_FIFO, 0 under
-    ordinary scheduling.
+    standard scheduling.
     """
 
-    priority: int = field(metadata=describe_field("priority of SCHED_FIFO; 0 under ordinary scheduling"))
+    priority: int = field(metadata=describe_field("priority of SCHED_FIFO; 0 under standard scheduling"))
     memory_locked: bool
     timer_slack_ns: int
     refusals: tuple[str, ...] = field(

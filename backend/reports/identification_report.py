@@ -146,7 +146,7 @@ def _point(found: Identification | None) -> tuple[Fact, ...]:
     if found is None:
         return ()
     q, S = found.actuator.model.q_nominal, found.actuator.model.S_nominal
-    return (Fact("Point", messages.operating_point(q=q, S=S)),)
+    return (Fact("Operating point", messages.operating_point(q=q, S=S)),)
 
 
 def _models(found: Identification) -> Table:
@@ -508,7 +508,7 @@ def step_panels(motors: MotorsResult, name: str, angles: AngleUnit) -> str:
                 turn.annotate(f"{item.voltage:+.3g} V".replace("-", "−"), (t[-1], measured[-1]), fontsize=6)
                 left.plot(t, apart, color=COLOURS[f"u_{side}"], linewidth=0.7)
             turn.margins(x=0.12)
-            turn.set_ylabel(axis_label(rf"rotation of $\theta_{side}$", "rad", angles))
+            turn.set_ylabel(axis_label(f"rotation of motor {side}", "rad", angles))
             left.set(xlabel="t from the step [s]", ylabel=axis_label("difference", "mrad", angles))
             panel_letter(turn, "AB"[column])
             panel_letter(left, "CD"[column])
@@ -561,7 +561,7 @@ def _fits(side: str, model: SpringModel) -> Table:
         Column("Order"),
         Column("k_0 ± [N], k_1 ± [N/m], k_2 ± [N/m²] …", number=False, wide=True),
         Column("RMS", "N"),
-        Column("Largest", "N"),
+        Column("Max. error", "N"),
         Column("Cross-validation", "N"),
         Column("Use", number=False),
     )
@@ -575,7 +575,7 @@ def _fits(side: str, model: SpringModel) -> Table:
             format_measured(fit.rms_N),
             format_measured(fit.max_N),
             format_measured(fit.cross_validation_N),
-            "recommended" if fit.order == model.recommended else "" if fit.rising else "falls",
+            "recommended" if fit.order == model.recommended else "" if fit.rising else "not monotonic",
         )
         for fit in model.fits
     )

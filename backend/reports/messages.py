@@ -44,9 +44,9 @@ def plan_without_tension(*, run_id: int) -> str:
 def S_is_an_estimate() -> str:
     return (
         "S is always the estimate 2 r_j² (k_1 + k_2 r_m (θ_A + θ_B)) from measured angles and the identified spring, "
-        "not a direct measurement of stiffness. Its relative error is that of the identified springs: if they are 20 % "
-        "stiffer than identified, S is 14.4 N·m/rad while 12 is commanded and displayed, and no law based on angles "
-        "can detect this."
+        "not a direct measurement of stiffness. Its relative error is that of the identified springs: if the springs "
+        "are 20 % stiffer than identified, the joint stiffness is 14.4 N·m/rad while 12 is commanded and displayed, "
+        "and no law based on angles can detect this."
     )
 
 
@@ -137,7 +137,7 @@ def gains_of_geometry() -> str:
 
 @catalogue_entry
 def entries_of_bank(*, name: str, version: int) -> str:
-    return f"Entries of bank “{name}” version {version}."
+    return f"Operating points of bank “{name}” version {version}."
 
 
 @catalogue_entry
@@ -152,7 +152,7 @@ def result_of_earlier_definitions(*, versions: Mapping[int, int], current: int, 
     earlier = " and ".join(map(str, sorted(set(versions.values()))))
     commands = ", ".join(f"sinew runs evaluate {run_id}" for run_id in versions)
     return (
-        f"{runs}computed by version {earlier} of the definitions of metrics and criteria; this version of Sinew "
+        f"{runs}computed with version {earlier} of the definitions of metrics and criteria; this version of Sinew "
         f"uses version {current}. To recompute before a new report: {commands}"
     )
 
@@ -220,7 +220,7 @@ def cascade_controller(
     )
     text = ("cascade, " if is_position_loop_closed else "cascade with the position loop open, ") + gains
     if entries > 1:
-        text += ", interpolating between entries" if interpolate else ", switching between entries"
+        text += f", {'interpolating' if interpolate else 'switching'} between operating points"
     if U_plan:
         text += f"; motion time-optimal within U_plan = {exact(U_plan)} V"
     elif is_position_loop_closed:
@@ -473,8 +473,8 @@ def robustness_figure() -> str:
 
 _SIGNALS = "(A) joint position and (B) its error q − q_ref, (C) stiffness and (D) its error S − S_ref, (E, F) voltages"
 _ERROR_AXES = (
-    "The error axes are scaled to the errors after a step is within 2 % of its final value; during the "
-    "transient, the error may leave the panel."
+    "The error axes are scaled to the errors after the response to a step is within 2 % of its final "
+    "value; during the transient, the error may leave the panel."
 )
 _PAPER_IN_GREY = " Grey: simulated response of the paper's law to the same references."
 _PAPER_USES_GOVERNOR = ", which uses the reference governor and no trajectory feed-forward"
@@ -636,11 +636,11 @@ def how_responses_are_evaluated() -> str:
 def how_impacts_are_simulated() -> str:
     return (
         "F_wall is the force of the simulated obstacle on the joint, tangential at r_j: k_wall δ (1 + c_wall δ') at "
-        "penetration depth δ, never a pull. In the first milliseconds the obstacle stops the inertia of the joint, "
-        "independently of its stiffness; then the motors press through the springs. A low stiffness reduces this "
-        "second part only. The contact reaction stops the motors, opens the position loop and commands the lowest "
-        "stiffness, for the duration of the corresponding hit without the reaction. The contact force is estimated "
-        "from encoders and springs, less the bias that the experiment has calibrated at rest."
+        "penetration depth δ, never a pull. In the first milliseconds the obstacle decelerates the inertia of the "
+        "joint, independently of its stiffness; then the motors press through the springs. A low stiffness reduces "
+        "this second part only. The contact reaction opens the position loop, stops the joint and then commands the "
+        "lowest stiffness until the planned end of the hit. The contact force is estimated from encoders and springs, "
+        "less the bias that the experiment has calibrated at rest."
     )
 
 
@@ -676,7 +676,7 @@ _LOOPS = {"q": "position loop", "S": "stiffness loop"}
 def how_lines_are_measured(*, variation_max: float) -> str:
     return (
         "Each frequency line of a multisine or a sequence is measured over the last period as Y/U of the "
-        "discrete Fourier transform over whole periods, which equals the least-squares fit of a sine; a "
+        "discrete Fourier transforms, which equals the least-squares fit of a sine; a "
         "sweep is evaluated as a whole, in bands of 12 %. A line is not measured where it differs by more "
         f"than {100.0 * variation_max:g} % from one period to the next, or where a limit "
         "acted."
@@ -735,7 +735,7 @@ def how_holds_are_evaluated() -> str:
     return (
         "A hold is an interval with constant references, no push and no load. The angles are encoder readings: a joint "
         "at rest between two counts may yield either, so half a count is subtracted from the deviation if the encoder "
-        "counts. A motor is moving in a tick in which its count changes."
+        "is quantized. A motor is moving in a control step in which its count changes."
     )
 
 
@@ -760,7 +760,7 @@ def holds_figure() -> str:
 def holds_table() -> str:
     return (
         "Holds: peak-to-peak values (p-p) of q, S and the voltage that varies more; largest |q − q_ref|, less half a "
-        "count, and mean q − q_ref; share of ticks in which a motor's count changed."
+        "count, and mean q − q_ref; share of control steps in which a motor's count changed."
     )
 
 
@@ -820,9 +820,9 @@ def static_deflection() -> str:
 @catalogue_entry
 def pushes_figure() -> str:
     return (
-        "Pushes at the joint: (A) force, (B) deviation of the joint from its position before the push, measured and "
-        "predicted (dashed), (C) measured minus predicted, (D)  stiffness minus its reference; outside the panel the "
-        "stiffness moves to another reference."
+        "Pushes at the joint: (A) force, (B) deviation of the joint from its reference, measured and predicted "
+        "(dashed), (C) measured minus predicted, (D) stiffness minus its reference; the curve leaves the panel while "
+        "the stiffness moves to another reference."
     )
 
 
@@ -961,7 +961,7 @@ def commands_repeat_estimate() -> str:
 @catalogue_entry
 def record_figure() -> str:
     return (
-        "The record: (A) excitation on the held tension, (B) joint position and (D) joint stiffness, each with the "
+        "The record: (A) θ_A,ref with the excitation, (B) joint position and (D) joint stiffness, each with the "
         "identified model simulated from rest on the recorded input (dashed), (C, E) measured less simulated, (F, G) "
         "tendon tensions."
     )
@@ -1058,15 +1058,16 @@ def motors_of_parameter_file(*, run_id: int | None, models: Mapping[Side, tuple[
     )
     return (
         f"Identification {run_id} used the voltages and motor angles of that run. The motor loops take "
-        f"their model from the parameter file; to use this model, enter in that file: {entries}."
+        "their model from the active parameters; to use this model, apply it on the page Identify, or enter in the "
+        f"parameter file: {entries}."
     )
 
 
 @catalogue_entry
 def motor_steps_figure() -> str:
     return (
-        "Angle of each motor after the steps, measured (coloured) and by the least-squares model (dashed), and (C, D) "
-        "their difference."
+        "(A, B) Angle of each motor after the steps, measured (coloured) and by the least-squares model (dashed), and "
+        "(C, D) their difference."
     )
 
 
@@ -1086,7 +1087,8 @@ def how_springs_are_fitted() -> str:
     return (
         "Each pair is a mean over 0.1 s. Cross-validation error: the error at each pair of a polynomial fitted to all "
         "other pairs. A higher order is recommended only if it reduces this error by at least 20 % and increases "
-        "monotonically; the analytic decoupler needs order 2. The paper's order 2 stayed below 0.85 N."
+        "monotonically; the analytic decoupler needs order 2. The error of the paper's polynomial of order 2 stayed "
+        "below 0.85 N."
     )
 
 
@@ -1210,12 +1212,12 @@ def timing_of_run() -> str:
 
 @catalogue_entry
 def samples_are_one_per_tick() -> str:
-    return "recorded samples, one per tick"
+    return "recorded samples, one per control step"
 
 
 @catalogue_entry
 def ticks_without_sample() -> str:
-    return "ticks without a recorded sample"
+    return "control steps without a recorded sample"
 
 
 @catalogue_entry
@@ -1461,7 +1463,7 @@ def report_of_a_series() -> str:
 @catalogue_entry
 def result_of_other_definitions(*, version: int, current: int, run_id: int) -> str:
     return (
-        f"the result: it was computed by version {version} of the definitions of metrics and criteria, but this "
+        f"the result: it was computed with version {version} of the definitions of metrics and criteria, but this "
         f"version of Sinew uses version {current}: recompute it with `sinew runs evaluate {run_id}`, and export the "
         "report again"
     )

@@ -188,6 +188,6 @@ def _control_lines(channels: Mapping[ChannelName, ChannelModel]) -> Iterator[str
         yield f"    [{', '.join(map(repr, denominator))}],"
         yield ")"
         if shape.delayed:
-            yield f"t_d_{key[2:]} = {shape.dead_time(at)!r}  # dead time [s], below by a Pade approximant"
+            yield f"t_d_{key[2:]} = {shape.dead_time(at)!r}  # dead time [s], approximated below (Pade)"
             yield f"{key} = {key} * control.tf(*control.pade(t_d_{key[2:]}, {_PADE_ORDER}))"
         yield f"{key}_first_order = control.tf([{model.first_order.K!r}], [{model.first_order.T!r}, 1.0])"

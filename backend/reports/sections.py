@@ -106,7 +106,7 @@ def line_table(lines: Lines) -> Table:
         Column("Phase", "°"),
         Column("Predicted", "°"),
         Column("Variation", "%"),
-        Column("Remark", number=False, wide=True),
+        Column("Reason", number=False, wide=True),
     )
     gain, phase = _decibel(lines.H), _degrees(lines.H)
     nothing = np.full(lines.f.size, np.nan)
@@ -600,7 +600,7 @@ def push_panels(columns: Columns, found: Sequence[MeasuredPush], name: str, angl
             if one.expected is None:
                 continue
             start = one.window.pushed.start
-            at, label = columns["t"][start : start + one.expected.size], "expected" if place == 0 else None
+            at, label = columns["t"][start : start + one.expected.size], "predicted" if place == 0 else None
             expected = in_unit(one.expected, "rad", angles)
             axes[1].plot(*decimate(at, expected), color=INK, linewidth=0.7, linestyle=(0, (4, 2)), label=label)
             before = max(start - round(PUSH_REST_S / T_s), 0)
@@ -609,7 +609,7 @@ def push_panels(columns: Columns, found: Sequence[MeasuredPush], name: str, angl
         reach = max((float(np.abs(error).max(initial=0.0)) for _, error in apart), default=0.0)
         angle = get_display_unit("rad", angles).unit
         for at, error in apart:
-            draw_error(axes[2], at, error, "apart", angle, colour=COLOURS["q"], reach=reach)
+            draw_error(axes[2], at, error, "difference", angle, colour=COLOURS["q"], reach=reach)
         axes[1].set_ylabel(axis_label("deviation", "rad", angles))
         off_S = columns["S"][window] - columns["S_ref"][window]
         steps = np.flatnonzero(np.diff(columns["S_ref"][window]) != 0.0)

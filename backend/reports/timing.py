@@ -57,7 +57,7 @@ def granted_rows(granted: StoredRealTimeStatus | None) -> list[tuple[str, str, s
     """
     if granted is None:
         return []
-    scheduling = f"SCHED_FIFO {granted.priority}" if granted.priority else "ordinary"
+    scheduling = f"SCHED_FIFO {granted.priority}" if granted.priority else "standard"
     memory = "locked" if granted.memory_locked else "not locked"
     return [
         ("Scheduling", scheduling, "", messages.granted_by_operating_system()),
