@@ -487,7 +487,7 @@ _SEGMENTS = Setting(
     symbol="segments",
     unit="1",
     meaning='JSON list of segments: duration_s [s], q_ref [rad], S_ref [N·m/rad], F_push [N], shape "step", "ramp" or '
-    '"sine" around the values before, period_s [s] of a sine',
+    '"sine" around the previous values, period_s [s] of a sine',
     default="""[
   {"duration_s": 4, "q_ref": 0, "S_ref": 10},
   {"duration_s": 4, "q_ref": 0.5, "S_ref": 10},

@@ -642,13 +642,13 @@ def excitation_moves_joint(*, counts: float) -> str:
 def motors_will_turn(*, speed: float, travel_rad: float) -> str:
     return (
         f"both motors will reach {Quantity(speed, 'rad/s'):.4g} with slack tendons, turning by {Angle(travel_rad):g} "
-        "a step"
+        "per step"
     )
 
 
 @catalogue_entry
 def tensions_will_sweep(*, F_low: float, F_high: float, cycles: int) -> str:
-    return f"both tendons will go from {F_low:g} to {F_high:g} N and back, {format_count(cycles, 'time')}"
+    return f"both tensions will go from {F_low:g} to {F_high:g} N and back, {format_count(cycles, 'time')}"
 
 
 # Labels of predicted values ------------------------------------------------------------------------
@@ -666,7 +666,7 @@ def largest_rotation() -> str:
 
 @catalogue_entry
 def largest_step(*, u_max: float) -> str:
-    return f"Largest step, of {u_max:g} V"
+    return f"Largest step, limit {u_max:g} V"
 
 
 @catalogue_entry
@@ -691,4 +691,4 @@ def largest_stiffness() -> str:
 
 @catalogue_entry
 def mean_rate_of_tension() -> str:
-    return "Mean rate of tension"
+    return "Mean rate of change of the tension"
