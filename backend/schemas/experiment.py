@@ -44,8 +44,8 @@ class ExperimentRequest(Schema):
     name: str = Field(
         min_length=1,
         max_length=60,
-        description="name of an offered experiment, or of one of its versions, name@2; sequence, with "
-        "its setting segments, a list of segments as JSON, is deprecated: store an experiment instead",
+        description="name of a built-in or stored experiment, or name@2 for a version of a stored one; the name "
+        "`sequence`, with a JSON list of segments as the setting `segments`, is deprecated",
     )
     settings: dict[SettingName, SettingValue] = Field(default_factory=dict, max_length=50)
 

@@ -113,7 +113,7 @@ def get_experiment(id: RowId, service: CurrentService, _person: SignedInUser) ->
 
 own_experiments_router = APIRouter(prefix="/api/experiments", tags=["experiments"], route_class=ThreadRoute)
 ExperimentName = Annotated[
-    str, Path(max_length=60, description="built-in or own experiment, or a version of an own one: name@2")
+    str, Path(max_length=60, description="built-in or stored experiment, or a version of a stored one: name@2")
 ]
 
 
@@ -125,7 +125,7 @@ async def get_experiment_schema(_person: SignedInUser) -> dict[str, Any]:
 
 @own_experiments_router.get("/own")
 async def list_own_experiments(request: Request, service: CurrentService, person: SignedInUser) -> OwnExperimentList:
-    """List own experiments with their newest version."""
+    """List stored experiments with their newest version."""
     if not await in_thread(service.experiments.has_own):
         return OwnExperimentList(experiments=[])
     found = await service.texts.run(person, request.is_disconnected, service.experiments.list_own)
@@ -144,7 +144,7 @@ async def keep_experiment(
 async def check_experiment(
     request: Request, body: ExperimentCheckRequest, service: CurrentService, person: SignedInUser
 ) -> CheckedExperiment:
-    """Apply the checks of a start to an experiment, optionally with a dry run; stores nothing."""
+    """Check an experiment as at its start, optionally with a dry run; stores nothing."""
     return await service.ordered_runs.check_experiment(body, person, request.is_disconnected)
 
 
@@ -160,7 +160,7 @@ async def get_experiment_text(
 async def list_versions(
     request: Request, name: ExperimentName, service: CurrentService, person: SignedInUser
 ) -> OwnExperimentList:
-    """List the versions of an own experiment, newest first, with author and time."""
+    """List the versions of a stored experiment, newest first, with author and time."""
     found = await service.texts.run(person, request.is_disconnected, service.experiments.list_versions, name)
     return OwnExperimentList(experiments=found)
 
