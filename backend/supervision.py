@@ -100,7 +100,7 @@ class Supervision:
         record.cause = cause
         delay_s = min(FIRST_RESTART_DELAY_S * 2.0 ** min(record.count - 1, 30), MAX_RESTART_DELAY_S)
         record.restart_at = now + delay_s
-        _log.error("%s died: %s", part.name, cause, exc_info=error)
+        _log.error("%s failed: %s", part.name, cause, exc_info=error)
         if was_stable:
             self._notify(f"{part.name} failed ({cause}) and is being restarted.")
         return delay_s

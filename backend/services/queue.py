@@ -294,7 +294,7 @@ class ExperimentQueue:
             return
         self._items = [QueuedView(id=it.id, name=it.name, settings=it.settings, who=it.who, kept=True) for it in stored]
         if stored:
-            _log.warning("The stored queue contains %d experiments and waits until an operator starts it.", len(stored))
+            _log.warning("The stored queue waits until an operator starts it. Number of experiments: %d", len(stored))
             self._pause(messages.service_was_restarted())
 
     def _store(self, request: ExperimentRequest, who: str) -> queue.StoredQueued:
