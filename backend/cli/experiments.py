@@ -329,8 +329,8 @@ def experiment(
 
     sinew experiments show NAME lists the settings, such as q_amplitude [rad], S_hold [N·m/rad] or hold_s [s].
     Settings of the control loop: lam_q, lam_S, lam_motor [s], b (0 to 1), bank (number, 0 for geometric gains),
-    interpolate (true, false), motion (lambda, time-optimal), u_plan [V], k_ext (0 to 1), seed. Omitted settings come
-    from the active tuning in the data folder.
+    interpolate (true, false), motion (lambda, time-optimal), u_plan [V], k_ext (0 to 1), seed. Omitted tuning
+    settings come from the active tuning in the data folder.
     """
     from backend.execution import RunRequest
 
@@ -447,7 +447,7 @@ def text(
 
 @experiments_app.command()
 def check(file: File, params: ParameterSet = None, data: DataFolder = None, as_json: AsJson = False) -> None:
-    """Apply the checks of a start to an experiment, and simulate it; nothing is stored."""
+    """Check an experiment as at its start, and simulate it; nothing is stored."""
     from backend.services import OwnExperiments
 
     settings = load_settings(params=params, data=data)
@@ -594,7 +594,7 @@ def run(
     data: DataFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run the queue until it is empty, paused, or a run does not complete (exit 1)."""
+    """Run the queue until it is empty or paused, or until a run does not complete (exit 1)."""
     service = find_running_service(load_settings(data=data))
     queue = _request_queue(service, "POST", "/run")
     if watch:

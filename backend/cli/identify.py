@@ -345,7 +345,7 @@ def _print_estimate(estimate: "Estimate") -> None:
 def _build_test_rows(whiteness: "CorrelationTest", input_correlation: "CorrelationTest") -> list[tuple[str, str]]:
     return [
         ("residuals", _describe_test(whiteness, "white", "coloured")),
-        ("input–residual correlation", _describe_test(input_correlation, "independent", "correlated")),
+        ("input–residual cross-correlation", _describe_test(input_correlation, "independent", "correlated")),
     ]
 
 
@@ -584,7 +584,7 @@ def _identify_table(table: Path, settings: Settings, header: int | None, decimal
     fits = stored.springs["table"].model.fits
     rows = [(fit.order, fit.rms_N, fit.max_N, fit.cross_validation_N) for fit in fits]
     print_table(
-        ("order", "RMS [N]", "largest [N]", "cross-validation [N]"),
+        ("order", "RMS [N]", "max. error [N]", "cross-validation [N]"),
         rows,
         title=messages.identification_title(number=stored.id),
     )

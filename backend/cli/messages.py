@@ -399,7 +399,7 @@ def step_blocked(*, step: str, reason: str) -> str:
 def session_begins(*, plant: str, wiring: str) -> str:
     return (
         f"{plant}, {wiring}. Press Ctrl+C at any time for zero volts; the result of an unfinished step is not "
-        "stored, except that of a motor test that has moved the motor."
+        "stored, except that of a direction test that has started a motor."
     )
 
 
@@ -537,7 +537,7 @@ def bounds(*, minimum: float | None, maximum: float | None) -> str:
 
 @catalogue_entry
 def experiment_valid(*, name: str, duration_s: float, segments: int, changes_of_tuning: int) -> str:
-    changes = f", {changes_of_tuning} changes of the tuning" if changes_of_tuning else ""
+    changes = f", {format_count(changes_of_tuning, 'change')} of the tuning" if changes_of_tuning else ""
     return f"{name} is valid: {duration_s:.6g} s in {format_count(segments, 'segment')}{changes}"
 
 
@@ -769,7 +769,7 @@ def map_title_with_blanks(*, title: str, blank: str) -> str:
 
 @catalogue_entry
 def notes_of_map() -> str:
-    return "95 % confidence interval of a share, or number of runs with a value of all computed runs"
+    return "95 % confidence interval of a share, or number of runs with a value out of all computed runs"
 
 
 @catalogue_entry
@@ -949,7 +949,7 @@ def choose_other_folder() -> str:
 
 @catalogue_entry
 def free_space(*, data: Path, free_bytes: int) -> str:
-    return f"{data}: {free_bytes / 1024**3:.1f} GB free"
+    return f"{data}: {free_bytes / 1e9:.1f} GB free"
 
 
 @catalogue_entry

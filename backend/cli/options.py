@@ -39,7 +39,7 @@ ParameterSet = Annotated[
 
 PlantName = Annotated[
     str | None,
-    typer.Option("--plant", help="Plant: simulator, rig, replay, or one of an installed package. [simulator]"),
+    typer.Option("--plant", help="Plant: simulator, rig, replay, or a plant of an installed package. [simulator]"),
 ]
 VirtualCard = Annotated[
     bool | None,

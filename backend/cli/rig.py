@@ -115,7 +115,7 @@ def check(
 ) -> None:
     """Check a wiring file; exit 1 with line and remedy of each error.
 
-    This check cannot detect wrong signs and swapped wires; the wiring test and the direction step of the bring-up do.
+    This check cannot detect wrong signs or swapped wires; the wiring test and the direction step of the bring-up do.
     """
     from plant import WiringError, load_wiring
 
@@ -419,7 +419,9 @@ class LoadCellChoice(StrEnum):
 def bring_up(
     step: Annotated[
         list[StepId] | None,
-        typer.Option("--step", help="Step to run; repeatable. Steps run in their fixed order. [all pending steps]"),
+        typer.Option(
+            "--step", help="Step to run; repeatable. Steps run in their fixed order. [pending steps except homing]"
+        ),
     ] = None,
     listed: Annotated[bool, typer.Option("--list", help="Only list the state of the steps.")] = False,
     plant: PlantName = None,

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 
 TICKS = 1000
-MIN_FREE_BYTES = 2 * 1024**3
+MIN_FREE_BYTES = 2 * 10**9
 """Disk space for a day of recordings, at 80 MB per hour."""
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "firefox")
@@ -89,7 +89,7 @@ def _check_real_time() -> Iterator[DoctorFinding]:
 
     granted = request_real_time()
     refusals = "; ".join(granted.refusals)
-    priority = f"SCHED_FIFO {granted.priority}" if granted.priority else "ordinary"
+    priority = f"SCHED_FIFO {granted.priority}" if granted.priority else "standard"
     yield DoctorFinding(
         "scheduling", priority, "" if granted.priority else _find_refusal("FIFO", granted.refusals) or refusals
     )
@@ -556,7 +556,7 @@ def rotate(
 
 
 touch_app = typer.Typer(
-    help="Bias of the external force estimated by the running service: show, calibrate, clear.",
+    help="Bias of the estimated external force, in the running service: show, calibrate, clear.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )

@@ -100,7 +100,7 @@ def list_studies(data: DataFolder = None, station: StationName = None, as_json: 
         )
         for study in found
     ]
-    print_table(("study", "name", "title", "by", "state", "runs", "left"), rows)
+    print_table(("study", "name", "title", "by", "state", "runs", "time left"), rows)
 
 
 @app.command()

@@ -168,5 +168,5 @@ def unknown_statistic(*, known: str) -> str:
     return f"choose one of {known}"
 
 
-STATISTIC_LABELS = {"deviation": "standard deviation", "p5": "5 % percentile", "p95": "95 % percentile"}
+STATISTIC_LABELS = {"deviation": "standard deviation", "p5": "5th percentile", "p95": "95th percentile"}
 """Labels of statistics whose name is not clear by itself."""
