@@ -111,7 +111,7 @@ def bias_in_use() -> str:
 
 @catalogue_entry
 def unknown_contact_detection(*, number: int, count: int) -> str:
-    return f"a segment refers to contact detection {number} of the program's {count}"
+    return f"a segment refers to contact detection {number}, but the program has {count}"
 
 
 @catalogue_entry
@@ -152,7 +152,7 @@ def law_without_obstacle(*, law: str) -> str:
 
 @catalogue_entry
 def unknown_obstacle(*, number: int, count: int) -> str:
-    return f"a segment refers to obstacle {number} of the program's {count}"
+    return f"a segment refers to obstacle {number}, but the program has {count}"
 
 
 @catalogue_entry
@@ -254,7 +254,7 @@ def law_with_fixed_gains(*, law: str) -> str:
 
 @catalogue_entry
 def unknown_tuning(*, number: int, count: int) -> str:
-    return f"a segment refers to tuning {number} of the program's {count}"
+    return f"a segment refers to tuning {number}, but the program has {count}"
 
 
 @catalogue_entry
@@ -519,7 +519,7 @@ def rehearsed_command_rejected(*, command: str, reason: str) -> str:
 
 @catalogue_entry
 def rehearsal_without_pretension(*, ticks: int, mode: str) -> str:
-    return f"pretension was not reached within {ticks} ticks; the mode is {mode}"
+    return f"pretension was not reached within {ticks} control steps; the mode is {mode}"
 
 
 @catalogue_entry

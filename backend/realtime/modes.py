@@ -32,10 +32,10 @@ class HomingEnd(StrEnum):
     STUCK_CLOSED = "homing: the end switch stayed closed"
     WRONG_WAY = "homing: the joint moved in the wrong direction"
     JOINT_HELD = "homing: the joint did not follow the motors"
-    MOTOR_OFF = "homing: a motor did not go where it was sent"
+    MOTOR_OFF = "homing: a motor did not reach its reference"
     TENSION = "homing: a tendon was too taut"
     SLACK = "homing: a tendon was slack"
-    TOO_LONG = "homing: it took too long"
+    TOO_LONG = "homing: the motion took too long"
 
 
 ModeCause = Cause | HomingEnd | Fault

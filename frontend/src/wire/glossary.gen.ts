@@ -3809,10 +3809,10 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "homing: the joint did not follow the motors",
     "meaning": "The joint did not follow the motors; no zero was set."
   },
-  "cause:homing: a motor did not go where it was sent": {
+  "cause:homing: a motor did not reach its reference": {
     "kind": "cause",
-    "name": "homing: a motor did not go where it was sent",
-    "term": "homing: a motor did not go where it was sent",
+    "name": "homing: a motor did not reach its reference",
+    "term": "homing: a motor did not reach its reference",
     "meaning": "A motor did not reach its reference; no zero was set."
   },
   "cause:homing: a tendon was too taut": {
@@ -3827,10 +3827,10 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "homing: a tendon was slack",
     "meaning": "A tendon went slack during homing; no zero was set."
   },
-  "cause:homing: it took too long": {
+  "cause:homing: the motion took too long": {
     "kind": "cause",
-    "name": "homing: it took too long",
-    "term": "homing: it took too long",
+    "name": "homing: the motion took too long",
+    "term": "homing: the motion took too long",
     "meaning": "Homing exceeded its time limit; no zero was set."
   },
   "chain:page": {
