@@ -1951,7 +1951,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "safety.deflection_max",
     "term": "δ_max",
-    "meaning": "deflection at which the safety module cuts the motors of an actuator without tendons",
+    "meaning": "deflection at which the safety module disables the motors of an actuator without tendons",
     "unit": "rad",
     "equation": "abs(δ) ≤ δ_max",
     "source": "docs/reference/notation.md"
