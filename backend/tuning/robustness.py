@@ -328,7 +328,7 @@ class OuterProcess:
 
     def robustness(self, gains: pid.IPGains) -> Robustness:
         """Return the robustness of the I-P loop with this process."""
-        return _robustness(self.is_stable(gains), self.loop_response(gains), _OMEGA)
+        return summarize_loop(self.is_stable(gains), self.loop_response(gains), _OMEGA)
 
     def sensitivity_peak(self, gains: pid.IPGains) -> float:
         """Return M_s alone; inf for an unstable loop."""
@@ -343,10 +343,11 @@ def compute_robustness(
     ``response`` (n,) is at ``omega`` (n,) [rad/s], evenly spaced in log. Gain margins are determined on both sides: a
     conditionally stable loop also becomes unstable when its gain falls.
     """
-    return _robustness(_is_stable(loop), response, omega)
+    return summarize_loop(_is_stable(loop), response, omega)
 
 
-def _robustness(stable: bool, response: NDArray[np.complex128], omega: NDArray[np.float64]) -> Robustness:
+def summarize_loop(stable: bool, response: NDArray[np.complex128], omega: NDArray[np.float64]) -> Robustness:
+    """Return the robustness of a loop whose stability is known, from its response (n,) at ``omega`` (n,)."""
     if not stable:
         return Robustness(math.inf, 1.0, 1.0, 0.0, stable=False)
     factors, phases = margins(response, omega)
