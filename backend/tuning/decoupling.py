@@ -338,12 +338,12 @@ def _check_relative_degree(model: CoupledModel, i: int) -> Condition:
     else:
         difference = math.inf if not coupling.any() else float(diagonal.size - coupling.size)
     holds = difference >= 0.0
-    # Leading coefficients of the polynomial that decides: all of them must be zero to reverse the condition.
-    decides = diagonal if holds else coupling
-    count = int(abs(difference)) + 1 if holds else int(min(abs(difference), coupling.size))
     distance = math.inf
     if math.isfinite(difference):
-        distance = _leading_distance(model, i, i if holds else 1 - i, decides[:count], decides.size)
+        # All leading coefficients of the polynomial that decides must be zero to reverse the condition.
+        decides, j = (diagonal, i) if holds else (coupling, 1 - i)
+        count = int(difference) + 1 if holds else int(-difference)
+        distance = _leading_distance(model, i, j, decides[:count], decides.size)
     return Condition(
         ConditionKind.RELATIVE_DEGREE,
         element,
