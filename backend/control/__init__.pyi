@@ -3,6 +3,7 @@ from . import (
     cascade,
     decoupler,
     disturbance_observer,
+    dynamic_decoupler,
     fault_detection,
     motion_primitives,
     pid,
@@ -28,6 +29,7 @@ from .decoupler import (
     tension_under,
 )
 from .disturbance_observer import Rejection
+from .dynamic_decoupler import DynamicDecoupler, DynamicDecouplerState, InputLimits
 from .fault_detection import SLACK_MAX_S, DetectedFault, FaultDetectionState
 from .motion_primitives import PRETENSION_N, STEP_BRAKING_S, ZERO_VOLTS_S, VoltageMargin
 from .motion_types import AT_REST, NO_REFERENCE, TRAVEL_SPEED, ControlOutput, MotorLoopState, Setpoint, track_motors
@@ -76,7 +78,10 @@ __all__ = [
     "ControlState",
     "Decoupler",
     "DetectedFault",
+    "DynamicDecoupler",
+    "DynamicDecouplerState",
     "FaultDetectionState",
+    "InputLimits",
     "LoopReferences",
     "MotorLoopState",
     "Moving",
@@ -94,6 +99,7 @@ __all__ = [
     "compute_bounds",
     "decoupler",
     "disturbance_observer",
+    "dynamic_decoupler",
     "equilibrium",
     "fault_detection",
     "interpolate_gains",

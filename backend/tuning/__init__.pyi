@@ -1,4 +1,8 @@
 from . import preview
+from .coupled_model import CoupledModel
+from .coupled_robustness import CoupledLoops, CoupledRobustness, OutputScales
+from .decoupling import Condition, ConditionKind, Decoupling, StaticCoupling, check_conditions, design_decoupling
+from .decoupling_filters import build_schedule
 from .gains import (
     DEVIATIONS,
     LAM_MAX,
@@ -62,23 +66,34 @@ __all__ = [
     "OUTPUTS",
     "PUSH_N",
     "UNSEEN_F",
+    "Condition",
+    "ConditionKind",
+    "CoupledLoops",
+    "CoupledModel",
+    "CoupledRobustness",
+    "Decoupling",
     "MotorModel",
     "OuterProcess",
+    "OutputScales",
     "PlantModel",
     "PointModel",
     "PushForecast",
     "Robustness",
+    "StaticCoupling",
     "StepForecast",
     "Steps",
     "TuningError",
     "TuningParameters",
     "TuningPreviewer",
+    "build_schedule",
+    "check_conditions",
     "collect_plant_knowledge",
     "combine_tuning",
     "common_lambda_range",
     "compute_loop_margins",
     "decoupled_model",
     "decoupling_matrix",
+    "design_decoupling",
     "disturbance_response",
     "least_reach_time",
     "linearize_one_motor",

@@ -193,7 +193,7 @@ def least_principal_minor(d: DynamicDecoupler) -> float:
 # Schedule ------------------------------------------------------------------------------------------
 
 
-_SHARES = np.linspace(0.0, 1.0, 11)
+_SHARES = np.linspace(0.0, 1.0, 11)[1:-1]
 
 
 def build_schedule(decouplers: Sequence[DynamicDecoupler | None]) -> Array:
@@ -212,13 +212,20 @@ def build_schedule(decouplers: Sequence[DynamicDecoupler | None]) -> Array:
             nearest = decouplers[min(existing, key=lambda other: abs(other - k))] or STATIC_ONLY
             d = _silence(nearest)
         entries[k] = _flatten(d or STATIC_ONLY)
+        if not np.all(np.isfinite(entries[k])):
+            raise TuningError(messages.filter_not_finite(entry=k + 1))
+        _check_stability(entries[: k + 1], float(k))
     for lower in range(len(entries) - 1):
         for share in _SHARES:
-            between = dynamic_decoupler.interpolate_decoupler(entries, lower + float(share))
-            modulus = largest_pole(between)
-            if not (modulus < 1.0 and least_principal_minor(between) > 0.0):
-                raise TuningError(messages.unstable_between_entries(lower=lower, modulus=modulus))
+            _check_stability(entries, lower + float(share))
     return entries
+
+
+def _check_stability(entries: Array, active: float) -> None:
+    d = dynamic_decoupler.interpolate_decoupler(entries, active)
+    minor, modulus = least_principal_minor(d), largest_pole(d)
+    if not (modulus < 1.0 and minor > 0.0):
+        raise TuningError(messages.unstable_schedule(active=active + 1.0, modulus=modulus, minor=minor))
 
 
 def _silence(d: DynamicDecoupler) -> DynamicDecoupler:

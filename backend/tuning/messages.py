@@ -214,11 +214,17 @@ def static_only(*, reasons: Sequence[str], can_swap: bool) -> str:
 
 
 @catalogue_entry
-def unstable_between_entries(*, lower: int, modulus: float) -> str:
+def unstable_schedule(*, active: float, modulus: float, minor: float) -> str:
     return (
-        f"between the entries {lower + 1} and {lower + 2} of the bank the interpolated filters have a pole of modulus "
-        f"{modulus:.6g}: add an entry between them, or use static decoupling at one of them"
+        f"at the fractional entry {active:.2f} of the bank the filters of the dynamic decoupler have a pole of modulus "
+        f"{modulus:.6g} and an algebraic loop with the minor {minor:.4g}; the modulus must be below 1, the minor above "
+        "0: add an entry there, or use static decoupling at one of the nearest entries"
     )
+
+
+@catalogue_entry
+def filter_not_finite(*, entry: int) -> str:
+    return f"the filters of entry {entry} have coefficients that are not finite: design them again"
 
 
 @catalogue_entry

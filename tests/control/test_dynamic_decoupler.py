@@ -138,15 +138,14 @@ def test_limited_inputs_are_the_one_solution_of_the_limited_equations(
     """Projected iteration, a contraction here, finds the same solution."""
     x = np.random.default_rng(seed).standard_normal(8)
     state = DynamicDecouplerState(ResidualState(*x[:4]), ResidualState(*x[4:]), 0.1, -0.2)
-    d = DynamicDecoupler(FIRST, SECOND, NO_STATIC_PART)
-    found = solve_inputs(d, state, v_q, v_S, InputLimits(*q, *S))
+    found = solve_inputs(COUPLED, state, v_q, v_S, InputLimits(*q, *S))
     free_12 = state.r_12.second_1 + FIRST.second.b_0 * state.r_12.first_1
     free_21 = state.r_21.second_1 + SECOND.second.b_0 * state.r_21.first_1
     gain_12, gain_21 = FIRST.first.b_0 * FIRST.second.b_0, SECOND.first.b_0 * SECOND.second.b_0
     q_c, S_c = 0.0, 0.0
     for _ in range(60):
-        q_c = float(np.clip(v_q + free_12 + gain_12 * (S_c + 0.2), *q))
-        S_c = float(np.clip(v_S + free_21 + gain_21 * (q_c - 0.1), *S))
+        q_c = float(np.clip(v_q + free_12 + gain_12 * (-0.5 * (q_c - 0.1) + 1.1 * (S_c + 0.2)), *q))
+        S_c = float(np.clip(v_S + free_21 + gain_21 * (1.1 * (q_c - 0.1) + 0.2 * (S_c + 0.2)), *S))
     assert found == pytest.approx((q_c, S_c), abs=1e-9)
 
 

@@ -14,6 +14,7 @@ from backend.control.dynamic_decoupler import (
     HighPassSection,
     ResidualFilter,
     Section,
+    StaticPart,
     interpolate_decoupler,
 )
 from backend.tuning.coupled_model import CoupledModel
@@ -247,10 +248,14 @@ def test_a_schedule_that_is_unstable_between_entries_is_refused() -> None:
         DynamicDecoupler(NO_FILTER, strong, STATIC_ONLY.static),
     ]
     assert all(largest_pole(d) < 1.0 for d in ends)
-    with refused(TuningError, "unstable_between_entries", lower=0):
+    with refused(TuningError, "unstable_schedule"):
         build_schedule(ends)
+    with refused(TuningError, "unstable_schedule", active=1.0):
+        build_schedule([DynamicDecoupler(strong, strong, STATIC_ONLY.static)])
     with refused(TuningError, "no_entries"):
         build_schedule([])
+    with refused(TuningError, "filter_not_finite", entry=2):
+        build_schedule([STATIC_ONLY, STATIC_ONLY._replace(static=StaticPart(1.0, math.nan, 0.0, 1.0))])
 
 
 def test_switching_a_designed_schedule_at_rest_moves_nothing() -> None:
