@@ -37,7 +37,7 @@ class HighPassSection(NamedTuple):
     b_1: float
 
 
-class Section(NamedTuple):
+class SecondOrderSection(NamedTuple):
     """Section (b_0 δ² + b_1 δ + b_2)/(δ² + a_1 δ + a_2), without unit."""
 
     a_1: float
@@ -51,7 +51,7 @@ class ResidualFilter(NamedTuple):
     """Product of both sections: at most four poles, and gain 0 at zero frequency."""
 
     first: HighPassSection
-    second: Section
+    second: SecondOrderSection
 
 
 class StaticPart(NamedTuple):
@@ -74,7 +74,7 @@ class DynamicDecoupler(NamedTuple):
     static: StaticPart
 
 
-NO_FILTER = ResidualFilter(HighPassSection(2.0, 1.0, 0.0, 0.0), Section(2.0, 1.0, 1.0, 2.0, 1.0))
+NO_FILTER = ResidualFilter(HighPassSection(2.0, 1.0, 0.0, 0.0), SecondOrderSection(2.0, 1.0, 1.0, 2.0, 1.0))
 """Filter whose output is always zero; unused poles are at z = 0."""
 
 NO_STATIC_PART = StaticPart(1.0, 0.0, 0.0, 1.0)
@@ -283,7 +283,7 @@ def _filter_at(low: NDArray[np.float64], high: NDArray[np.float64], share: float
             _mix(low[k + 2], high[k + 2], share),
             _mix(low[k + 3], high[k + 3], share),
         ),
-        Section(
+        SecondOrderSection(
             _mix(low[k + 4], high[k + 4], share),
             _mix(low[k + 5], high[k + 5], share),
             _mix(low[k + 6], high[k + 6], share),

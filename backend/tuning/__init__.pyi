@@ -1,7 +1,14 @@
 from . import preview
 from .coupled_model import CoupledModel
 from .coupled_robustness import CoupledLoops, CoupledRobustness, OutputScales
-from .decoupling import Condition, ConditionKind, Decoupling, StaticCoupling, check_conditions, design_decoupling
+from .decoupling import (
+    Decoupling,
+    DecouplingCondition,
+    DecouplingConditionKind,
+    StaticCoupling,
+    check_conditions,
+    design_decoupling,
+)
 from .decoupling_filters import build_schedule
 from .gains import (
     DEVIATIONS,
@@ -66,12 +73,12 @@ __all__ = [
     "OUTPUTS",
     "PUSH_N",
     "UNSEEN_F",
-    "Condition",
-    "ConditionKind",
     "CoupledLoops",
     "CoupledModel",
     "CoupledRobustness",
     "Decoupling",
+    "DecouplingCondition",
+    "DecouplingConditionKind",
     "MotorModel",
     "OuterProcess",
     "OutputScales",

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import control
 
 Coefficients = tuple[float, ...]
-"""Coefficients of a polynomial in s, the highest power first."""
+"""Coefficients of a polynomial in ascending powers of s."""
 
 Array = NDArray[np.float64]
 
@@ -25,8 +25,9 @@ class CoupledModel:
     """Model A_i(s) y_i = B_i1(s) u_1 + B_i2(s) u_2 with u = (q_c, S_c) and y = (q, S).
 
     ``denominators`` has A_1 and A_2 with the constant coefficient 1, ``numerators[i][j]`` has B_ij [unit of y_i per
-    unit of u_j]. ``covariance`` is that of all other coefficients, in the order A_1 without its last, B_11, B_12, A_2
-    without its last, B_21, B_22; None for an exact model. Raises TuningError.
+    unit of u_j], (0,) for an entry that is not distinguishable from zero. ``covariance`` is that of the numerators in
+    the order B_11, B_12, B_21, B_22, each in ascending powers; the denominators do not affect the decoupling. None for
+    an exact model. Raises TuningError.
     """
 
     denominators: tuple[Coefficients, Coefficients]
@@ -36,8 +37,8 @@ class CoupledModel:
     def __post_init__(self) -> None:
         for name, denominator in zip(("A_1", "A_2"), self.denominators, strict=True):
             _check_coefficients(name, denominator)
-            if denominator[-1] != 1.0:
-                raise TuningError(messages.denominator_not_normalized(name=name, constant=denominator[-1]))
+            if denominator[0] != 1.0:
+                raise TuningError(messages.denominator_not_normalized(name=name, constant=denominator[0]))
         for names, row in zip(NAMES, self.numerators, strict=True):
             for name, numerator in zip(names, row, strict=True):
                 _check_coefficients(name, numerator)
@@ -45,47 +46,42 @@ class CoupledModel:
             _check_covariance(self.covariance, sum(self._counts()))
 
     def _counts(self) -> list[int]:
-        """Return the numbers of coefficients of A_1, B_11, B_12, A_2, B_21, B_22."""
-        return [
-            count
-            for denominator, row in zip(self.denominators, self.numerators, strict=True)
-            for count in (len(denominator) - 1, len(row[0]), len(row[1]))
-        ]
+        """Return the numbers of coefficients of B_11, B_12, B_21, B_22."""
+        return [len(numerator) for row in self.numerators for numerator in row]
 
-    def _indices(self) -> list[Array]:
-        """Return the indices of the coefficients of each polynomial in the covariance."""
-        ends = np.cumsum(self._counts())
-        return [np.arange(end - count, end) for count, end in zip(self._counts(), ends, strict=True)]
+    def _indices(self) -> list[NDArray[np.intp]]:
+        """Return the indices of the coefficients of each numerator in the covariance."""
+        return np.split(np.arange(sum(self._counts())), np.cumsum(self._counts())[:-1])
+
+    def full_numerator(self, i: int, j: int) -> Array:
+        """Return B_ij in descending powers, with leading zeros. ``i`` and ``j`` are 0 or 1."""
+        return np.array(self.numerators[i][j][::-1], dtype=np.float64)
 
     def numerator(self, i: int, j: int) -> Array:
-        """Return B_ij without leading zeros; [0] if it is zero. ``i`` and ``j`` are 0 or 1."""
-        return trim(np.array(self.numerators[i][j], dtype=np.float64))
+        """Return B_ij in descending powers without leading zeros; [0] if it is zero."""
+        return trim(self.full_numerator(i, j))
 
     def numerator_covariance(self) -> Array:
-        """Return the covariance of the numerators' coefficients, in the order B_11, B_12, B_21, B_22.
-
-        Zero for an exact model.
-        """
-        _, B_11, B_12, _, B_21, B_22 = self._indices()
-        kept = np.concatenate([B_11, B_12, B_21, B_22])
+        """Return the covariance in the order of ``full_numerator`` 11, 12, 21, 22; zero for an exact model."""
         if self.covariance is None:
-            return np.zeros((kept.size, kept.size))
-        return np.asarray(self.covariance[np.ix_(kept, kept)], dtype=np.float64)
+            return np.zeros((sum(self._counts()),) * 2)
+        order = np.concatenate([indices[::-1] for indices in self._indices()])
+        return np.asarray(self.covariance[np.ix_(order, order)], dtype=np.float64)
 
     def swap_inputs(self) -> "CoupledModel":
         """Return the model with the inputs exchanged: the other pairing of the loops."""
         (B_11, B_12), (B_21, B_22) = self.numerators
         covariance = self.covariance
         if covariance is not None:
-            A_1, at_11, at_12, A_2, at_21, at_22 = self._indices()
-            order = np.concatenate([A_1, at_12, at_11, A_2, at_22, at_21])
+            at_11, at_12, at_21, at_22 = self._indices()
+            order = np.concatenate([at_12, at_11, at_22, at_21])
             covariance = covariance[np.ix_(order, order)]
         return CoupledModel(self.denominators, ((B_12, B_11), (B_22, B_21)), covariance)
 
     def response(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return G(s), shape (n, 2, 2), at points ``s`` (n,) [rad/s]."""
         rows = [
-            [np.polyval(numerator, s) / np.polyval(denominator, s) for numerator in row]
+            [np.polyval(numerator[::-1], s) / np.polyval(denominator[::-1], s) for numerator in row]
             for denominator, row in zip(self.denominators, self.numerators, strict=True)
         ]
         return np.moveaxis(np.array(rows, dtype=np.complex128), 2, 0)
@@ -110,7 +106,7 @@ class CoupledModel:
 
     def _realize(self, i: int) -> tuple[Array, Array]:
         """Return A and B of one output, which is the first state."""
-        denominator = trim(np.array(self.denominators[i], dtype=np.float64))
+        denominator = trim(np.array(self.denominators[i][::-1], dtype=np.float64))
         order = denominator.size - 1
         B = np.zeros((order, 2))
         for j in (0, 1):
@@ -144,7 +140,7 @@ def _check_coefficients(name: str, polynomial: Coefficients) -> None:
         raise TuningError(messages.polynomial_without_coefficients(name=name))
     for k, value in enumerate(polynomial):
         if not np.isfinite(value):
-            raise TuningError(messages.coefficient_not_finite(name=name, power=len(polynomial) - 1 - k, value=value))
+            raise TuningError(messages.coefficient_not_finite(name=name, power=k, value=value))
 
 
 def _check_covariance(covariance: Array, count: int) -> None:

@@ -36,7 +36,7 @@ CERTAIN_DISTANCE = 2.0
 """Standard errors from its boundary at which a condition is certain."""
 
 
-class ConditionKind(StrEnum):
+class DecouplingConditionKind(StrEnum):
     """What a condition bounds."""
 
     RELATIVE_DEGREE = "relative_degree"
@@ -51,13 +51,13 @@ class ConditionKind(StrEnum):
 
 
 @dataclass(frozen=True)
-class Condition:
-    """Condition of the decoupling: its ``figure`` of ``element``, and whether it holds.
+class DecouplingCondition:
+    """DecouplingCondition of the decoupling: its ``figure`` of ``element``, and whether it holds.
 
     ``distance`` [standard errors of the model] to the boundary; inf for an exact model.
     """
 
-    kind: ConditionKind
+    kind: DecouplingConditionKind
     element: str
     figure: float
     holds: bool
@@ -103,16 +103,16 @@ class Decoupling:
 
     decoupler: DynamicDecoupler | None
     static: StaticCoupling | None
-    conditions: tuple[Condition, ...]
-    swapped: tuple[Condition, ...]
+    conditions: tuple[DecouplingCondition, ...]
+    swapped: tuple[DecouplingCondition, ...]
 
     @property
-    def failed(self) -> tuple[Condition, ...]:
+    def failed(self) -> tuple[DecouplingCondition, ...]:
         """Return the conditions that do not hold."""
         return tuple(condition for condition in self.conditions if not condition.holds)
 
     @property
-    def uncertain(self) -> tuple[Condition, ...]:
+    def uncertain(self) -> tuple[DecouplingCondition, ...]:
         """Return the conditions that hold, but not within 2 standard errors of the model."""
         return tuple(condition for condition in self.conditions if condition.holds and not condition.is_certain)
 
@@ -264,7 +264,7 @@ def _axis_points(polynomial: Array) -> Points:
 
 def _determinant_gradient(model: CoupledModel) -> tuple[Array, Array]:
     """Return the determinant of all numerators, and its derivative by each coefficient."""
-    B_11, B_12, B_21, B_22 = (np.array(model.numerators[i][j]) for i in (0, 1) for j in (0, 1))
+    B_11, B_12, B_21, B_22 = (model.full_numerator(i, j) for i in (0, 1) for j in (0, 1))
     products = multiply(B_11, B_22), multiply(B_12, B_21)
     blocks = [
         _shift_rows(B_22, B_11.size),
@@ -280,7 +280,7 @@ def _determinant_gradient(model: CoupledModel) -> tuple[Array, Array]:
 # Conditions ----------------------------------------------------------------------------------------
 
 
-def check_conditions(model: CoupledModel, period_s: float = T_s) -> tuple[Condition, ...]:
+def check_conditions(model: CoupledModel, period_s: float = T_s) -> tuple[DecouplingCondition, ...]:
     """Return the conditions of the decoupling of a model.
 
     A zero g_11 or g_22 has the relative degrees alone. Without filters, because of relative degrees, orders or a static
@@ -289,7 +289,7 @@ def check_conditions(model: CoupledModel, period_s: float = T_s) -> tuple[Condit
     return _check(model, period_s)[0]
 
 
-def _check(model: CoupledModel, period_s: float) -> tuple[tuple[Condition, ...], DynamicDecoupler | None]:
+def _check(model: CoupledModel, period_s: float) -> tuple[tuple[DecouplingCondition, ...], DynamicDecoupler | None]:
     degrees = (_check_relative_degree(model, 0), _check_relative_degree(model, 1))
     if not (model.numerator(0, 0).any() and model.numerator(1, 1).any()):
         return degrees, None
@@ -317,7 +317,7 @@ def _check(model: CoupledModel, period_s: float) -> tuple[tuple[Condition, ...],
     return tuple(conditions), decoupler
 
 
-_NEEDED = (ConditionKind.RELATIVE_DEGREE, ConditionKind.FILTER_ORDER)
+_NEEDED = (DecouplingConditionKind.RELATIVE_DEGREE, DecouplingConditionKind.FILTER_ORDER)
 """Conditions without which filters cannot be computed."""
 
 
@@ -329,7 +329,7 @@ def _make_decoupler(reduced: _Polynomials, period_s: float) -> DynamicDecoupler:
     )
 
 
-def _check_relative_degree(model: CoupledModel, i: int) -> Condition:
+def _check_relative_degree(model: CoupledModel, i: int) -> DecouplingCondition:
     """Compare degrees: g_ij and g_ii have the same denominator."""
     diagonal, coupling = model.numerator(i, i), model.numerator(i, 1 - i)
     element, reference = f"g_{i + 1}{2 - i}", f"g_{i + 1}{i + 1}"
@@ -344,8 +344,8 @@ def _check_relative_degree(model: CoupledModel, i: int) -> Condition:
         decides, j = (diagonal, i) if holds else (coupling, 1 - i)
         count = int(difference) + 1 if holds else int(-difference)
         distance = _leading_distance(model, i, j, decides[:count], decides.size)
-    return Condition(
-        ConditionKind.RELATIVE_DEGREE,
+    return DecouplingCondition(
+        DecouplingConditionKind.RELATIVE_DEGREE,
         element,
         difference,
         holds,
@@ -365,15 +365,15 @@ def _leading_distance(model: CoupledModel, i: int, j: int, leading: Array, size:
     return _unless_exact(math.sqrt(max(float(leading @ np.linalg.solve(regular, leading)), 0.0)))
 
 
-def _check_diagonal_zeros(model: CoupledModel, i: int, reduced: Array, is_certain: bool) -> Condition:
+def _check_diagonal_zeros(model: CoupledModel, i: int, reduced: Array, is_certain: bool) -> DecouplingCondition:
     element = f"g_{i + 1}{i + 1}"
     figure = float(np.max(find_zeros(reduced).real, initial=-math.inf))
     distance = math.inf
     if reduced.size > 1:
         polynomial = model.numerator(i, i)
         distance = _own_distance(model, i, _axis_points(polynomial))
-    return Condition(
-        ConditionKind.DIAGONAL_ZEROS,
+    return DecouplingCondition(
+        DecouplingConditionKind.DIAGONAL_ZEROS,
         element,
         figure,
         figure < 0.0,
@@ -390,12 +390,12 @@ def _own_distance(model: CoupledModel, i: int, s: Points) -> float:
     return _least_distance(model.numerator(i, i), np.eye(counts[3 * i]), covariance, s)
 
 
-def _check_determinant_zeros(model: CoupledModel, reduced: _Polynomials) -> Condition:
+def _check_determinant_zeros(model: CoupledModel, reduced: _Polynomials) -> DecouplingCondition:
     is_zero = not reduced.determinant.any()
     figure = math.inf if is_zero else float(np.max(find_zeros(reduced.determinant).real, initial=-math.inf))
     distance = 0.0 if is_zero else _determinant_distance(model)
-    return Condition(
-        ConditionKind.DETERMINANT_ZEROS,
+    return DecouplingCondition(
+        DecouplingConditionKind.DETERMINANT_ZEROS,
         "det G",
         figure,
         figure < 0.0,
@@ -409,7 +409,7 @@ def _determinant_distance(model: CoupledModel) -> float:
     return _least_distance(determinant, gradient, model.numerator_covariance(), _axis_points(determinant))
 
 
-def _check_fast_zeros(model: CoupledModel, i: int, reduced: Array, period_s: float) -> Condition:
+def _check_fast_zeros(model: CoupledModel, i: int, reduced: Array, period_s: float) -> DecouplingCondition:
     """Bound the zeros of B_ii, the poles of the filter, by 2/T, which the bilinear transform maps to z = 0."""
     element, maximum = f"g_{i + 1}{i + 1}", 2.0 / period_s
     figure = float(np.max(np.abs(find_zeros(reduced)), initial=0.0))
@@ -417,8 +417,8 @@ def _check_fast_zeros(model: CoupledModel, i: int, reduced: Array, period_s: flo
     if reduced.size > 1:
         circle = np.exp(1j * np.linspace(0.0, np.pi, 400))
         distance = _own_distance(model, i, np.asarray(maximum * circle, dtype=np.complex128))
-    return Condition(
-        ConditionKind.FAST_ZEROS,
+    return DecouplingCondition(
+        DecouplingConditionKind.FAST_ZEROS,
         element,
         figure,
         figure <= maximum,
@@ -427,10 +427,10 @@ def _check_fast_zeros(model: CoupledModel, i: int, reduced: Array, period_s: flo
     )
 
 
-def _check_order(element: str, reduced: Array) -> Condition:
+def _check_order(element: str, reduced: Array) -> DecouplingCondition:
     order = reduced.size - 1
-    return Condition(
-        ConditionKind.FILTER_ORDER,
+    return DecouplingCondition(
+        DecouplingConditionKind.FILTER_ORDER,
         element,
         float(order),
         order <= MAX_ORDER,
@@ -439,7 +439,9 @@ def _check_order(element: str, reduced: Array) -> Condition:
     )
 
 
-def _check_gains(model: CoupledModel, reduced: _Polynomials, period_s: float) -> tuple[Condition, Condition]:
+def _check_gains(
+    model: CoupledModel, reduced: _Polynomials, period_s: float
+) -> tuple[DecouplingCondition, DecouplingCondition]:
     """Bound |κ| = |g_12 g_21/(g_11 g_22)| at high frequency, and at each frequency of the sampled filters.
 
     The bilinear transform moves the sampled frequencies up to π/T to the whole axis, which is the range.
@@ -456,16 +458,16 @@ def _check_gains(model: CoupledModel, reduced: _Polynomials, period_s: float) ->
     peak = float(np.max(gains))
     distances = _gain_distances(model, omega, gains)
     return (
-        Condition(
-            ConditionKind.HIGH_FREQUENCY_GAIN,
+        DecouplingCondition(
+            DecouplingConditionKind.HIGH_FREQUENCY_GAIN,
             "g_12 g_21/(g_11 g_22)",
             float(high),
             high < 1.0,
             float(distances[-1]),
             messages.high_frequency_gain_condition(gain=float(high)),
         ),
-        Condition(
-            ConditionKind.SAMPLED_GAIN,
+        DecouplingCondition(
+            DecouplingConditionKind.SAMPLED_GAIN,
             "g_12 g_21/(g_11 g_22)",
             peak,
             peak < 1.0,
@@ -481,7 +483,7 @@ def _gain_distances(model: CoupledModel, omega: Array, gains: Array) -> Array:
     if not covariance.any():
         return np.full(gains.size, math.inf)
     s = 1j * np.append(omega, 1e6 * max(float(omega[-1]), 1.0))
-    B = [np.array(model.numerators[i][j]) for i in (0, 1) for j in (0, 1)]
+    B = [model.full_numerator(i, j) for i in (0, 1) for j in (0, 1)]
     powers = [np.array([s**k for k in range(p.size - 1, -1, -1)]) for p in B]
     B_11, B_12, B_21, B_22 = (np.polyval(p, s) for p in B)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -504,23 +506,23 @@ def _gain_distances(model: CoupledModel, omega: Array, gains: Array) -> Array:
 
 def _check_interconnection(
     model: CoupledModel, decoupler: DynamicDecoupler, period_s: float
-) -> tuple[Condition, Condition]:
+) -> tuple[DecouplingCondition, DecouplingCondition]:
     """Check the sampled filters as connected, by their own equations."""
     minor = least_principal_minor(decoupler)
     modulus = largest_pole(decoupler) if minor != 0.0 else math.inf
     determinant, gradient = _determinant_gradient(model)
     corner = np.array([2.0 / period_s + 0j])
     return (
-        Condition(
-            ConditionKind.ALGEBRAIC_LOOP,
+        DecouplingCondition(
+            DecouplingConditionKind.ALGEBRAIC_LOOP,
             "d_12 d_21",
             minor,
             minor > 0.0,
             _least_distance(determinant, gradient, model.numerator_covariance(), corner),
             messages.algebraic_loop_condition(minor=minor),
         ),
-        Condition(
-            ConditionKind.INTERCONNECTION,
+        DecouplingCondition(
+            DecouplingConditionKind.INTERCONNECTION,
             "d_12 d_21",
             modulus,
             modulus < 1.0,

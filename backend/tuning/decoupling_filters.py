@@ -23,7 +23,7 @@ from backend.control.dynamic_decoupler import (
     HighPassSection,
     ResidualFilter,
     ResidualState,
-    Section,
+    SecondOrderSection,
     StaticPart,
 )
 from backend.tuning import messages
@@ -71,7 +71,7 @@ def make_residual_filter(B_coupling: Array, B_diagonal: Array, period_s: float =
     first_numerator *= wanted / found
     (b_0, b_1, _), (a_1, a_2) = _sample(first_numerator, first_denominator, period_s)
     second_b, second_a = _sample(second_numerator, second_denominator, period_s)
-    return ResidualFilter(HighPassSection(a_1, a_2, b_0, b_1), Section(*second_a, *second_b))
+    return ResidualFilter(HighPassSection(a_1, a_2, b_0, b_1), SecondOrderSection(*second_a, *second_b))
 
 
 def _split_poles(poles: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:

@@ -119,7 +119,8 @@ def process_not_strictly_proper(*, name: str, order: int) -> str:
 @catalogue_entry
 def covariance_of_wrong_shape(*, shape: tuple[int, ...], count: int) -> str:
     return (
-        f"the covariance has the shape {shape}, but the model has {count} coefficients: give {count} rows and columns"
+        f"the covariance has the shape {shape}, but the numerators have {count} coefficients: give {count} rows and "
+        "columns"
     )
 
 

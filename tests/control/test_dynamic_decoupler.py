@@ -19,7 +19,7 @@ from backend.control.dynamic_decoupler import (
     InputLimits,
     ResidualFilter,
     ResidualState,
-    Section,
+    SecondOrderSection,
     StaticPart,
     at_rest,
     bumpless,
@@ -29,8 +29,8 @@ from backend.control.dynamic_decoupler import (
     step,
 )
 
-FIRST = ResidualFilter(HighPassSection(0.03, 2e-4, 0.4, 0.003), Section(0.05, 6e-4, 0.6, 0.02, 6e-4))
-SECOND = ResidualFilter(HighPassSection(0.02, 1e-4, -0.5, -0.004), Section(0.08, 1.5e-3, 0.9, 0.1, 1.5e-3))
+FIRST = ResidualFilter(HighPassSection(0.03, 2e-4, 0.4, 0.003), SecondOrderSection(0.05, 6e-4, 0.6, 0.02, 6e-4))
+SECOND = ResidualFilter(HighPassSection(0.02, 1e-4, -0.5, -0.004), SecondOrderSection(0.08, 1.5e-3, 0.9, 0.1, 1.5e-3))
 COUPLED = DynamicDecoupler(FIRST, SECOND, StaticPart(1.1, 0.2, -0.5, 1.1))
 OTHER = DynamicDecoupler(SECOND, FIRST, StaticPart(0.9, -0.1, 0.3, 1.0))
 

@@ -21,6 +21,7 @@ EQUAL = OutputScales(1.0, 1.0)
 
 
 def times(*factors: list[float]) -> tuple[float, ...]:
+    """Return a product of polynomials in ascending powers."""
     product = np.ones(1)
     for factor in factors:
         product = np.convolve(product, factor)
@@ -29,8 +30,8 @@ def times(*factors: list[float]) -> tuple[float, ...]:
 
 def coupled(c_12: float, c_21: float) -> CoupledModel:
     """Return four and three lags with couplings that vanish at rest."""
-    A_1, A_2 = times(*[[0.0854, 1.0]] * 4), times(*[[0.14, 1.0]] * 3)
-    row_1, row_2 = ((0.02, 1.0), (c_12, 0.0)), ((c_21, 0.0), (0.03, 1.0))
+    A_1, A_2 = times(*[[1.0, 0.0854]] * 4), times(*[[1.0, 0.14]] * 3)
+    row_1, row_2 = ((1.0, 0.02), (0.0, c_12)), ((0.0, c_21), (1.0, 0.03))
     return CoupledModel((A_1, A_2), (row_1, row_2))
 
 
@@ -158,6 +159,6 @@ def test_a_scale_that_is_not_positive_is_refused() -> None:
 
 
 def test_a_process_with_direct_feedthrough_is_refused() -> None:
-    model = CoupledModel(((1.0, 1.0), (1.0, 1.0)), (((1.0,), (0.5, 0.1)), ((0.0,), (1.0,))))
+    model = CoupledModel(((1.0, 1.0), (1.0, 1.0)), (((1.0,), (0.1, 0.5)), ((0.0,), (1.0,))))
     with refused(TuningError, "process_not_strictly_proper", name="B_12", order=1):
         model.make_state_space()

@@ -7,8 +7,8 @@ import pytest
 
 from backend.tuning.coupled_model import CoupledModel
 from backend.tuning.decoupling import (
-    Condition,
-    ConditionKind,
+    DecouplingCondition,
+    DecouplingConditionKind,
     check_conditions,
     design_decoupling,
     estimate_static_coupling,
@@ -16,7 +16,7 @@ from backend.tuning.decoupling import (
 from backend.tuning.gains import TuningError
 from tests.refusals import refused
 
-Kind = ConditionKind
+Kind = DecouplingConditionKind
 LAGS = (1.0, 3.0, 3.0, 1.0)
 """(s + 1)³."""
 
@@ -24,24 +24,27 @@ LAGS = (1.0, 3.0, 3.0, 1.0)
 def model_of(
     B_11: tuple[float, ...], B_12: tuple[float, ...], B_21: tuple[float, ...], B_22: tuple[float, ...]
 ) -> CoupledModel:
-    return CoupledModel(((1.0, 5.0, 10.0, 10.0, 5.0, 1.0),) * 2, ((B_11, B_12), (B_21, B_22)))
+    """Return a model with numerators in descending powers."""
+    numerators = ((B_11[::-1], B_12[::-1]), (B_21[::-1], B_22[::-1]))
+    return CoupledModel(((1.0, 5.0, 10.0, 10.0, 5.0, 1.0),) * 2, numerators)
 
 
 def with_errors(model: CoupledModel, **errors: tuple[float, ...]) -> CoupledModel:
-    """Return the model with independent standard errors of the named numerators."""
-    deviations = []
+    """Return the model with independent standard errors of the named numerators, in descending powers."""
+    deviations: list[float] = []
     for i in (0, 1):
-        deviations += [0.0] * (len(model.denominators[i]) - 1)
         for j in (0, 1):
-            deviations += errors.get(f"B_{i + 1}{j + 1}", (0.0,) * len(model.numerators[i][j]))
+            deviations += errors.get(f"B_{i + 1}{j + 1}", (0.0,) * len(model.numerators[i][j]))[::-1]
     return CoupledModel(model.denominators, model.numerators, np.diag(np.square(deviations)))
 
 
-def failed(model: CoupledModel) -> set[ConditionKind]:
+def failed(model: CoupledModel) -> set[DecouplingConditionKind]:
     return {condition.kind for condition in design_decoupling(model).failed}
 
 
-def find(conditions: tuple[Condition, ...], kind: ConditionKind, element: str = "") -> Condition:
+def find(
+    conditions: tuple[DecouplingCondition, ...], kind: DecouplingConditionKind, element: str = ""
+) -> DecouplingCondition:
     [found] = [c for c in conditions if c.kind == kind and element in ("", c.element)]
     return found
 
@@ -154,8 +157,8 @@ def wood_berry() -> CoupledModel:
     """Return the distillation column of Wood and Berry (1973) without its dead times; time in minutes."""
     T = ((16.7, 21.0), (10.9, 14.4))
     K = ((12.8, -18.9), (6.6, -19.4))
-    denominators = tuple(tuple(np.polymul([a, 1.0], [b, 1.0])) for a, b in T)
-    numerators = tuple(((k_1 * b, k_1), (k_2 * a, k_2)) for (k_1, k_2), (a, b) in zip(K, T, strict=True))
+    denominators = tuple((1.0, a + b, a * b) for a, b in T)
+    numerators = tuple(((k_1, k_1 * b), (k_2, k_2 * a)) for (k_1, k_2), (a, b) in zip(K, T, strict=True))
     return CoupledModel(denominators, numerators)  # type: ignore[arg-type]
 
 
@@ -182,9 +185,9 @@ def test_the_wood_berry_column_is_decoupled_with_its_pairing_only() -> None:
 def skogestad(relative_error: float) -> CoupledModel:
     """Return the high-purity column of Skogestad and Morari (1988), relative gain 35, with errors of its gains."""
     K = ((87.8, -86.4), (108.2, -109.6))
-    errors = [0.0, *(relative_error * abs(k) for k in K[0]), 0.0, *(relative_error * abs(k) for k in K[1])]
+    errors = [relative_error * abs(k) for row in K for k in row]
     numerators = tuple(((k_1,), (k_2,)) for k_1, k_2 in K)
-    return CoupledModel(((75.0, 1.0),) * 2, numerators, np.diag(np.square(errors)))  # type: ignore[arg-type]
+    return CoupledModel(((1.0, 75.0),) * 2, numerators, np.diag(np.square(errors)))  # type: ignore[arg-type]
 
 
 def test_an_ill_conditioned_column_is_decoupled_but_states_its_uncertainty() -> None:
@@ -216,11 +219,10 @@ def test_the_distance_of_one_zero_is_that_of_the_nearest_coefficient() -> None:
 def test_no_model_within_the_distance_has_an_unstable_zero_and_some_beyond_have() -> None:
     rng = np.random.default_rng(11)
     B_11, root = np.array([1.0, 0.5, 2.0, 0.4]), rng.standard_normal((4, 4)) * 0.05
-    covariance = np.zeros((22, 22))
-    covariance[5:9, 5:9] = root @ root.T
     exact = model_of(tuple(B_11), (0.1, 0.0, 0.0, 0.0), (0.1, 0.0), (1.0, 1.0))
-    size = sum([5, 4, 4, 5, 2, 2])
-    model = CoupledModel(exact.denominators, exact.numerators, covariance[:size, :size])
+    covariance = np.zeros((12, 12))
+    covariance[:4, :4] = (root @ root.T)[::-1, ::-1]
+    model = CoupledModel(exact.denominators, exact.numerators, covariance)
     distance = find(check_conditions(model), Kind.DIAGONAL_ZEROS, "g_11").distance
     assert 0.1 < distance < 50.0
     directions = rng.standard_normal((20_000, 4))
@@ -279,15 +281,15 @@ def test_a_model_that_is_not_finite_is_refused() -> None:
     with refused(TuningError, "coefficient_not_finite", name="B_12", power=1):
         model_of((1.0, 1.0), (math.nan, 0.0), (0.0,), (1.0,))
     with refused(TuningError, "coefficient_not_finite", name="A_2", power=1, value=math.inf):
-        CoupledModel(((1.0, 1.0), (math.inf, 1.0)), (((1.0,), (0.0,)), ((0.0,), (1.0,))))
+        CoupledModel(((1.0, 1.0), (1.0, math.inf)), (((1.0,), (0.0,)), ((0.0,), (1.0,))))
     with refused(TuningError, "polynomial_without_coefficients", name="B_21"):
         model_of((1.0,), (0.0,), (), (1.0,))
     with refused(TuningError, "denominator_not_normalized", name="A_1", constant=0.0):
-        CoupledModel(((1.0, 0.0), (1.0, 1.0)), (((1.0,), (0.0,)), ((0.0,), (1.0,))))
+        CoupledModel(((0.0, 1.0), (1.0, 1.0)), (((1.0,), (0.0,)), ((0.0,), (1.0,))))
 
 
 def test_a_covariance_that_is_none_is_refused() -> None:
-    numerators = (((1.0,), (0.0,)), ((0.0,), (1.0,)))
+    numerators = (((1.0, 0.5), (0.0,)), ((0.0, 0.1), (1.0,)))
     denominators = ((1.0, 1.0), (1.0, 1.0))
     with refused(TuningError, "covariance_of_wrong_shape", shape=(5, 5), count=6):
         CoupledModel(denominators, numerators, np.eye(5))

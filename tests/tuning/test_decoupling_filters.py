@@ -13,7 +13,7 @@ from backend.control.dynamic_decoupler import (
     DynamicDecoupler,
     HighPassSection,
     ResidualFilter,
-    Section,
+    SecondOrderSection,
     StaticPart,
     interpolate_decoupler,
 )
@@ -107,10 +107,10 @@ def lever(lam_1: float, lam_2: float, tau_2: float, sigma: float, static: float 
     """
     P = np.array([4e-4, 5e-3, 1.0])
     lags_1, lags_2 = (times(*[np.array([lam, 1.0])] * 4) for lam in (lam_1, lam_2))
-    A = tuple(times(P, lags_1, lags_2))
+    A = tuple(times(P, lags_1, lags_2)[::-1])
     B_12 = tau_2 * (lags_1 - lags_2) + static * lags_1
     B_21 = sigma * (lags_2 - lags_1) + static * lags_2
-    return CoupledModel((A, A), ((tuple(lags_2), tuple(B_12)), (tuple(B_21), tuple(lags_1))))
+    return CoupledModel((A, A), ((tuple(lags_2[::-1]), tuple(B_12[::-1])), (tuple(B_21[::-1]), tuple(lags_1[::-1]))))
 
 
 class Process:
@@ -120,9 +120,9 @@ class Process:
         self.parts = {}
         for i in (0, 1):
             for j in (0, 1):
-                numerator = np.trim_zeros(np.array(model.numerators[i][j]), "f")
+                numerator = np.trim_zeros(np.array(model.numerators[i][j][::-1]), "f")
                 if numerator.size:
-                    zeros, poles, gain = signal.tf2zpk(numerator, model.denominators[i])
+                    zeros, poles, gain = signal.tf2zpk(numerator, model.denominators[i][::-1])
                     continuous = signal.zpk2ss(zeros, poles, gain)
                     A, B, C, _, _ = signal.cont2discrete(continuous, T_s, "zoh")
                     self.parts[i, j] = (A, B[:, 0], C[0], np.zeros(len(A)))
@@ -242,7 +242,7 @@ def test_filters_fade_out_towards_a_static_entry() -> None:
 
 def test_a_schedule_that_is_unstable_between_entries_is_refused() -> None:
     """Each entry has one strong filter; halfway both are, and their loop has a gain above 1."""
-    strong = ResidualFilter(HighPassSection(1.01, 0.01, 9.0, 9.0), Section(2.0, 1.0, 1.0, 2.0, 1.0))
+    strong = ResidualFilter(HighPassSection(1.01, 0.01, 9.0, 9.0), SecondOrderSection(2.0, 1.0, 1.0, 2.0, 1.0))
     ends = [
         DynamicDecoupler(strong, NO_FILTER, STATIC_ONLY.static),
         DynamicDecoupler(NO_FILTER, strong, STATIC_ONLY.static),
