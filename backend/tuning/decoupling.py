@@ -66,7 +66,7 @@ class DecouplingCondition:
 
     @property
     def is_certain(self) -> bool:
-        """Return whether the model's uncertainty leaves the condition as it is."""
+        """Return whether 2 standard errors of the model leave the condition as it is."""
         return self.distance >= CERTAIN_DISTANCE
 
     def describe(self) -> Message:
@@ -113,7 +113,7 @@ class Decoupling:
 
     @property
     def uncertain(self) -> tuple[DecouplingCondition, ...]:
-        """Return the conditions that hold, but not within 2 standard errors of the model."""
+        """Return the conditions that hold, but that 2 standard errors of the model reverse."""
         return tuple(condition for condition in self.conditions if condition.holds and not condition.is_certain)
 
     @property
@@ -450,7 +450,7 @@ def _check_gains(
     if not coupling.any() or coupling.size < diagonal.size:
         high = 0.0
     else:
-        high = abs(coupling[0] / diagonal[0]) if coupling.size == diagonal.size else math.inf
+        high = float(abs(coupling[0] / diagonal[0])) if coupling.size == diagonal.size else math.inf
     omega = _imaginary_axis(coupling, diagonal, np.array([1.0, 2.0 / period_s]))
     with np.errstate(divide="ignore", invalid="ignore"):
         gains = np.append(np.abs(np.polyval(coupling, 1j * omega) / np.polyval(diagonal, 1j * omega)), high)
@@ -461,10 +461,10 @@ def _check_gains(
         DecouplingCondition(
             DecouplingConditionKind.HIGH_FREQUENCY_GAIN,
             "g_12 g_21/(g_11 g_22)",
-            float(high),
+            high,
             high < 1.0,
             float(distances[-1]),
-            messages.high_frequency_gain_condition(gain=float(high)),
+            messages.high_frequency_gain_condition(gain=high),
         ),
         DecouplingCondition(
             DecouplingConditionKind.SAMPLED_GAIN,

@@ -63,11 +63,9 @@ def make_residual_filter(B_coupling: Array, B_diagonal: Array, period_s: float =
     second_numerator, second_denominator = _unit_polynomial(second_zeros, s_c), _unit_polynomial(fast, s_c)
     first_denominator = _unit_polynomial(slow, 1.0)
     first_numerator = np.append(np.real(np.poly(first_zeros)), 0.0)
-    # Both products equal the polynomials up to a factor, which the first section gets.
-    at = 1.0 / period_s
-    wanted = np.polyval(numerator, at) / np.polyval(B_diagonal, at)
-    found = np.polyval(first_numerator, at) * np.polyval(second_numerator, at)
-    found /= np.polyval(first_denominator, at) * np.polyval(second_denominator, at)
+    # Both products equal the polynomials up to the ratio of the leading coefficients, which the first section gets.
+    wanted = numerator[0] / B_diagonal[0]
+    found = first_numerator[0] * second_numerator[0] / (first_denominator[0] * second_denominator[0])
     first_numerator *= wanted / found
     (b_0, b_1, _), (a_1, a_2) = _sample(first_numerator, first_denominator, period_s)
     second_b, second_a = _sample(second_numerator, second_denominator, period_s)
@@ -87,10 +85,7 @@ def _split_poles(poles: NDArray[np.complex128]) -> tuple[NDArray[np.complex128],
         single = int(np.flatnonzero(~is_pair)[0])
         return poles[[single]], np.delete(poles, single)
     if is_pair.all() or not is_pair.any():
-        # Two conjugate pairs of equal modulus may alternate after sorting.
-        first = np.flatnonzero(np.isclose(poles, poles[0]) | np.isclose(poles, poles[0].conj()))[:2]
-        first = first if is_pair.any() else np.array([0, 1])
-        return poles[first], np.delete(poles, first)
+        return poles[:2], poles[2:]  # conjugates have equal moduli, so that a stable sort keeps them adjacent
     pair, real = poles[is_pair], poles[~is_pair]
     return (pair, real) if abs(pair[0]) <= abs(real[0]) else (real, pair)
 
