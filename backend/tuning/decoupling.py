@@ -52,7 +52,7 @@ class DecouplingConditionKind(StrEnum):
 
 @dataclass(frozen=True)
 class DecouplingCondition:
-    """DecouplingCondition of the decoupling: its ``figure`` of ``element``, and whether it holds.
+    """Condition of the dynamic decoupling: its ``figure`` of ``element``, and whether it holds.
 
     ``distance`` [standard errors of the model] to the boundary; inf for an exact model.
     """
