@@ -27,7 +27,7 @@ typedef struct { double k[3], x_slack, x_solid, F_solid, k_solid; } Spring;
 typedef struct { Joint joint; Motor motor_A, motor_B; Spring spring_A, spring_B; } Dynamics;
 typedef struct { double q, q_dot, theta_A, omega_A, tau_A, theta_B, omega_B, tau_B; } PlantState; /* no bristles: friction is smoothed */
 typedef struct { double joint_step, motor_step, force_step, voltage_step; int64_t delay_ticks; } SensorModel;
-typedef struct { double F_max, q_max; } SafetyBounds;
+typedef struct { double F_max, q_max, deflection_max; } SafetyBounds;
 typedef struct { Dynamics plant; SensorModel sensors; SafetyBounds bounds; double u_max; } Rig;
 typedef struct { double q, theta_A, theta_B, F_A, F_B, S_true; } Measurement;
 typedef struct {
@@ -45,7 +45,7 @@ typedef struct { double k_p, k_i, k_r; } OuterGains;
 typedef struct { double integral; } OuterState;
 typedef struct { const double *entries; int64_t count, width; int64_t interpolate; } Schedule;
 typedef struct { double r_m, r_j, k_0, k_1, k_2; } Decoupler;
-typedef struct { double F_floor, F_ceiling, q_max; } Envelope;
+typedef struct { double F_floor, F_ceiling, q_max, S_floor, S_ceiling; } Envelope;
 typedef struct { double K_A, T_A, K_B, T_B, K_t_A, K_t_B, J_j, B_j, tau_e_A, tau_e_B; } Model; /* of a trajectory: unused */
 typedef struct { double budget; Model model; double dead_zone_q, dead_zone_S; } Tracking;
 typedef struct {
