@@ -44,7 +44,7 @@ def noise_free_input(problem: FitProblem) -> NoiseFreeInput | None:
     if record.controller is not None:
         feedback = _feedback(record, record.controller)
         return lambda parameters: _centre(_closed_loop_input(problem, parameters, feedback, external))
-    fitted = _centre(_fitted_input(record, external))
+    fitted = _centre(fit_input(record.u, external[:, np.newaxis], record.period_s))
     return lambda parameters: fitted
 
 
@@ -95,18 +95,18 @@ def _closed_loop_input(problem: FitProblem, parameters: Signal, feedback: Signal
     return np.asarray(sosfilt(sections, from_outside))
 
 
-def _fitted_input(record: Record, r: Signal) -> Signal:
-    """Return the least-squares fit of u by r through a bank of lags.
+def fit_input(u: Signal, r: Signal, period_s: float) -> Signal:
+    """Return the least-squares fit of u (n,) by external signals r (n, m) through a bank of lags.
 
     The lags range from one sample to a fifth of the record.
     """
     from scipy.signal import lfilter
 
-    decays = np.exp(-record.period_s / np.geomspace(record.period_s, record.duration_s / 5.0, _LAGS_OF_FIT))
-    lagged = [lfilter([0.0, 1.0 - decay], [1.0, -decay], r) for decay in decays]
-    count = r.size
+    count = u.size
+    decays = np.exp(-period_s / np.geomspace(period_s, count * period_s / 5.0, _LAGS_OF_FIT))
+    lagged = [lfilter([0.0, 1.0 - decay], [1.0, -decay], r, axis=0) for decay in decays]
     columns = np.column_stack((np.ones(count), np.linspace(-1.0, 1.0, count), r, *lagged))
-    return np.asarray(columns @ least_squares(columns, record.u, rcond=1e-10))
+    return np.asarray(columns @ least_squares(columns, u, rcond=1e-10))
 
 
 # Frequency -----------------------------------------------------------------------------------------

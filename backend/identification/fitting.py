@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from backend.identification import messages
 from backend.identification.excitation import NoiseFreeInput, noise_free_input
 from backend.identification.initialization import (
     WHITE,
+    Evaluation,
     FitEvaluation,
     FitProblem,
     apply_step,
@@ -118,6 +120,8 @@ COARSE = 0.1
 _FLOOR = 1e-11
 _MAX_DAMPING = 1e8
 
+AnyEvaluation = TypeVar("AnyEvaluation", bound=Evaluation)
+
 
 def fit_output_error(problem: FitProblem, start: Signal, tolerance: float = FINE) -> FitEvaluation:
     """Minimise the output error from ``start``; return the evaluation of the minimum.
@@ -125,9 +129,17 @@ def fit_output_error(problem: FitProblem, start: Signal, tolerance: float = FINE
     Stops when the possible improvement is below ``tolerance`` standard errors. Raises NotConvergedError,
     UnstableModelError.
     """
-    found, converged = _descend(problem, start, tolerance, MAX_ITERATIONS)
+    return minimize_output_error(FitEvaluation(problem, start), tolerance)
+
+
+def minimize_output_error(start: AnyEvaluation, tolerance: float = FINE) -> AnyEvaluation:
+    """Return the evaluation of the minimum, for any number of inputs.
+
+    Raises NotConvergedError, UnstableModelError.
+    """
+    found, converged = _descend(start, tolerance, MAX_ITERATIONS)
     if not converged:
-        raise NotConvergedError(messages.no_minimum_within(structure=problem.structure.name, iterations=MAX_ITERATIONS))
+        raise NotConvergedError(messages.no_minimum_within(structure=start.structure.name, iterations=MAX_ITERATIONS))
     return found
 
 
@@ -136,19 +148,25 @@ def adapt(problem: FitProblem, start: Signal) -> FitEvaluation:
 
     The search ends after a few iterations in any case.
     """
-    return _descend(problem, start, COARSE, FEW_ITERATIONS)[0]
+    return adapt_evaluation(FitEvaluation(problem, start))
 
 
-def _descend(problem: FitProblem, start: Signal, tolerance: float, iterations: int) -> tuple[FitEvaluation, bool]:
-    here, damping = FitEvaluation(problem, start), 1e-3
-    signal = float(np.linalg.norm(problem.whiten(problem.record.y)))
+def adapt_evaluation(start: AnyEvaluation) -> AnyEvaluation:
+    """Improve good parameters as :func:`adapt`, for any number of inputs."""
+    return _descend(start, COARSE, FEW_ITERATIONS)[0]
+
+
+def _descend(start: AnyEvaluation, tolerance: float, iterations: int) -> tuple[AnyEvaluation, bool]:
+    here, damping, linear = start, 1e-3, start.linear
+    signal = float(np.linalg.norm(start.output))
     for _ in range(iterations):
         factor, right = _factorise(here)
         remaining = float(np.linalg.norm(right))
         if remaining < tolerance * here.noise or remaining < _FLOOR * signal:
             return here, True
         while True:
-            trial = _evaluate(problem, apply_step(here.parameters, _damped_step(factor, right, damping)))
+            step = _damped_step(factor, right, damping, linear)
+            trial = _evaluate(here, apply_step(here.parameters, step, linear))
             if trial is not None and trial.cost < here.cost:
                 here, damping = trial, damping / 10.0
                 break
@@ -158,7 +176,7 @@ def _descend(problem: FitProblem, start: Signal, tolerance: float, iterations: i
     return here, False
 
 
-def _factorise(here: FitEvaluation) -> tuple[Signal, Signal]:
+def _factorise(here: Evaluation) -> tuple[Signal, Signal]:
     """Return triangle, shape (p, p), and right-hand side of the sensitivities.
 
     The nuisance terms are projected out.
@@ -168,18 +186,18 @@ def _factorise(here: FitEvaluation) -> tuple[Signal, Signal]:
     return factor[first : first + size, first : first + size], factor[first : first + size, first + size]
 
 
-def _damped_step(factor: Signal, right: Signal, damping: float) -> Signal:
+def _damped_step(factor: Signal, right: Signal, damping: float, linear: int) -> Signal:
     # Scaled columns: otherwise the unit of the output would decide which of them is negligible.
     size = np.linalg.norm(factor, axis=0)
     size[size == 0.0] = 1.0
     stacked = np.vstack((factor / size, np.sqrt(damping) * np.eye(size.size)))
     step = least_squares(stacked, np.concatenate((right, np.zeros(right.size)))) / size
-    return np.asarray(step / max(1.0, float(np.max(np.abs(step[1:]))) / 1.5))
+    return np.asarray(step / max(1.0, float(np.max(np.abs(step[linear:]))) / 1.5))
 
 
-def _evaluate(problem: FitProblem, parameters: Signal) -> FitEvaluation | None:
+def _evaluate(here: AnyEvaluation, parameters: Signal) -> AnyEvaluation | None:
     try:
-        return FitEvaluation(problem, parameters)
+        return here.move_to(parameters)
     except UnstableModelError:
         return None
 
@@ -198,12 +216,12 @@ def _evaluate(problem: FitProblem, parameters: Signal) -> FitEvaluation | None:
 # no derivatives of the measured output, and it is valid for constrained structures as well.
 
 
-def fit_refined_iv(start: FitEvaluation, noise_free_input: NoiseFreeInput) -> FitEvaluation:
+def fit_refined_iv(start: AnyEvaluation, noise_free_input: NoiseFreeInput) -> AnyEvaluation:
     """Iterate from ``start`` to the solution.
 
     Raises NotConvergedError, UnstableModelError.
     """
-    here, signal = start, float(np.linalg.norm(start.problem.whiten(start.problem.record.y)))
+    here, signal = start, float(np.linalg.norm(start.output))
     for _ in range(MAX_ITERATIONS):
         matrix, right = _equation(here, here.instruments(noise_free_input(here.parameters)))
         remaining = float(np.linalg.norm(right))
@@ -211,11 +229,11 @@ def fit_refined_iv(start: FitEvaluation, noise_free_input: NoiseFreeInput) -> Fi
             return here
         here = _stable_step(here, least_squares(matrix, right))
     raise NotConvergedError(
-        messages.refined_iv_not_converged(structure=start.problem.structure.name, iterations=MAX_ITERATIONS)
+        messages.refined_iv_not_converged(structure=start.structure.name, iterations=MAX_ITERATIONS)
     )
 
 
-def _equation(here: FitEvaluation, instruments: Signal) -> tuple[Signal, Signal]:
+def _equation(here: Evaluation, instruments: Signal) -> tuple[Signal, Signal]:
     """Return Q'J, shape (p, p), and Q'e.
 
     Q is an orthonormal basis of the instruments without nuisance.
@@ -226,15 +244,15 @@ def _equation(here: FitEvaluation, instruments: Signal) -> tuple[Signal, Signal]
     return factor[rows, first + size : first + 2 * size], factor[rows, -1]
 
 
-def _stable_step(here: FitEvaluation, step: Signal) -> FitEvaluation:
+def _stable_step(here: AnyEvaluation, step: Signal) -> AnyEvaluation:
     """Take the step, shortened to a factor e per parameter, halved until stable."""
-    step = step / max(1.0, float(np.max(np.abs(step[1:]))))
+    step = step / max(1.0, float(np.max(np.abs(step[here.linear :]))))
     for _ in range(30):
         try:
-            return FitEvaluation(here.problem, apply_step(here.parameters, step))
+            return here.move_to(apply_step(here.parameters, step, here.linear))
         except UnstableModelError:
             step = step / 2.0
-    raise NotConvergedError(messages.refined_iv_unstable(structure=here.problem.structure.name))
+    raise NotConvergedError(messages.refined_iv_unstable(structure=here.structure.name))
 
 
 # Fit -----------------------------------------------------------------------------------------------

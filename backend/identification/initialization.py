@@ -1,9 +1,10 @@
 """Starting values of a fit, and linearization of a structure at its parameters."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import cast
+from typing import Self, cast
 
 import numpy as np
 
@@ -93,28 +94,46 @@ class FitProblem:
         return replace(self, whitening=WHITE, low_pass=0.0)
 
 
-class FitEvaluation:
-    """A problem at one set of parameters, with the data of steps and standard errors.
+class Evaluation(ABC):
+    """Model error at one set of parameters, with the data of steps and standard errors.
 
-    ``nuisance`` shape (n, order + 2) and ``error`` shape (n,), both whitened; ``cost`` is the norm of the part of the
-    error that the nuisance terms cannot explain. Raises UnstableModelError.
+    ``error`` shape (n,) and ``nuisance`` shape (n, order + 2), both whitened, the columns of ``nuisance`` with norm 1;
+    ``cost`` is the norm of the part of the error that the nuisance terms cannot explain.
     """
 
-    def __init__(self, problem: FitProblem, parameters: Signal) -> None:
-        self.problem = problem
+    linear = 1
+    """Number of parameters, the first ones, that are linear; all others are positive."""
+
+    def __init__(self, parameters: Signal, error: Signal, nuisance: Signal) -> None:
         self.parameters = parameters
-        dead_time_s = problem.structure.dead_time(parameters)
-        if not dead_time_s <= problem.first * problem.record.period_s:
-            raise UnstableModelError(messages.dead_time_too_long(dead_time_s=dead_time_s))
-        self._from_rest = problem.whiten(problem.simulate(parameters, problem.record.u))
-        if not np.all(np.isfinite(self._from_rest)):
-            raise UnstableModelError(messages.simulation_overflows())
-        self.error = problem.whiten(problem.record.y) - self._from_rest
-        columns = problem.nuisance(parameters)
-        self._size = np.linalg.norm(columns, axis=0)
-        self.nuisance = columns / self._size
+        self.error = error
+        self._size = np.linalg.norm(nuisance, axis=0)
+        self.nuisance = nuisance / self._size
         self._factor = triangle(np.column_stack((self.nuisance, self.error)))
         self.cost = float(abs(self._factor[-1, -1]))
+
+    @property
+    @abstractmethod
+    def structure(self) -> Structure:
+        """Structure of the denominator."""
+
+    @property
+    @abstractmethod
+    def output(self) -> Signal:
+        """Whitened output of the record, shape (n,)."""
+
+    @property
+    @abstractmethod
+    def sensitivities(self) -> Signal:
+        """Derivatives of the whitened model output with respect to z, shape (n, p)."""
+
+    @abstractmethod
+    def instruments(self, u: Signal) -> Signal:
+        """Differentiate the whitened response to a noise-free input with respect to z; shape (n, p)."""
+
+    @abstractmethod
+    def move_to(self, parameters: Signal) -> Self:
+        """Evaluate the same problem at other parameters. Raises UnstableModelError."""
 
     @property
     def noise(self) -> float:
@@ -128,14 +147,53 @@ class FitEvaluation:
         It is fitted together with offset and ramp.
         """
         solution = least_squares(self._factor[:-1, :-1], self._factor[:-1, -1])
-        return np.asarray(solution / self._size)[: self.problem.structure.order]
+        return np.asarray(solution / self._size)[: self.structure.order]
+
+    @property
+    def free_response(self) -> Signal:
+        """Whitened response to the initial state, shape (n,)."""
+        order = self.structure.order
+        return np.asarray(self.nuisance[:, :order] @ (self.initial * self._size[:order]))
+
+    def without_nuisance(self, columns: Signal) -> Signal:
+        """Return the part of the columns (n, m) orthogonal to the nuisance terms."""
+        count = self.nuisance.shape[1]
+        factor = triangle(np.column_stack((self.nuisance, columns)))
+        return np.asarray(columns - self.nuisance @ least_squares(factor[:count, :count], factor[:count, count:]))
+
+
+class FitEvaluation(Evaluation):
+    """A problem of one input at one set of parameters. Raises UnstableModelError."""
+
+    def __init__(self, problem: FitProblem, parameters: Signal) -> None:
+        self.problem = problem
+        dead_time_s = problem.structure.dead_time(parameters)
+        if not dead_time_s <= problem.first * problem.record.period_s:
+            raise UnstableModelError(messages.dead_time_too_long(dead_time_s=dead_time_s))
+        self._from_rest = problem.whiten(problem.simulate(parameters, problem.record.u))
+        if not np.all(np.isfinite(self._from_rest)):
+            raise UnstableModelError(messages.simulation_overflows())
+        super().__init__(parameters, self.output - self._from_rest, problem.nuisance(parameters))
+
+    @property
+    def structure(self) -> Structure:
+        """Structure of the problem."""
+        return self.problem.structure
+
+    @property
+    def output(self) -> Signal:
+        """Whitened output of the record, shape (n,)."""
+        return self.problem.whiten(self.problem.record.y)
+
+    def move_to(self, parameters: Signal) -> "FitEvaluation":
+        """Evaluate the same problem at other parameters. Raises UnstableModelError."""
+        return FitEvaluation(self.problem, parameters)
 
     @cached_property
     def sensitivities(self) -> Signal:
         """Derivatives of the whitened model output with respect to z, shape (n, p)."""
-        order, u = self.problem.structure.order, self.problem.record.u
-        whole = self._from_rest + self.nuisance[:, :order] @ (self.initial * self._size[:order])
-        in_logarithms = self.problem.sensitivities(self.parameters, u, self.initial, whole)
+        whole = self._from_rest + self.free_response
+        in_logarithms = self.problem.sensitivities(self.parameters, self.problem.record.u, self.initial, whole)
         return np.column_stack((self._from_rest / self.parameters[0], in_logarithms))
 
     def instruments(self, u: Signal) -> Signal:
@@ -144,12 +202,6 @@ class FitEvaluation:
         clean = self.problem.whiten(self.problem.simulate(self.parameters, u))
         in_logarithms = self.problem.sensitivities(self.parameters, u, rest, clean)
         return np.column_stack((clean / self.parameters[0], in_logarithms))
-
-    def without_nuisance(self, columns: Signal) -> Signal:
-        """Return the part of the columns (n, m) orthogonal to the nuisance terms."""
-        count = self.nuisance.shape[1]
-        factor = triangle(np.column_stack((self.nuisance, columns)))
-        return np.asarray(columns - self.nuisance @ least_squares(factor[:count, :count], factor[:count, count:]))
 
 
 def least_squares(columns: Signal, right: Signal, rcond: float | None = None) -> Signal:
@@ -180,14 +232,14 @@ def _factor(columns: Signal) -> Signal:
     return cast(Signal, np.linalg.qr(columns, mode="r"))
 
 
-def apply_step(parameters: Signal, step: Signal) -> Signal:
-    """Return parameters after a step in z: gain added, others multiplied by e^step."""
-    return np.concatenate((parameters[:1] + step[:1], parameters[1:] * np.exp(step[1:])))
+def apply_step(parameters: Signal, step: Signal, linear: int = 1) -> Signal:
+    """Return parameters after a step in z: linear ones added, others multiplied by e^step."""
+    return np.concatenate((parameters[:linear] + step[:linear], parameters[linear:] * np.exp(step[linear:])))
 
 
-def difference(first: Signal, second: Signal) -> Signal:
+def difference(first: Signal, second: Signal, linear: int = 1) -> Signal:
     """Return the step in z from the first parameters to the second."""
-    return np.concatenate((second[:1] - first[:1], np.log(second[1:] / first[1:])))
+    return np.concatenate((second[:linear] - first[:linear], np.log(second[linear:] / first[linear:])))
 
 
 # Start ---------------------------------------------------------------------------------------------
@@ -359,7 +411,7 @@ def _state_variable_filter(problem: FitProblem) -> list[Signal]:
     u, y = problem.whiten(record.u), problem.whiten(record.y)
     trend = np.ones(count), np.linspace(-1.0, 1.0, count)
     for cut_off in np.geomspace(5.0 / record.duration_s, 0.5 / record.period_s, _CUT_OFFS):
-        derivatives = _filtered_derivatives(y, cut_off * record.period_s / 2.0, order)
+        derivatives = filter_derivatives(y, cut_off * record.period_s / 2.0, order)
         u_filtered = simulate_response(np.full(order, -cut_off, dtype=np.complex128), record.period_s, u)
         settled = min(count // 4, int(3.0 * order / (cut_off * record.period_s)))
         columns = (*(-d for d in derivatives[1:]), *trend, u_filtered, derivatives[0])
@@ -377,7 +429,7 @@ def _state_variable_filter(problem: FitProblem) -> list[Signal]:
     return found
 
 
-def _filtered_derivatives(y: Signal, alpha: float, order: int) -> list[Signal]:
+def filter_derivatives(y: Signal, alpha: float, order: int) -> list[Signal]:
     """Return (s/w)^i / (s/w + 1)^N applied to y for i = 0 .. N.
 
     It uses Tustin's rule with alpha = w period / 2.

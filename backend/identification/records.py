@@ -151,7 +151,7 @@ class Record:
         for name in ("u", "y", "r", "t"):
             values = getattr(self, name)
             if values is not None:
-                object.__setattr__(self, name, _signal(name, values))
+                object.__setattr__(self, name, read_signal(name, values))
         check_period(self.period_s)
         if self.t is not None:
             check_time(self.t, self.period_s)
@@ -164,7 +164,7 @@ class Record:
         if self.u.size < MIN_SAMPLES:
             raise RecordError(messages.record_too_short(length=self.u.size, minimum=MIN_SAMPLES))
         for name in ("u", "y"):
-            _check_moves(name, getattr(self, name))
+            check_moves(name, getattr(self, name))
         _check_saturation(self.u, self.y)
 
     @property
@@ -304,7 +304,8 @@ def find_wrap(values: Signal, least: int = 2) -> tuple[int, float] | None:
     return (int(np.argmax(jumps)), turn) if travels and float(np.max(np.abs(on))) <= 2.0 * rest + 0.05 * span else None
 
 
-def _signal(name: str, values: ArrayLike) -> Signal:
+def read_signal(name: str, values: ArrayLike) -> Signal:
+    """Return the samples of a signal as a read-only array (n,). Raises RecordError."""
     array = np.ascontiguousarray(values, dtype=np.float64)
     if array.ndim != 1:
         raise RecordError(messages.signal_is_not_one_column(name=name, dimensions=array.ndim))
@@ -373,7 +374,8 @@ def check_time(t: Signal, period_s: float) -> None:
         )
 
 
-def _check_moves(name: str, values: Signal) -> None:
+def check_moves(name: str, values: Signal) -> None:
+    """Raise RecordError for a constant signal (n,)."""
     spread = float(np.ptp(values))
     if spread <= 1e-12 * max(1.0, float(np.max(np.abs(values)))):
         raise RecordError(messages.signal_is_constant(name=name, peak_to_peak=spread, minimum=1e-12))

@@ -188,12 +188,12 @@ def sandwich(instruments: Signal, sensitivities: Signal, residuals: Signal) -> S
         return covariance
     bread = np.linalg.inv((instruments / scale[0]).T @ (sensitivities / scale[1]))
     moments = instruments / scale[0] * residuals[:, np.newaxis]
-    middle = _long_run(moments)
+    middle = long_run_covariance(moments)
     covariance = bread @ middle @ bread.T / np.outer(scale[1], scale[1])
     return np.asarray((covariance + covariance.T) / 2.0)
 
 
-def _long_run(moments: Signal) -> Signal:
+def long_run_covariance(moments: Signal) -> Signal:
     """Return the sum over lags of Bartlett weight times covariance, shape (p, p).
 
     The sum is evaluated in the frequency domain.
