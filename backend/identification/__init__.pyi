@@ -44,8 +44,22 @@ from .motor import (
     validate_motor_step,
 )
 from .records import Controller, DataFileError, FileFault, IdentificationError, Record, RecordError, StructureError
+from .relative_gain import relative_gain, relative_gain_std
 from .spring import SpringIdentification, identify_spring, read_load_sweep
 from .tables import Columns, DecimalMark, read_csv
+from .two_channel import identify_two_channels
+from .two_channel_excitation import InputCorrelation, build_mls_pair, build_multisine_pair, correlate_inputs
+from .two_channel_models import (
+    EntryEstimate,
+    FrequencyMatrix,
+    OutputEstimate,
+    OutputModel,
+    RelativeGain,
+    TwoChannelIdentification,
+    TwoChannelModel,
+)
+from .two_channel_record import TwoChannelRecord
+from .two_input_fit import OutputStructure
 from .validation import MAX_GAIN_ERROR_PERCENT, MIN_COUNTS, RESIDUAL_LEVEL, critical_deviation, read_whiteness_test
 
 __all__ = [
@@ -64,21 +78,28 @@ __all__ = [
     "DataFileError",
     "DecimalMark",
     "DenominatorKind",
+    "EntryEstimate",
     "Estimate",
     "FileFault",
     "FirstOrder",
     "FrequencyCheck",
+    "FrequencyMatrix",
     "Grade",
     "IdentificationError",
     "ImportSummary",
+    "InputCorrelation",
     "LoadFrictionFit",
     "LoadFrictionResult",
     "Method",
     "Model",
     "ModelComparison",
     "MotorIdentification",
+    "OutputEstimate",
+    "OutputModel",
+    "OutputStructure",
     "Record",
     "RecordError",
+    "RelativeGain",
     "Residuals",
     "Selection",
     "SpringIdentification",
@@ -86,7 +107,13 @@ __all__ = [
     "StructureError",
     "TensionRun",
     "TimeChoice",
+    "TwoChannelIdentification",
+    "TwoChannelModel",
+    "TwoChannelRecord",
     "VoltageStepRecord",
+    "build_mls_pair",
+    "build_multisine_pair",
+    "correlate_inputs",
     "count_fitted_samples",
     "critical_deviation",
     "decode_text",
@@ -99,6 +126,7 @@ __all__ = [
     "identify_motor",
     "identify_motor_record",
     "identify_spring",
+    "identify_two_channels",
     "import_record",
     "joint_method_name",
     "judge_motor",
@@ -109,6 +137,8 @@ __all__ = [
     "read_mat",
     "read_parquet",
     "read_whiteness_test",
+    "relative_gain",
+    "relative_gain_std",
     "simulate_response",
     "split_last_part",
     "spread_percent",

@@ -94,6 +94,36 @@ def output_is_saturated(*, limit: float, moving_percent: float, maximum_percent:
     )
 
 
+# Records of two channels ---------------------------------------------------------------------------
+
+
+@catalogue_entry
+def signal_is_not_two_columns(*, name: str, shape: tuple[int, ...]) -> str:
+    return f"{name} has the shape {shape}, but must have two columns, one per channel: give an array of shape (n, 2)"
+
+
+@catalogue_entry
+def inputs_correlated(*, first: str, second: str, correlation: float, lag_s: float, maximum: float) -> str:
+    return (
+        f"{first} and {second} are not independent: their correlation is {correlation:.2f} at a lag of "
+        f"{Quantity(lag_s, 's'):.3g}, but may be at most {maximum:g} in magnitude; excite both channels with different "
+        "signals, such as a sequence and the same one half a period later"
+    )
+
+
+@catalogue_entry
+def half_period_too_short(*, length: int, memory: int) -> str:
+    return (
+        f"half a period of the sequence has {length} samples, but must be longer than the memory of the loop of "
+        f"{memory} samples: use more bits or longer chips"
+    )
+
+
+@catalogue_entry
+def lines_not_resolved(*, lines: int, maximum: int) -> str:
+    return f"the multisines have {lines} lines, but the number must be 2 to {maximum}: use fewer lines"
+
+
 # Models --------------------------------------------------------------------------------------------
 
 
@@ -126,6 +156,16 @@ def better_structure(
         f"{format_percent(fit_percent)} % on the record, while this structure has "
         f"{format_percent(fit_percent_before)} % (BIC lower by {BIC_gain:.3g}, F = {F:.3g})"
     )
+
+
+@catalogue_entry
+def dead_time_with_two_inputs(*, structure: str) -> str:
+    return f"{structure} has a dead time, which a model of two inputs cannot have: use a structure without"
+
+
+@catalogue_entry
+def numerator_degree_out_of_range(*, structure: str, degree: int, maximum: int) -> str:
+    return f"a numerator of {structure} cannot have the degree {degree}: choose 0 to {maximum}"
 
 
 # Fits ----------------------------------------------------------------------------------------------
@@ -197,6 +237,11 @@ def dead_time_with_controller(*, structure: str) -> str:
 @catalogue_entry
 def no_minimum_found(*, structure: str) -> str:
     return f"{structure}: no minimum found; try a simpler structure"
+
+
+@catalogue_entry
+def method_for_one_input_only(*, method: str) -> str:
+    return f"the method {method} estimates models of one input only: choose default, srivc, rivc or output_error"
 
 
 # Methods -------------------------------------------------------------------------------------------
@@ -494,6 +539,48 @@ def residuals_not_white(*, misfit_percent: float) -> str:
     return (
         f"the residuals ({misfit_percent:.2g} % of the motion) are not white: the model omits an effect that the "
         "standard errors do not cover"
+    )
+
+
+@catalogue_entry
+def entry_not_distinguishable_from_zero(
+    *, input: str, output: str, gain: float, gain_std: float, statistic: float, bound: float
+) -> str:
+    return (
+        f"the effect of {input} on {output} is not distinguishable from zero: static gain {gain:.3g} ± {gain_std:.2g}, "
+        f"statistic {statistic:.3g} of all coefficients, bound {bound:.3g} at the 1 % level"
+    )
+
+
+@catalogue_entry
+def entry_described(*, gain: float, gain_std: float, motion_percent: float, output: str) -> str:
+    return f"static gain {gain:.4g} ± {gain_std:.2g}, which causes {motion_percent:.2g} % of the motion of {output}"
+
+
+@catalogue_entry
+def coupling_uncertain(*, output: str, std_percent: float) -> str:
+    return f"the standard error of the coupling corresponds to {std_percent:.3g} % of the motion of {output}"
+
+
+@catalogue_entry
+def noise_fed_back_to_input(*, input: str, output: str, misfit_percent: float) -> str:
+    return (
+        f"the record comes from a closed loop: {input} reacts to the noise of {output}, which is not white, so the "
+        f"gains may be biased by as much as the share of this noise in the motion, {misfit_percent:.2g} %, regardless "
+        "of their standard errors: give the setpoints or the excitation of the loop"
+    )
+
+
+@catalogue_entry
+def pairing_interacts(*, value: float, std: float) -> str:
+    return f"the relative gain is {value:.3g} ± {std:.2g}, below 0.5: control each output with the other input"
+
+
+@catalogue_entry
+def pairing_uncertain(*, value: float, std: float) -> str:
+    return (
+        f"the relative gain is {value:.3g} ± {std:.2g} and may be below 0.5, where the other pairing interacts less: "
+        "record for longer"
     )
 
 

@@ -193,6 +193,27 @@ def sandwich(instruments: Signal, sensitivities: Signal, residuals: Signal) -> S
     return np.asarray((covariance + covariance.T) / 2.0)
 
 
+def joint_sandwich(fits: Sequence[tuple[Signal, Signal, Signal]]) -> Signal:
+    """Return the covariance of several solutions whose residuals may be correlated.
+
+    Each fit has instruments, sensitivities, both (n, p_i), and residuals (n,), as in :func:`sandwich`; the result has
+    the shape (sum of p_i, sum of p_i). Raises LinAlgError for parameters without effect.
+    """
+    breads, moments = [], []
+    for instruments, sensitivities, residuals in fits:
+        scale = np.linalg.norm(instruments, axis=0), np.linalg.norm(sensitivities, axis=0)
+        bread = np.linalg.inv((instruments / scale[0]).T @ (sensitivities / scale[1])) / scale[1][:, np.newaxis]
+        breads.append(bread)
+        moments.append(instruments / scale[0] * residuals[:, np.newaxis])
+    middle = long_run_covariance(np.column_stack(moments))
+    edges = np.cumsum([0, *(bread.shape[0] for bread in breads)])
+    bread = np.zeros((edges[-1], edges[-1]))
+    for block, start, stop in zip(breads, edges[:-1], edges[1:], strict=True):
+        bread[start:stop, start:stop] = block
+    covariance = bread @ middle @ bread.T
+    return np.asarray((covariance + covariance.T) / 2.0)
+
+
 def long_run_covariance(moments: Signal) -> Signal:
     """Return the sum over lags of Bartlett weight times covariance, shape (p, p).
 
