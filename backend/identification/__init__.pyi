@@ -47,7 +47,7 @@ from .records import Controller, DataFileError, FileFault, IdentificationError, 
 from .relative_gain import relative_gain, relative_gain_std
 from .spring import SpringIdentification, identify_spring, read_load_sweep
 from .tables import Columns, DecimalMark, read_csv
-from .two_channel import identify_two_channels
+from .two_channel import identify_two_channels, select_structure
 from .two_channel_excitation import InputCorrelation, build_mls_pair, build_multisine_pair, correlate_inputs
 from .two_channel_models import (
     EntryEstimate,
@@ -139,6 +139,7 @@ __all__ = [
     "read_whiteness_test",
     "relative_gain",
     "relative_gain_std",
+    "select_structure",
     "simulate_response",
     "split_last_part",
     "spread_percent",

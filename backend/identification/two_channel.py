@@ -1,5 +1,7 @@
 """Identification of a 2 x 2 model from one run that excites both channels."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from backend.identification import messages
@@ -8,11 +10,14 @@ from backend.identification.fitting import Method
 from backend.identification.initialization import WHITE
 from backend.identification.records import (
     IdentificationError,
+    NoStartError,
     NotConvergedError,
     Signal,
+    UnstableModelError,
     coarse_resolution,
     find_wrap,
     quantum,
+    rest_at_limit,
 )
 from backend.identification.relative_gain import relative_gain, relative_gain_std
 from backend.identification.two_channel_models import (
@@ -46,6 +51,7 @@ from backend.identification.validation import (
 
 _LINES = 60
 _FASTEST = 30.0
+_ROUNDING = 1e-7
 
 
 def identify_two_channels(
@@ -69,6 +75,39 @@ def identify_two_channels(
         raise NotConvergedError(
             messages.structure_not_determined(structure=" and ".join(one.denominator for one in structures))
         ) from None
+
+
+def select_structure(
+    record: TwoChannelRecord,
+    row: int,
+    candidates: Sequence[OutputStructure],
+    method: Method = Method.DEFAULT,
+) -> OutputStructure:
+    """Return the candidate for output ``row`` (0 or 1) whose model has the smallest BIC.
+
+    Candidates that give no model are left out. Raises NotConvergedError if none gives one, and StructureError.
+    """
+    found, reasons = [], []
+    for shape in candidates:
+        problem = TwoInputProblem(record.period_s, record.u, record.y[:, row], shape, WHITE)
+        try:
+            with np.errstate(all="ignore"):
+                fit = fit_two_inputs(problem, method, record.r)
+        except (NoStartError, NotConvergedError, UnstableModelError) as error:
+            reasons.append(str(error))
+        except np.linalg.LinAlgError:
+            reasons.append(messages.structure_not_determined(structure=shape.denominator))
+        else:
+            found.append((information_criteria(fit.residuals, _count_parameters(fit))[1], shape))
+    if not found:
+        raise NotConvergedError(messages.no_structure_fits(reasons=reasons))
+    return min(found, key=lambda pair: pair[0])[1]
+
+
+def _count_parameters(found: TwoInputFit) -> int:
+    """Return the number of fitted values: parameters, initial state, offset, ramp and noise model."""
+    problem = found.problem
+    return len(problem.shape.names) + problem.structure.order + 2 + problem.whitening.size - 1
 
 
 def _identify(
@@ -151,9 +190,7 @@ class _OutputResult:
     def estimate(self) -> OutputEstimate:
         """Return the quality of the row."""
         found, shape = self.found, self.found.problem.shape
-        AIC, BIC, FPE = information_criteria(
-            found.residuals, len(shape.names) + found.problem.structure.order + 2 + found.problem.whitening.size - 1
-        )
+        AIC, BIC, FPE = information_criteria(found.residuals, _count_parameters(found))
         return OutputEstimate(
             output=self.record.outputs[self.row],
             std_errors=dict(zip(shape.names, self.std.tolist(), strict=True)),
@@ -176,7 +213,7 @@ class _OutputResult:
 
         place = self.found.problem.shape.numerator_slice(channel)
         numerator = self.model.numerator(channel)
-        wald = _compute_wald(numerator, self.covariance[place, place])
+        wald = _compute_wald(numerator, self.covariance[place, place], self._find_smallest_coefficients(place))
         bound = float(chi2.ppf(1.0 - RESIDUAL_LEVEL, numerator.size))
         gain, gain_std = float(numerator[0]), float(self.std[place.start])
         has_gain = abs(gain) > SIGNIFICANT_STD * gain_std
@@ -205,6 +242,7 @@ class _OutputResult:
             has_known_sensor=self.y_resolution is not None,
             counts=None if self.y_resolution is None else float(np.ptp(self.motion)) / self.y_resolution,
             wrap=self._wrap(),
+            at_limit=rest_at_limit(self.record.u[:, channel], self.record.y[:, self.row]),
             is_fed_back=self._is_fed_back(channel, gain),
         )
         return EntryEstimate(
@@ -221,6 +259,13 @@ class _OutputResult:
             first_order=first_order,
             motion_percent=data.motion_percent,
             verdict=judge_entry(data),
+        )
+
+    def _find_smallest_coefficients(self, place: slice) -> Signal:
+        """Return the coefficients that move the output by no more than the rounding of the fit."""
+        solution = self.found.solution
+        return np.asarray(
+            _ROUNDING * np.linalg.norm(solution.output) / np.linalg.norm(solution.sensitivities[:, place], axis=0)
         )
 
     def _relative_errors(self) -> dict[str, float]:
@@ -247,8 +292,12 @@ class _OutputResult:
         return self.record.r is None and is_coloured and has_noise_feedback(self.record.u[:, channel], self.left, gain)
 
 
-def _compute_wald(coefficients: Signal, covariance: Signal) -> float:
-    """Return b' C^-1 b, chi-squared with as many degrees of freedom as coefficients if b is zero."""
+def _compute_wald(coefficients: Signal, covariance: Signal, smallest: Signal) -> float:
+    """Return b' C^-1 b, chi-squared with as many degrees of freedom as coefficients if b is zero.
+
+    ``smallest`` are coefficients below which b is rounding: without noise, C would be as small.
+    """
+    covariance = covariance + np.diag(smallest**2)
     size = np.sqrt(np.diag(covariance))
     scaled = coefficients / size
     return float(scaled @ np.linalg.solve(covariance / np.outer(size, size), scaled))

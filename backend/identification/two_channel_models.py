@@ -280,9 +280,9 @@ def compute_frequency_matrix(model: TwoChannelModel, covariance: Signal, omega: 
         magnitude_std=_to_curves(magnitude * _deviation(relative.real, covariance)),
         phase_std_deg=_to_curves(np.degrees(_deviation(relative.imag, covariance))),
         std=_to_curves(np.sqrt(np.maximum(np.einsum("mii->mi", spread).real, 0.0)).reshape(-1, 2, 2)),
-        rga_magnitude=tuple(np.abs(r).tolist()),
-        rga_phase_deg=tuple(np.degrees(np.angle(r)).tolist()),
-        rga_std=tuple(relative_gain_std(G, spread).tolist()),
+        rga_magnitude=_to_figures(np.abs(r)),
+        rga_phase_deg=_to_figures(np.degrees(np.angle(r))),
+        rga_std=_to_figures(relative_gain_std(G, spread)),
     )
 
 
@@ -294,8 +294,13 @@ def _deviation(gradient: Signal, covariance: Signal) -> Signal:
 
 def _to_curves(values: Signal) -> CurveMatrix:
     """Return the curves of each entry of matrices (m, 2, 2)."""
-    (first, second), (third, fourth) = np.moveaxis(values, 0, -1).tolist()
-    return (tuple(first), tuple(second)), (tuple(third), tuple(fourth))
+    (first, second), (third, fourth) = np.moveaxis(values, 0, -1)
+    return (_to_figures(first), _to_figures(second)), (_to_figures(third), _to_figures(fourth))
+
+
+def _to_figures(values: Signal) -> Figures:
+    """Return numbers; None for those that are not finite, such as the phase of a zero entry."""
+    return tuple(value if np.isfinite(value) else None for value in values.tolist())
 
 
 def compute_first_order(row: OutputModel, channel: int, covariance: Signal) -> FirstOrder:

@@ -7,6 +7,7 @@ import numpy as np
 
 from backend.identification import messages
 from backend.identification.models import FirstOrder, Grade, Verdict, worst_grade
+from backend.identification.records import RestAtLimit
 from backend.identification.two_channel_models import EntryEstimate, RelativeGain
 from backend.identification.validation import (
     CAUTION_MISFIT_PERCENT,
@@ -21,6 +22,7 @@ from backend.identification.validation import (
     Finding,
     grade_value,
 )
+from plant import Message
 
 SIGNIFICANT_STD = 3.0
 """Distance from zero, in standard errors, of a static gain that is used."""
@@ -42,7 +44,8 @@ class EntryData:
     - ``is_white``, ``is_independent``: results of the residual tests, of this input; ``rounding``: the residuals are no
       larger than rounding; ``has_known_sensor``: the resolution of the output is known.
     - ``counts``: peak-to-peak of the output in counts, None if unknown; ``wrap``: size of a turn of an angle that
-      wraps; ``is_fed_back``: the input reacts to noise of the output, and the loop's external signals are unknown.
+      wraps; ``at_limit``: rest of the output at its extreme while this input moves.
+    - ``is_fed_back``: the input reacts to noise of the output, and the loop's external signals are unknown.
     """
 
     input: str
@@ -64,12 +67,18 @@ class EntryData:
     has_known_sensor: bool
     counts: float | None
     wrap: float | None
+    at_limit: RestAtLimit | None
     is_fed_back: bool
 
     @property
     def is_zero(self) -> bool:
         """Whether the entry is not distinguishable from zero."""
         return self.wald <= self.wald_bound
+
+    @property
+    def is_unexplained(self) -> bool:
+        """Whether the residuals indicate unmodelled effects larger than rounding."""
+        return not (self.is_white and self.is_independent) and not self.is_negligible
 
     @property
     def is_negligible(self) -> bool:
@@ -83,25 +92,30 @@ def judge_entry(entry: EntryData) -> Verdict:
     for grade in (Grade.UNUSABLE, Grade.CAUTION):
         if any(found is grade for found, _ in findings):
             ordered = sorted(findings, key=lambda finding: finding[0] is not Grade.UNUSABLE)
-            return Verdict(grade, tuple(reason for _, reason in ordered))
-    if entry.is_zero:
-        return Verdict(
-            Grade.USABLE,
-            (
-                messages.entry_not_distinguishable_from_zero(
-                    input=entry.input,
-                    output=entry.output,
-                    gain=entry.gain,
-                    gain_std=entry.gain_std,
-                    statistic=entry.wald,
-                    bound=entry.wald_bound,
-                ),
-            ),
-        )
+            reasons = [reason for _, reason in ordered]
+            return Verdict(grade, (*reasons, _describe_zero(entry)) if _is_absent(entry) else tuple(reasons))
+    if _is_absent(entry):
+        return Verdict(Grade.USABLE, (_describe_zero(entry),))
     described = messages.entry_described(
         gain=entry.gain, gain_std=entry.gain_std, motion_percent=entry.motion_percent, output=entry.output
     )
     return Verdict(Grade.USABLE, (messages.fit_on_validation_data(fit_percent=entry.fit), described))
+
+
+def _is_absent(entry: EntryData) -> bool:
+    """Return whether the entry is a coupling that is not distinguishable from zero."""
+    return entry.is_zero and not entry.is_direct
+
+
+def _describe_zero(entry: EntryData) -> Message:
+    return messages.entry_not_distinguishable_from_zero(
+        input=entry.input,
+        output=entry.output,
+        gain=entry.gain,
+        gain_std=entry.gain_std,
+        statistic=entry.wald,
+        bound=entry.wald_bound,
+    )
 
 
 def _signals(entry: EntryData) -> Iterator[Finding]:
@@ -109,6 +123,18 @@ def _signals(entry: EntryData) -> Iterator[Finding]:
         yield Grade.UNUSABLE, messages.output_wraps(jump=entry.wrap)
     if entry.counts is not None and not entry.counts >= MIN_COUNTS:
         yield Grade.UNUSABLE, messages.too_little_motion(counts=entry.counts, minimum=MIN_COUNTS)
+    rest = entry.at_limit
+    if rest is not None and entry.is_direct and entry.is_unexplained:
+        if rest.abrupt:
+            yield (
+                Grade.UNUSABLE,
+                messages.output_stops_at_limit(limit=rest.limit, time_percent=rest.share_percent),
+            )
+        else:
+            yield (
+                Grade.CAUTION,
+                messages.output_rests_at_limit(limit=rest.limit, moving_percent=rest.moving_percent),
+            )
     if entry.is_fed_back and not entry.is_negligible:
         grade = grade_value(entry.misfit, 0.0, MAX_STD_PERCENT)
         yield (
@@ -132,21 +158,13 @@ def _gain(entry: EntryData) -> Iterator[Finding]:
     if not entry.is_direct:
         # An error of a coupling matters as much as the motion of the output that it stands for.
         grade = grade_value(entry.gain_std_percent, CAUTION_STD_PERCENT, MAX_STD_PERCENT)
-        if grade is not Grade.USABLE:
+        if not np.isfinite(entry.gain_std_percent):
+            yield grade, messages.parameter_undetermined(parameter="K")
+        elif grade is not Grade.USABLE:
             yield grade, messages.coupling_uncertain(output=entry.output, std_percent=entry.gain_std_percent)
         return
     if entry.is_zero:
-        yield (
-            Grade.UNUSABLE,
-            messages.entry_not_distinguishable_from_zero(
-                input=entry.input,
-                output=entry.output,
-                gain=entry.gain,
-                gain_std=entry.gain_std,
-                statistic=entry.wald,
-                bound=entry.wald_bound,
-            ),
-        )
+        yield Grade.UNUSABLE, _describe_zero(entry)
         return
     if entry.first_order is None:
         yield Grade.UNUSABLE, messages.parameter_undetermined(parameter="K")
@@ -176,7 +194,7 @@ def _denominator(entry: EntryData) -> Iterator[Finding]:
 
 
 def _residuals(entry: EntryData) -> Iterator[Finding]:
-    if (entry.is_white and entry.is_independent) or entry.is_negligible or not np.isfinite(entry.misfit):
+    if not entry.is_unexplained or not np.isfinite(entry.misfit):
         return
     if not entry.is_independent or entry.has_known_sensor:
         # With known resolution the sensor is known too: larger, coloured residuals are friction, not noise.

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from backend.identification import messages
-from backend.identification.excitation import NoiseFreeInput, fit_input
+from backend.identification.excitation import fit_input
 from backend.identification.fitting import (
     COARSE,
     FINE,
@@ -465,7 +465,7 @@ def fit_two_inputs(problem: TwoInputProblem, method: Method, external: Signal | 
 
     ``external`` (n, 2) are signals of the loop free of noise, if there is one; the refined-IV methods reconstruct both
     inputs from them. The methods are those of one input; DEFAULT and RIVC model coloured residuals as autoregressive,
-    DEFAULT only if the inputs then do not explain the residuals. Raises NoStartError, NotConvergedError,
+    DEFAULT only if the residuals then are independent of both inputs. Raises NoStartError, NotConvergedError,
     StructureError.
     """
     if method not in METHODS:
@@ -483,7 +483,9 @@ def fit_two_inputs(problem: TwoInputProblem, method: Method, external: Signal | 
         coloured = _fit_with_noise_model(first)
     except (NotConvergedError, UnstableModelError):
         return first
-    return coloured if coloured.is_independent_of_inputs or not first.is_independent_of_inputs else first
+    # Residuals that still depend on an input come from missing dynamics, not from noise: whitening them would trade
+    # accuracy at low frequency, where the model is used, for accuracy near the sampling rate.
+    return coloured if coloured.is_independent_of_inputs else first
 
 
 def refit_part(found: TwoInputFit, start: int, stop: int) -> TwoInputEvaluation:
@@ -529,8 +531,11 @@ def _with_instruments(near: TwoInputEvaluation, drive: Signal | None) -> TwoInpu
     """Continue with refined IV if there are instruments; if it fails, output error."""
     if drive is None:
         return TwoInputFit(near, None)
-    noise_free: NoiseFreeInput = lambda _: drive  # noqa: E731 - the type of the callable is the point
+
+    def noise_free_input(_: Signal) -> Signal:
+        return drive
+
     try:
-        return TwoInputFit(fit_refined_iv(near, noise_free), drive)
+        return TwoInputFit(fit_refined_iv(near, noise_free_input), drive)
     except (NotConvergedError, UnstableModelError):
         return TwoInputFit(minimize_output_error(near, FINE), None)
