@@ -218,10 +218,8 @@ class _OutputResult:
         gain, gain_std = float(numerator[0]), float(self.std[place.start])
         has_gain = abs(gain) > SIGNIFICANT_STD * gain_std
         first_order = compute_first_order(self.model, channel, self.covariance) if has_gain else None
-        own = np.zeros_like(self.record.u)
-        own[:, channel] = self.record.u[:, channel]
-        size = float(np.linalg.norm(self.motion))
-        motion = 100.0 * float(np.std(self.model.simulate(own, self.record.period_s))) * np.sqrt(own.shape[0]) / size
+        u, motion = self.record.u[:, channel], float(np.std(self.motion))
+        caused = self.model.simulate_input(channel, u, self.record.period_s)
         data = EntryData(
             input=self.record.inputs[channel],
             output=self.record.outputs[self.row],
@@ -231,8 +229,8 @@ class _OutputResult:
             wald=wald,
             wald_bound=bound,
             first_order=first_order,
-            motion_percent=float(motion),
-            gain_std_percent=100.0 * gain_std * float(np.std(own[:, channel])) * float(np.sqrt(own.shape[0])) / size,
+            motion_percent=100.0 * float(np.std(caused)) / motion,
+            gain_std_percent=100.0 * gain_std * float(np.std(u)) / motion,
             relative_errors=self._relative_errors(),
             fit=self.fit,
             misfit=self._misfit(),
@@ -242,7 +240,7 @@ class _OutputResult:
             has_known_sensor=self.y_resolution is not None,
             counts=None if self.y_resolution is None else float(np.ptp(self.motion)) / self.y_resolution,
             wrap=self._wrap(),
-            at_limit=rest_at_limit(self.record.u[:, channel], self.record.y[:, self.row]),
+            at_limit=rest_at_limit(u, self.record.y[:, self.row]),
             is_fed_back=self._is_fed_back(channel, gain),
         )
         return EntryEstimate(

@@ -75,13 +75,14 @@ class OutputModel:
             gradient[:, :, i] = (_respond(shape, up, omega) - _respond(shape, down, omega)) / (2.0 * step)
         return gradient
 
+    def simulate_input(self, channel: int, u: Signal, period_s: float) -> Signal:
+        """Return the response from rest to one held input (n,), shape (n,)."""
+        columns = differentiated_responses(self.poles, period_s, u, self.structure.degrees[channel])
+        return np.asarray(columns @ self.numerator(channel))
+
     def simulate(self, u: Signal, period_s: float) -> Signal:
         """Return the response from rest to held inputs (n, 2), shape (n,)."""
-        forced = np.zeros(u.shape[0])
-        for channel, degree in enumerate(self.structure.degrees):
-            columns = differentiated_responses(self.poles, period_s, u[:, channel], degree)
-            forced += columns @ self.numerator(channel)
-        return forced
+        return self.simulate_input(0, u[:, 0], period_s) + self.simulate_input(1, u[:, 1], period_s)
 
 
 def _respond(shape: OutputStructure, vector: Signal, omega: Signal) -> Complex:

@@ -30,8 +30,10 @@ from backend.identification.validation import (
     fit_autoregression,
     has_noise_feedback,
     input_correlation,
+    joint_sandwich,
     judge,
     read_whiteness_test,
+    sandwich,
     whiteness,
 )
 from backend.models.identification import ACTUATOR_QUALITY
@@ -566,3 +568,23 @@ def test_a_record_shorter_than_its_regression_indicates_no_feedback(count: int) 
     for seed in range(50):
         random = np.random.default_rng(seed)
         assert not has_noise_feedback(random.standard_normal(count), random.standard_normal(count), 1.0)
+
+
+def test_the_joint_covariance_of_one_fit_is_its_own() -> None:
+    random = np.random.default_rng(8)
+    J = random.standard_normal((500, 3)) * [1.0, 1e3, 1e-4]
+    Z, e = J + 0.1 * random.standard_normal(J.shape) * [1.0, 1e3, 1e-4], random.standard_normal(500)
+    assert joint_sandwich([(Z, J, e)]) == pytest.approx(sandwich(Z, J, e), rel=1e-9)
+
+
+def test_the_joint_covariance_of_two_least_squares_fits_is_that_of_their_noises() -> None:
+    random = np.random.default_rng(9)
+    n, rho = 20_000, 0.6
+    first, second = random.standard_normal((n, 2)), random.standard_normal((n, 1))
+    second += first[:, :1]
+    e = random.multivariate_normal([0.0, 0.0], [[1.0, 2.0 * rho], [2.0 * rho, 4.0]], n)
+    found = joint_sandwich([(first, first, e[:, 0]), (second, second, e[:, 1])])
+    inverse = [np.linalg.inv(J.T @ J) for J in (first, second)]
+    cross = 2.0 * rho * inverse[0] @ first.T @ second @ inverse[1]
+    expected = np.block([[inverse[0], cross], [cross.T, 4.0 * inverse[1]]])
+    assert found == pytest.approx(expected, abs=0.05 / n)
