@@ -89,7 +89,7 @@ def _respond(shape: OutputStructure, vector: Signal, omega: Signal) -> Complex:
     s = 1j * omega
     denominator = np.polyval(shape.denominator_of(vector)[::-1], s)
     numerators = [np.polyval(vector[shape.numerator_slice(channel)][::-1], s) for channel in (0, 1)]
-    return np.column_stack(numerators) / denominator[:, np.newaxis]
+    return np.asarray(np.column_stack(numerators) / denominator[:, np.newaxis])
 
 
 @dataclass(frozen=True)

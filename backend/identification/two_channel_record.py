@@ -36,7 +36,7 @@ class TwoChannelRecord:
 
     def __post_init__(self) -> None:
         check_period(self.period_s)
-        externals = tuple(f"r of {name}" for name in self.inputs)
+        externals = f"r of {self.inputs[0]}", f"r of {self.inputs[1]}"
         names = {"u": self.inputs, "y": self.outputs, "r": externals}
         for field, columns in names.items():
             values = getattr(self, field)

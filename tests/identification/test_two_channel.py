@@ -416,7 +416,7 @@ def test_samples_that_are_not_finite_are_rejected(field: str, column: int, name:
     signals = {"u": u, "y": y, "r": u.copy()}
     signals[field][17, column] = np.nan
     with refused(RecordError, "samples_not_finite", name=name, count=1, first=17):
-        TwoChannelRecord(COARSE_S, memory_s=2.0, **signals)
+        TwoChannelRecord(COARSE_S, signals["u"], signals["y"], signals["r"], memory_s=2.0)
 
 
 def test_signals_of_a_wrong_shape_are_rejected() -> None:

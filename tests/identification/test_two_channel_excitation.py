@@ -57,7 +57,8 @@ def test_the_reported_correlation_covers_the_memory_and_finds_the_delay_beyond()
     assert len(within.lags_s) == len(within.correlation) == 201
     assert within.lags_s[0] == -within.lags_s[-1] == pytest.approx(-1.0)
     beyond = correlate_inputs(u, 0.001, 1.4)
-    assert (beyond.largest, beyond.largest_lag_s) == (pytest.approx(1.0, abs=0.01), pytest.approx(64 * chip * 0.001))
+    assert beyond.largest == pytest.approx(1.0, abs=0.01)
+    assert beyond.largest_lag_s == pytest.approx(64 * chip * 0.001)
 
 
 def test_the_correlation_at_a_lag_is_that_of_the_samples_that_overlap() -> None:

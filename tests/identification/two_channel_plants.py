@@ -1,7 +1,9 @@
 """Simulated actuators with two inputs and two outputs, by SciPy and by integration of the equations of motion."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,10 +62,10 @@ class LeverActuator:
     radius_m: float = 0.015
 
     def torque(self, delta: float, pivot_m: float) -> float:
-        return -self.K * self._ratio(pivot_m) ** 2 * np.sin(2.0 * delta)
+        return -self.K * self._ratio(pivot_m) ** 2 * math.sin(2.0 * delta)
 
     def stiffness(self, delta: float, pivot_m: float) -> float:
-        return 2.0 * self.K * self._ratio(pivot_m) ** 2 * np.cos(2.0 * delta)
+        return 2.0 * self.K * self._ratio(pivot_m) ** 2 * math.cos(2.0 * delta)
 
     def _ratio(self, pivot_m: float) -> float:
         return self.length_m / self.radius_m * pivot_m / (self.length_m - pivot_m)
@@ -102,7 +104,7 @@ class LeverActuator:
         motors = np.column_stack([respond([1.0], lags, r, period_s) for r in references.T])
         q_0, S_0 = self.rest(0.0, self.pivot_m)
 
-        def accelerate(state: Array, theta_1: float, pivot_m: float) -> Array:
+        def accelerate(theta_1: float, pivot_m: float, state: Array) -> Array:
             force = self.torque(state[0] - theta_1, pivot_m) + self.load_Nm - self.B * state[1]
             return np.array([state[1], force / self.J])
 
@@ -110,7 +112,7 @@ class LeverActuator:
         for k, (turned, shifted) in enumerate(motors):
             pivot_m = self.pivot_m + shifted
             found[k] = state[0] - q_0, self.stiffness(state[0] - turned, pivot_m) - S_0
-            state = _integrate(lambda x, at=turned, y=pivot_m: accelerate(x, at, y), state, period_s)
+            state = _integrate(partial(accelerate, turned, pivot_m), state, period_s)
         return found
 
 
