@@ -11,9 +11,9 @@ from backend.identification import messages
 from backend.identification.excitation import NoiseFreeInput, noise_free_input
 from backend.identification.initialization import (
     WHITE,
-    Evaluation,
     FitEvaluation,
     FitProblem,
+    ModelEvaluation,
     apply_step,
     difference,
     dominant_lag,
@@ -120,7 +120,7 @@ COARSE = 0.1
 _FLOOR = 1e-11
 _MAX_DAMPING = 1e8
 
-AnyEvaluation = TypeVar("AnyEvaluation", bound=Evaluation)
+AnyEvaluation = TypeVar("AnyEvaluation", bound=ModelEvaluation)
 
 
 def fit_output_error(problem: FitProblem, start: Signal, tolerance: float = FINE) -> FitEvaluation:
@@ -176,7 +176,7 @@ def _descend(start: AnyEvaluation, tolerance: float, iterations: int) -> tuple[A
     return here, False
 
 
-def _factorise(here: Evaluation) -> tuple[Signal, Signal]:
+def _factorise(here: ModelEvaluation) -> tuple[Signal, Signal]:
     """Return triangle, shape (p, p), and right-hand side of the sensitivities.
 
     The nuisance terms are projected out.
@@ -233,7 +233,7 @@ def fit_refined_iv(start: AnyEvaluation, noise_free_input: NoiseFreeInput) -> An
     )
 
 
-def _equation(here: Evaluation, instruments: Signal) -> tuple[Signal, Signal]:
+def _equation(here: ModelEvaluation, instruments: Signal) -> tuple[Signal, Signal]:
     """Return Q'J, shape (p, p), and Q'e.
 
     Q is an orthonormal basis of the instruments without nuisance.

@@ -94,7 +94,7 @@ class FitProblem:
         return replace(self, whitening=WHITE, low_pass=0.0)
 
 
-class Evaluation(ABC):
+class ModelEvaluation(ABC):
     """Model error at one set of parameters, with the data of steps and standard errors.
 
     ``error`` shape (n,) and ``nuisance`` shape (n, order + 2), both whitened, the columns of ``nuisance`` with norm 1;
@@ -162,7 +162,7 @@ class Evaluation(ABC):
         return np.asarray(columns - self.nuisance @ least_squares(factor[:count, :count], factor[:count, count:]))
 
 
-class FitEvaluation(Evaluation):
+class FitEvaluation(ModelEvaluation):
     """A problem of one input at one set of parameters. Raises UnstableModelError."""
 
     def __init__(self, problem: FitProblem, parameters: Signal) -> None:

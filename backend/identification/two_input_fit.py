@@ -17,7 +17,7 @@ from backend.identification.fitting import (
 )
 from backend.identification.initialization import (
     WHITE,
-    Evaluation,
+    ModelEvaluation,
     difference,
     filter_derivatives,
     least_squares,
@@ -213,7 +213,7 @@ class TwoInputProblem:
         return np.asarray(lfilter(self.whitening, [1.0], signal, axis=0)) if self.whitening.size > 1 else signal
 
 
-class TwoInputEvaluation(Evaluation):
+class TwoInputEvaluation(ModelEvaluation):
     """A problem of two inputs at one set of parameters. Raises UnstableModelError."""
 
     def __init__(self, problem: TwoInputProblem, parameters: Signal) -> None:

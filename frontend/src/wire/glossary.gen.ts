@@ -883,6 +883,20 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "Signal that an identification applies to the actuator.",
     "source": "docs/glossary.md"
   },
+  "concept:coupling": {
+    "kind": "concept",
+    "name": "coupling",
+    "term": "coupling",
+    "meaning": "Effect of an input on the output of the other channel.",
+    "source": "docs/glossary.md"
+  },
+  "concept:relative gain array (RGA)": {
+    "kind": "concept",
+    "name": "relative gain array (RGA)",
+    "term": "relative gain array (RGA)",
+    "meaning": "Static gain of each pair of input and output, relative to its gain with the other output held by its loop.",
+    "source": "docs/glossary.md"
+  },
   "concept:maximum-length sequence (PRBS)": {
     "kind": "concept",
     "name": "maximum-length sequence (PRBS)",
