@@ -207,10 +207,19 @@ class TwoInputProblem:
         return self.whiten(np.column_stack((free, np.ones(count), np.linspace(-1.0, 1.0, count))))
 
     def whiten(self, signal: Signal) -> Signal:
-        """Filter signals by the whitening polynomial along their samples."""
+        """Filter signals by the whitening polynomial; 0 before the first whole window.
+
+        Without the samples before the record, the first whitened errors would be several times larger than the others,
+        and mostly change the offset, and with it the static gains.
+        """
         from scipy.signal import lfilter
 
-        return np.asarray(lfilter(self.whitening, [1.0], signal, axis=0)) if self.whitening.size > 1 else signal
+        order = self.whitening.size - 1
+        if not order:
+            return signal
+        whitened = np.asarray(lfilter(self.whitening, [1.0], signal, axis=0))
+        whitened[:order] = 0.0
+        return whitened
 
 
 class TwoInputEvaluation(ModelEvaluation):
