@@ -75,9 +75,10 @@ async def _serve(
         supervision = Supervision()
         stack.push_async_callback(supervision.close)
 
-        from plant import load_parameters
+        from plant import load_parameters, require_tendons
 
         file_parameters = load_parameters(settings.params)
+        require_tendons(file_parameters)
         # A claimed database is refused before the rest of the service is imported.
         database, claim = _claim_database(settings, supervision, stack)
         from backend.app import bootstrap

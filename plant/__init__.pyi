@@ -101,6 +101,7 @@ from .parameters import (
     SpringParameters,
     load_parameters,
     parse_parameters,
+    require_tendons,
 )
 from .quantity import ESCAPE, PREFIXED, UNIT_MARK, Angle, Quantity, escape_quantities, quote, write_number
 from .replay import RecordedSamples, Replay, Signal, load_replay
@@ -242,6 +243,7 @@ __all__ = [
     "read_driver_version",
     "require_available",
     "require_possible_wall",
+    "require_tendons",
     "run_contract",
     "select_calibration",
     "sense_state",

@@ -105,6 +105,14 @@ def spring_table_falls(*, row: int, x: float, F: float) -> str:
 
 
 @catalogue_entry
+def tendons_required(*, name: str, mechanism: str) -> str:
+    return (
+        f"the parameter set {name} describes an actuator without tendons ({mechanism}); the dashboard and the "
+        "identifications require tendons with load cells: use sinew experiment with this set"
+    )
+
+
+@catalogue_entry
 def several_mechanisms(*, file: str, sections: Sequence[str]) -> str:
     return f"{file} must describe one mechanism, but has the sections {', '.join(sections)}; keep one of them"
 

@@ -612,6 +612,12 @@ def load_parameters(name_or_path: str | Path) -> PlantParameters:
     return parse_parameters(path.stem, document, path.name)
 
 
+def require_tendons(parameters: PlantParameters) -> None:
+    """Raise ParameterError for an actuator without tendons and load cells."""
+    if parameters.mechanism is not None:
+        raise ParameterError(messages.tendons_required(name=parameters.name, mechanism=parameters.mechanism_name))
+
+
 def parse_parameters(name: str, document: dict[str, Any], file: str = "") -> PlantParameters:
     """Return the set ``name`` from a document of ``to_document`` or a TOML file.
 

@@ -513,6 +513,7 @@ def actuator(
         return
     if "tension_N" in chosen:
         fail(messages.tensions_set_twice(), status=2)
+    _require_tendons(settings)
     base = load_active_tuning(settings)
     built = [
         _build_request(ActuatorIdentificationPlan, {**chosen, "tension_N": tension}, base)
@@ -538,8 +539,16 @@ def _run_identification(
     as_json: bool,
     combine: CombineRuns | None = None,
 ) -> None:
+    _require_tendons(settings)
     request, tuning = _build_request(plan, values, load_active_tuning(settings))
     run_headless(settings, request, tuning, out, as_json=as_json, combine=combine)
+
+
+def _require_tendons(settings: Settings) -> None:
+    """Raise ParameterError for an actuator without tendons: identifications need load cells."""
+    from plant import load_parameters, require_tendons
+
+    require_tendons(load_parameters(settings.params))
 
 
 def _build_request(

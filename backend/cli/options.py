@@ -34,7 +34,12 @@ StationName = Annotated[
     typer.Option("--station", help="Name of the rig, if several rigs share one database; also SINEW_STATION."),
 ]
 ParameterSet = Annotated[
-    str | None, typer.Option("--params", help="Parameter set: lab, lab-stick, ideal or a TOML file. [lab]")
+    str | None,
+    typer.Option(
+        "--params",
+        help="Parameter set: lab, lab-stick, ideal, for experiments also qbmove, bavs, awas2, maccepa; or a TOML "
+        "file. [lab]",
+    ),
 ]
 
 PlantName = Annotated[

@@ -222,6 +222,9 @@ def require_reach(compiled: CompiledExperiment, parameters: PlantParameters, lin
                 check_range("S_ref", S_ref, bounds.S_min, bounds.S_max, "N·m/rad", path=(*path, "S_ref"))
         q, S = final_references(segment, q, S)
     g, joint = parameters.geometry, parameters.make_dynamics().joint
+    if parameters.mechanism is not None and any(compiled.walls):
+        path = next(path for wall, path in zip(compiled.walls, compiled.wall_paths, strict=True) if wall is not None)
+        raise ExperimentError(messages.obstacles_require_tendons(), path, find_line(path, lines))
     for wall, path in zip(compiled.walls, compiled.wall_paths, strict=True):
         try:
             if wall is not None:

@@ -692,3 +692,8 @@ def largest_stiffness() -> str:
 @catalogue_entry
 def mean_rate_of_tension() -> str:
     return "Mean rate of change of the tension"
+
+
+@catalogue_entry
+def obstacles_require_tendons() -> str:
+    return "an obstacle requires an actuator with tendons: its largest damping follows from the largest tension"

@@ -344,6 +344,9 @@ class FaultDescriber:
             case fault_detection.NOT_FINITE | fault_detection.OUT_OF_BOUNDS:
                 return self.find_static_fault(checked, card_reading)
             case fault_detection.TRIPPED:
+                if self._mechanism is not None:
+                    deflection = elastic_deflection(self._mechanism, m.q, m.theta_A, m.theta_B)
+                    return Fault.SAFETY_MODULE, messages.deflection_at_trip(deflection=deflection, q=m.q)
                 return Fault.SAFETY_MODULE, messages.readings_at_trip(F_A=m.F_A, F_B=m.F_B, q=m.q)
             case fault_detection.IMPLAUSIBLE_READING:
                 return describe_implausible_reading(fault, state.previous, state.newest, m, command)

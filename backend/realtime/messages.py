@@ -433,6 +433,11 @@ def readings_at_trip(*, F_A: float, F_B: float, q: float) -> str:
 
 
 @catalogue_entry
+def deflection_at_trip(*, deflection: float, q: float) -> str:
+    return f"at the trip, {_format_reading('deflection', deflection, '', 'rad')}, {_format_reading('q', q, '', 'rad')}"
+
+
+@catalogue_entry
 def tendons_slack(*, F_A: float, F_B: float, minimum_N: float, duration_s: float) -> str:
     slack, taut = _format_tensions(F_A, F_B, lambda F: minimum_N > F)
     return f"{slack} below the limit of {minimum_N:g} N for more than {duration_s:g} s{taut}"

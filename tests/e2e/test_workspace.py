@@ -37,7 +37,8 @@ def laid_out(same_operator: Operator) -> Operator:
     edit = page.get_by_role("button", name=CHARTS["editLayout"], exact=True)
     if edit.get_attribute("aria-pressed") != "true":
         edit.click()
-    for old in page.get_by_role("combobox", name="Layout", exact=True).locator("optgroup[label=Own] option").all():
+    custom = f"optgroup[label={CHARTS['custom']}] option"
+    for old in page.get_by_role("combobox", name="Layout", exact=True).locator(custom).all():
         page.get_by_role("combobox", name="Layout", exact=True).select_option(old.inner_text())
         page.get_by_role("button", name=CHARTS["removeLayout"], exact=True).click()
     editor = page.get_by_role("region", name=CHARTS["editor"], exact=True)
