@@ -49,6 +49,7 @@ from backend.reports.provenance import (
     experiment_report,
     facts,
     format_figure,
+    has_tendons,
     lineage,
     parameter_section,
     read_or_none,
@@ -88,7 +89,7 @@ def compliance_report(source: RunData) -> Report:
 
 def tension_figures(source: RunData) -> tuple[Figure, ...]:
     """Return the figure of both tensions, none for an actuator without load cells."""
-    if "F_max" not in source.run.parameters.get("safety", {}):
+    if not has_tendons(source):
         return ()
     F_max = source.run.number("safety", "F_max")
     return (Figure("tension", tension_panel(source.columns, F_max, "tension"), messages.tension_figure()),)

@@ -51,6 +51,15 @@ def S_is_an_estimate() -> str:
 
 
 @catalogue_entry
+def S_of_mechanism() -> str:
+    return (
+        "S is always the second derivative of the identified mechanism's energy at the measured angles, not a direct "
+        "measurement of stiffness. Its relative error is that of the identified mechanism, and no law based on angles "
+        "can detect it."
+    )
+
+
+@catalogue_entry
 def subtitle_of_run(*, run_id: int, started_at: datetime, plant: str, parameters: str) -> str:
     return f"Run {run_id} · {started_at:%Y-%m-%d %H:%M} UTC · {plant}, parameters “{parameters}”"
 
@@ -213,11 +222,12 @@ def cascade_controller(
     interpolate: bool,
     U_plan: float,
     k_ext: float,
+    has_tendons: bool,
 ) -> str:
     """``bank`` is None for the gains of the geometry, ``U_plan`` 0 for lambda motion."""
-    gains = (
-        "geometric gains, 20 N operating point" if bank is None else f"gains of bank “{bank}” version {bank_version}"
-    )
+    gains = "geometric gains, 20 N operating point" if has_tendons else "gains of the mechanism's geometry"
+    if bank is not None:
+        gains = f"gains of bank “{bank}” version {bank_version}"
     text = ("cascade, " if is_position_loop_closed else "cascade with the position loop open, ") + gains
     if entries > 1:
         text += f", {'interpolating' if interpolate else 'switching'} between operating points"

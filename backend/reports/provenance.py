@@ -119,6 +119,7 @@ def _describe_cascade(source: RunData, law: Law) -> str:
         interpolate=bool(loop.interpolate),
         U_plan=loop.budget,
         k_ext=loop.k_ext or 0.0,
+        has_tendons=has_tendons(source),
     )
 
 
@@ -529,6 +530,27 @@ def _quote_toml(words: str) -> str:
 # The common structure of the reports of all experiments with criteria.
 
 
+def has_tendons(source: RunData) -> bool:
+    """Return whether the actuator of the run has tendons with load cells."""
+    return "spring" in source.run.parameters
+
+
+def _select_notes(source: RunData, notes: tuple[str, ...]) -> Iterator[str]:
+    """Yield the notes that apply to the actuator of the run."""
+    for note in notes:
+        if has_tendons(source) or note not in _NOTES_ON_TENDONS:
+            yield note
+        elif note == messages.S_is_an_estimate():
+            yield messages.S_of_mechanism()
+
+
+_NOTES_ON_TENDONS = (
+    messages.S_is_an_estimate(),
+    messages.both_motors_double_the_gains(),
+    messages.tension_after_pretension(),
+)
+
+
 def experiment_report(
     source: RunData, title: str, name: str, results: Iterable[ReportSection], notes: tuple[str, ...]
 ) -> Report:
@@ -550,7 +572,7 @@ def experiment_report(
                 messages.settings_and_origin(), (settings_table(source), *reproduction(source), *lineage(source))
             ),
             *results,
-            ReportSection("Notes", tuple(Paragraph(note) for note in notes)),
+            ReportSection("Notes", tuple(Paragraph(note) for note in _select_notes(source, notes))),
             parameter_section(source),
         ),
         footer=messages.footer(software=source.run.software, report=name, run_id=source.run.id),

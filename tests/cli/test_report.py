@@ -626,3 +626,38 @@ def test_settings_that_no_request_allows_are_rejected_at_import(settings: dict[s
     check_run_settings(run_with())
     with pytest.raises(ImportRefusedError):
         check_run_settings(run_with(**settings))
+
+
+# Actuators without tendons: the experiment, its report, and the commands that require tendons.
+
+
+@pytest.mark.parametrize("name", ["awas2", "maccepa"])
+def test_tracking_on_an_actuator_without_tendons_passes_and_is_verified(
+    name: str, command: Command, tmp_path: Path
+) -> None:
+    out, here = tmp_path / "out", tmp_path / "here"
+    played = command("experiment", "tracking", "--params", name, "--json", "--out", str(out), folder=here)
+    assert played.returncode == 0, played.stderr
+    text = unescape((out / "report.html").read_text(encoding="utf-8"))
+    assert "second derivative of the identified mechanism's energy" in text
+    for of_tendons in ("Smallest tendon tension", "20 N operating point", "k_2 r_m"):
+        assert of_tendons not in text
+    with (out / "data.csv").open(encoding="utf-8") as lines:
+        rows = [line.rstrip("\n").split(",") for line in lines if not line.startswith("#")]
+    assert {row[rows[0].index("F_A")] for row in rows[1:]} <= {"", "nan", "NaN"}
+    verified = command("report", "verify", str(out / "report.html"), folder=tmp_path / "elsewhere")
+    assert verified.returncode == 0, verified.stderr
+
+
+@pytest.mark.parametrize("words", [("serve", "--port", "0"), ("identify", "motor"), ("identify", "actuator")])
+def test_commands_that_require_tendons_are_refused_without_them(words: tuple[str, ...], tmp_path: Path) -> None:
+    refused = sinew(*words, "--params", "qbmove", folder=tmp_path)
+    assert refused.returncode == 1
+    assert "qbmove" in refused.stderr
+    assert "(bidirectional)" in refused.stderr
+
+
+def test_an_obstacle_is_refused_without_tendons(command: Command, tmp_path: Path) -> None:
+    refused = command("experiment", "impact", "--params", "qbmove", folder=tmp_path)
+    assert refused.returncode == 1
+    assert "obstacle" in refused.stderr
