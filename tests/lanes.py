@@ -36,7 +36,7 @@ COMPUTING = (os.cpu_count() or 1) + 1
 LANES = {
     "page": ("-m", "page", "-p", "no:xdist", "-p", "no:schemathesis"),
     "live": ("-m", "live and not page", "-p", "no:xdist"),
-    "pure": ("-m", "not live", "-n", str(COMPUTING), "--dist", "worksteal", "-p", "no:schemathesis"),
+    "pure": ("-m", "not live", "-n", str(COMPUTING), "--dist", "worksteal", "-p", "no:schemathesis", "--durations=60"),
 }
 """Worksteal leaves the tests of a file beside each other, in the process that has what they share. Schemathesis, which
 takes a process seconds to load, makes requests to a live service only."""

@@ -116,7 +116,9 @@ def test_signals_are_searched_and_dragged_onto_panels(laid_out: Operator) -> Non
     expect(figure.get_by_role("button", name="S_true", exact=True)).to_be_visible()
 
     drag(page, shown, editor.get_by_role("listitem", name="Joint position", exact=True))
-    expect(editor.get_by_role("alert")).to_contain_text("all signals of a panel must have the same unit")
+    expect(editor.get_by_role("alert")).to_have_text(
+        THEME["oneUnit"].format(signal="S_true", unit="N·m/rad", title=THEME["position"], shown="rad")
+    )
 
 
 def test_panels_are_moved_and_resized_with_the_keyboard(laid_out: Operator) -> None:
