@@ -322,12 +322,12 @@ def step(
             d=d, model=tuning.reference_tracking.model, budget=budget, state=state.trajectory_state, at=model, r=r
         )
         followed = follow_trajectory(model, drive)
-        is_standing = not drive.moving
+        is_reference_constant = not drive.moving
     else:
         reference, governed = step_governor(d, tuning.omega_max, state.governor, r.q, r.S)
         trajectory_state = state.trajectory_state
         followed = follow_governed(reference, governed)
-        is_standing = reference.q_ref == state.governor.q_ref and reference.S_ref == state.governor.S_ref
+        is_reference_constant = reference.q_ref == state.governor.q_ref and reference.S_ref == state.governor.S_ref
     r_q, r_S = followed.reference.q_ref - followed.q, followed.reference.S_ref - followed.S
     y_q, y_S, y_A, y_B = m.q - followed.q, S - followed.S, m.theta_A - followed.theta_A, m.theta_B - followed.theta_B
 
@@ -361,9 +361,9 @@ def step(
         is_small = is_within_dead_zone_open_loop(
             tuning.reference_tracking, q_e - decoupler.equilibrium(d, m.theta_A, m.theta_B), r_S - y_S
         )
-    resting = is_standing and is_small
+    resting = is_reference_constant and is_small
     arrived = resting or (
-        is_standing and state.arrived and is_near_reference(tuning.reference_tracking, r_q - y_q, r_S - y_S)
+        is_reference_constant and state.arrived and is_near_reference(tuning.reference_tracking, r_q - y_q, r_S - y_S)
     )
     dead_zone = select_dead_zones(tuning.reference_tracking, resting, follows_trajectory or arrived)
     delta_q, position = pid.step_i_p(
@@ -600,8 +600,8 @@ def initialize_bumpless(
         _compute_motor_speed(motor_gains.A, inner.A, m.theta_A),
         _compute_motor_speed(motor_gains.B, inner.B, m.theta_B),
     )
-    is_standing = _zero_standstill_speeds(speed_A, speed_B) == (0.0, 0.0)
-    if is_standing:
+    is_at_standstill = _zero_standstill_speeds(speed_A, speed_B) == (0.0, 0.0)
+    if is_at_standstill:
         theta_A_ref, theta_B_ref = m.theta_A, m.theta_B
     active = select_entry(tuning.schedule, -1.0, S)
     gains_q, gains_S = interpolate_gains(tuning.schedule, active)
@@ -625,6 +625,6 @@ def initialize_bumpless(
         reserve=1.0,
         standalone_motors=inner,
         disturbance_feedforward=disturbance_observer.IDLE,
-        resting=is_standing,
-        arrived=is_standing,
+        resting=is_at_standstill,
+        arrived=is_at_standstill,
     )

@@ -91,13 +91,13 @@ def _split_poles(poles: NDArray[np.complex128]) -> tuple[NDArray[np.complex128],
 
 
 def _split_zeros(
-    zeros: NDArray[np.complex128], room_first: int, room_second: int
+    zeros: NDArray[np.complex128], order_first: int, order_second: int
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Return the zeros of both sections, apart from the one at zero frequency; complex pairs in the second."""
     zeros = zeros[np.argsort(np.abs(zeros), kind="stable")]
     is_pair = np.abs(zeros.imag) > 0.0
     zeros = np.concatenate([zeros[~is_pair], zeros[is_pair]])
-    split = min(room_first, max(zeros.size - room_second, 0))
+    split = min(order_first, max(zeros.size - order_second, 0))
     return zeros[:split], zeros[split:]
 
 
