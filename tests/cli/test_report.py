@@ -649,6 +649,14 @@ def test_tracking_on_an_actuator_without_tendons_passes_and_is_verified(
     assert verified.returncode == 0, verified.stderr
 
 
+def test_without_friction_in_the_gains_only_the_overshoot_of_S_fails(command: Command, tmp_path: Path) -> None:
+    """As docs/how-to/experiments.md states for qbmove and bavs."""
+    for name in ("qbmove", "bavs"):
+        played = command("experiment", "tracking", "--params", name, "--json", folder=tmp_path)
+        criteria = json.loads(played.stdout)["criteria"]
+        assert [one["name"] for one in criteria if not one["passed"]] == ["overshoot_S"], name
+
+
 @pytest.mark.parametrize("words", [("serve", "--port", "0"), ("identify", "motor"), ("identify", "actuator")])
 def test_commands_that_require_tendons_are_refused_without_them(words: tuple[str, ...], tmp_path: Path) -> None:
     refused = sinew(*words, "--params", "qbmove", folder=tmp_path)
