@@ -64,6 +64,11 @@ class InjectedFault:
         named = self.kind in (*ON_SENSORS, *_AT_TERMINALS)
         return f"{kind} of {str(self.sensor).replace('theta', 'θ')}" if named else kind
 
+    @property
+    def concerns_load_cell(self) -> bool:
+        """Whether the fault changes the reading of a load cell."""
+        return self.kind in ON_SENSORS and self.sensor in (Sensor.F_A, Sensor.F_B)
+
 
 ONLY_OF_A_CARD = tuple(InjectedFaultKind)[tuple(InjectedFaultKind).index(InjectedFaultKind.DEVICE_GONE) :]
 """Faults that a simulator without a card does not have."""

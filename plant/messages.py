@@ -136,6 +136,19 @@ def stiffness_does_not_rise(*, label: str, minimum: float, maximum: float) -> st
 
 
 @catalogue_entry
+def deflected_beyond_trip_at_rest(*, label: str, deflection: float, maximum: float) -> str:
+    return (
+        f"{label} is {Quantity(maximum, 'rad'):g}, but at preset_max a spring deflects by "
+        f"{Quantity(deflection, 'rad'):g} at rest; choose a larger deflection_max or a smaller preset_max"
+    )
+
+
+@catalogue_entry
+def load_cells_missing(*, fault: str) -> str:
+    return f"{fault} requires load cells, which this actuator does not have"
+
+
+@catalogue_entry
 def stiffness_range_not_reached(*, label: str, S_min: float, S_max: float, lowest: float, highest: float) -> str:
     return (
         f"{label}: S_min and S_max must lie in this order between the stiffnesses at preset_min and preset_max, "

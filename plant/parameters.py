@@ -39,6 +39,7 @@ from plant.mechanisms import (
     Pretension,
     build_torque_table,
     compute_rest,
+    elastic_deflection,
     motor_axes,
     tendon_axes,
 )
@@ -667,7 +668,7 @@ def _only_one_curve(entries: dict[str, Value]) -> dict[str, Value]:
 
 def _check(file: str, parameters: PlantParameters) -> None:
     if parameters.mechanism is not None:
-        _check_mechanism(file, parameters.mechanism_name, parameters.mechanism)
+        _check_mechanism(file, parameters.mechanism_name, parameters.mechanism, parameters.safety.deflection_max)
     F_max = parameters.safety.F_max
     for side in SIDES:
         if "u_max" in parameters.sided.get(f"motor_{side}", {}):
@@ -700,8 +701,11 @@ def _check(file: str, parameters: PlantParameters) -> None:
                 )
 
 
-def _check_mechanism(file: str, section: str, mechanism: MechanismParameters) -> None:
-    """Raise ParameterError for a mechanism that does not reach its range of stiffness."""
+def _check_mechanism(file: str, section: str, mechanism: MechanismParameters, deflection_max: float) -> None:
+    """Raise ParameterError for a mechanism that does not reach its range of stiffness.
+
+    At rest, too, its deflection must be below that at which the safety module trips.
+    """
     if isinstance(mechanism, BidirectionalParameters):
         for name, values in (("p", mechanism.p), ("n", mechanism.n), ("kappa", mechanism.kappa)):
             if len(values) != len(SIDES):
@@ -716,6 +720,15 @@ def _check_mechanism(file: str, section: str, mechanism: MechanismParameters) ->
         raise ParameterError(
             messages.stiffness_does_not_rise(
                 label=f"{file}: {section}", minimum=mechanism.preset_min, maximum=mechanism.preset_max
+            )
+        )
+    axes = motor_axes(elastic)
+    theta_A, theta_B = axes.n_A * mechanism.preset_max, axes.n_B * mechanism.preset_max
+    deflection = abs(elastic_deflection(elastic, compute_rest(elastic, mechanism.preset_max)[0], theta_A, theta_B))
+    if not deflection < deflection_max:
+        raise ParameterError(
+            messages.deflected_beyond_trip_at_rest(
+                label=f"{file}: safety.deflection_max", deflection=deflection, maximum=deflection_max
             )
         )
     if not S[0] <= mechanism.S_min < mechanism.S_max <= S[-1]:

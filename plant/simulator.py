@@ -390,6 +390,7 @@ class Simulator:
     ) -> None:
         u_max, F_max = parameters.motor.u_max, parameters.safety.F_max
         self._F_max = F_max
+        self._has_no_load_cells = parameters.mechanism is not None
         self._noise_N = parameters.sensors.force_noise
         self._random = np.random.default_rng(seed)
         self._noise_block = -1
@@ -534,10 +535,12 @@ class Simulator:
     def inject(self, injected_fault: InjectedFault | None) -> None:
         """Inject a fault from the next reading on; None clears it.
 
-        Raises PlantError for a fault that only a card has.
+        Raises PlantError for a fault that only a card has, or of a load cell that the actuator does not have.
         """
         if injected_fault is not None and injected_fault.kind in ONLY_OF_A_CARD:
             raise PlantError(messages.fault_requires_card(fault=injected_fault.words))
+        if injected_fault is not None and self._has_no_load_cells and injected_fault.concerns_load_cell:
+            raise PlantError(messages.load_cells_missing(fault=injected_fault.words))
         self._fault_injector = None if injected_fault is None else FaultInjector(injected_fault)
         if injected_fault is not None and injected_fault.kind is InjectedFaultKind.SAFETY_TRIP:
             self._trips(tripped=True)

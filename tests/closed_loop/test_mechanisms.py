@@ -138,6 +138,15 @@ def test_a_missing_encoder_reading_stops_the_motors(name: str, sensor: Sensor) -
     assert session.loop.fault is Fault.SENSOR_INVALID
 
 
+def test_a_fault_of_a_load_cell_is_refused_without_load_cells() -> None:
+    session = Session("qbmove")
+    session.loop.drain_events()
+    session.loop.handle(0, Inject(InjectedFault(InjectedFaultKind.STUCK, Sensor.F_A)))
+    (answer,) = session.loop.drain_events()
+    assert isinstance(answer, Refused)
+    assert_reason(answer.reason, "load_cells_missing")
+
+
 @pytest.mark.parametrize("law", [Law.FORCE_HOLD, Law.MOTOR_STEPS, Law.TENSION_SWEEP, Law.FEEDBACK_LINEARIZATION])
 def test_a_program_that_needs_load_cells_is_refused(law: Law) -> None:
     session = Session("qbmove")

@@ -422,6 +422,7 @@ def test_tendons_are_the_mechanism_of_a_set_with_springs() -> None:
         ({"bidirectional": {"preset_min": -0.3}}, "stiffness_does_not_rise"),
         ({"bidirectional": {"S_max": 4.0}}, "stiffness_range_not_reached"),
         ({"bidirectional": {"S_min": math.nan}}, "parameter_not_finite"),
+        ({"safety": {"deflection_max": {"value": 0.55, "unit": "rad", "source": ""}}}, "deflected_beyond_trip_at_rest"),
     ],
 )
 def test_an_inconsistent_mechanism_is_rejected(change: dict[str, dict[str, Any]], code: str) -> None:
