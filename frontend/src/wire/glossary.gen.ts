@@ -41,11 +41,32 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ]
     ]
   },
+  "concept:mechanism": {
+    "kind": "concept",
+    "name": "mechanism",
+    "term": "mechanism",
+    "meaning": "Springs between both motors and the joint: two tendons, or another form with one elastic energy.",
+    "source": "docs/glossary.md"
+  },
   "concept:pretension": {
     "kind": "concept",
     "name": "pretension",
     "term": "pretension",
     "meaning": "Initial tension of both tendons, applied before the loops are closed.",
+    "source": "docs/glossary.md"
+  },
+  "concept:preset": {
+    "kind": "concept",
+    "name": "preset",
+    "term": "preset",
+    "meaning": "Combination of both motor angles that sets the stiffness at rest; for two tendons θ_A + θ_B.",
+    "source": "docs/glossary.md"
+  },
+  "concept:deflection": {
+    "kind": "concept",
+    "name": "deflection",
+    "term": "deflection",
+    "meaning": "Joint angle relative to the equilibrium position of the motors.",
     "source": "docs/glossary.md"
   },
   "concept:slack": {
