@@ -80,8 +80,9 @@ def identify(operator: Operator) -> str:
     prediction = page.get_by_role("status", name=IDENTIFY_TEXTS["forecastStatus"], exact=True)
     expect(prediction).to_contain_text("encoder counts", timeout=MOTION_TIMEOUT_MS)
     operator.press(IDENTIFY_TEXTS["start"])
-    expect(page.get_by_role("progressbar", name=SHARED["taskProgress"], exact=True)).to_be_visible(
-        timeout=MOTION_TIMEOUT_MS
+    # the status line of every page has one, and so has the card of the running identification
+    expect(page.get_by_role("progressbar", name=SHARED["taskProgress"], exact=True)).to_have_count(
+        2, timeout=MOTION_TIMEOUT_MS
     )
     result = page.get_by_role("region", name="Result", exact=True)
     expect(result).to_contain_text("Gq", timeout=IDENTIFICATION_TIMEOUT_MS)
