@@ -10,6 +10,7 @@ from tests.e2e.truth.legality import compared, legal_modes, may_command, may_ret
 from tests.e2e.truth.moment import Moment, State
 from tests.e2e.truth.operate import angles_of
 
+LOG = load_texts("pages/log")
 IDENTIFY_TEXTS = load_texts("pages/identify")
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
 QUEUE = EXPERIMENT_TEXTS["queue"]
@@ -247,7 +248,7 @@ def log(moment: Moment) -> Findings:
         found.same(f"time of {entry['text']!r}", row[0].rpartition(".")[2], f"{moment_ms:03d}")
         if " rad" not in entry["text"]:
             found.same("text of a line", row[2], " ".join(entry["text"].split()))
-        found.same(f"who did {entry['text']!r}", row[3], entry["who"] or "by itself")
+        found.same(f"who did {entry['text']!r}", row[3], entry["who"] or LOG["bySystem"])
         if entry["event"] is not None:
             found.holds(f"note of {entry['text']!r}", row[5], entry["note"])
     older = moment.shown.button("Older")
