@@ -12,14 +12,13 @@ from backend.identification.two_channel_models import EntryEstimate, RelativeGai
 from backend.identification.validation import (
     CAUTION_MISFIT_PERCENT,
     CAUTION_STD_PERCENT,
-    GOOD_FIT_PERCENT,
     MAX_MISFIT_PERCENT,
     MAX_OTHER_STD_PERCENT,
     MAX_STD_PERCENT,
     MIN_COUNTS,
-    MIN_FIT_PERCENT,
     NEGLIGIBLE_PERCENT,
     Finding,
+    grade_fit,
     grade_value,
 )
 from plant import Message
@@ -144,13 +143,7 @@ def _signals(entry: EntryData) -> Iterator[Finding]:
 
 
 def _fit(entry: EntryData) -> Iterator[Finding]:
-    if not np.isfinite(entry.fit):
-        yield Grade.UNUSABLE, messages.too_little_motion_for_validation()
-        return
-    grade = grade_value(entry.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)
-    if grade is not Grade.USABLE:
-        bound = MIN_FIT_PERCENT if grade is Grade.UNUSABLE else GOOD_FIT_PERCENT
-        yield grade, messages.fit_too_low(fit_percent=entry.fit, minimum_percent=bound)
+    yield from grade_fit(entry.fit, entry.misfit)
 
 
 def _gain(entry: EntryData) -> Iterator[Finding]:

@@ -480,13 +480,21 @@ def _fit(evidence: ValidationData) -> Iterator[Finding]:
             messages.output_at_rest(fit_all_percent=evidence.fit_all),
         )
         return
-    if not np.isfinite(evidence.fit):
+    yield from grade_fit(evidence.fit, evidence.misfit)
+
+
+def grade_fit(fit: float, misfit: float) -> Iterator[Finding]:
+    """Yield a finding unless the fit [%] is good; ``misfit`` [%] is graded.
+
+    A fit that is not finite is unusable.
+    """
+    if not np.isfinite(fit):
         yield Grade.UNUSABLE, messages.too_little_motion_for_validation()
         return
-    grade = grade_value(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)
+    grade = grade_value(misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)
     if grade is not Grade.USABLE:
         bound = MIN_FIT_PERCENT if grade is Grade.UNUSABLE else GOOD_FIT_PERCENT
-        yield grade, messages.fit_too_low(fit_percent=evidence.fit, minimum_percent=bound)
+        yield grade, messages.fit_too_low(fit_percent=fit, minimum_percent=bound)
 
 
 def _gain(evidence: ValidationData) -> Iterator[Finding]:

@@ -153,7 +153,7 @@ def test_an_unusable_table_is_refused(
     delta: list[float], preset: list[float], torque: list[list[float]], code: str
 ) -> None:
     tau = np.array(torque)
-    with pytest.raises(ValueError) as refused:  # noqa: PT011
+    with pytest.raises(ValueError) as refused:  # noqa: PT011 - the code is asserted below
         build_torque_table(np.array(delta), np.array(preset), tau, np.ones_like(tau), SERIES_AXES)
     assert_reason(refused.value.args[0], code)
 

@@ -159,6 +159,7 @@ def wood_berry() -> CoupledModel:
     K = ((12.8, -18.9), (6.6, -19.4))
     denominators = tuple((1.0, a + b, a * b) for a, b in T)
     numerators = tuple(((k_1, k_1 * b), (k_2, k_2 * a)) for (k_1, k_2), (a, b) in zip(K, T, strict=True))
+    # built by comprehensions, whose tuples have any length for mypy
     return CoupledModel(denominators, numerators)  # type: ignore[arg-type]
 
 
@@ -187,6 +188,7 @@ def skogestad(relative_error: float) -> CoupledModel:
     K = ((87.8, -86.4), (108.2, -109.6))
     errors = [relative_error * abs(k) for row in K for k in row]
     numerators = tuple(((k_1,), (k_2,)) for k_1, k_2 in K)
+    # a repeated tuple has any length for mypy
     return CoupledModel(((1.0, 75.0),) * 2, numerators, np.diag(np.square(errors)))  # type: ignore[arg-type]
 
 
@@ -312,4 +314,4 @@ def test_swapping_the_inputs_twice_is_the_same_model() -> None:
     again = swapped.swap_inputs()
     assert again.numerators == model.numerators
     assert model.covariance is not None
-    assert np.array_equal(again.covariance, model.covariance)  # type: ignore[arg-type]
+    assert np.array_equal(again.covariance, model.covariance)  # type: ignore[arg-type]  # both are given here
